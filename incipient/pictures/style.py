@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -39,6 +40,7 @@ STATES = {
 }
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
+Looks = dict[str, Any]  # of what is drawn, in matplotlib's words
 
 _SETTINGS = {
     "font.family": "DejaVu Sans",

@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
 from ..record import drawn
-from ..style import INK
+from ..style import INK, Looks
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
@@ -88,7 +88,7 @@ def _mark(axes: Axes, runs: Sequence[dict[str, Any]], key: str, order: int, fill
         _COLOURS[order],
         f"P{order}-P{order - 1}" + ("" if filled else ", as good as the reference"),
     )
-    looks = {"color": colour, "mfc": colour if filled else "white", "ms": 5.5, "zorder": 3}
+    looks: Looks = {"color": colour, "mfc": colour if filled else "white", "ms": 5.5, "zorder": 3}
     places = [run[key] for run in runs], [run["error"] for run in runs]
     axes.plot(*places, _MARKERS[order], label=name, **looks)
 

@@ -25,7 +25,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
     points = sorted(stored["points"], key=lambda one: one["duration"])
     duration, strength = (np.array([one[name] for one in points]) for name in ("duration", "strength"))
     errors = [one["error"] or 0.0 for one in points]
-    looks = {"marker": "o", "color": style.FLOW, "capsize": 3}
+    looks: style.Looks = {"marker": "o", "color": style.FLOW, "capsize": 3}
     axes.errorbar(duration, strength, errors, label="leaves its pocket above", **looks)
     looks = {"color": style.INK, "linestyle": "--", "linewidth": 0.9}
     axes.axhline(stored["static"], label="a steady flow moves it above", **looks)

@@ -25,9 +25,9 @@ from ...results.quantity import HIGH, LOW
 from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
+from ..style import Looks
 
 Rows = list[dict[str, Any]]
-Looks = dict[str, Any]  # of a curve, in matplotlib's words
 
 LAMINAR_AND_TURBULENT = (
     "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
@@ -182,7 +182,7 @@ def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
     modes = sorted({str(row.get("mode", "")) for row in shown})
     for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        looks = {"color": colour, "mec": "white", "mew": 0.6, "ms": 7.0, "label": mode or "no verdict"}
+        looks: Looks = {"color": colour, "mec": "white", "mew": 0.6, "ms": 7.0, "label": mode or "no verdict"}
         axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
     _legend(axes, None)
     return figure

@@ -21,21 +21,16 @@ COLOURS = "YlGnBu"  # of the speed
 def picture(run: StoredRun) -> Figure:
     """The cells over the speed, rendered off screen with pyvista. Not collective."""
     pyvista = pyvista_off_screen()
-    grid = pyvista.UnstructuredGrid(
-        {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}, spatial(run.mesh.points)
-    )
-    grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
-    view = _view(run)
-    fastest = _fastest(run, view)
+    cells = {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}
+    grid = pyvista.UnstructuredGrid(cells, spatial(run.mesh.points))
+    speeds = grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
+    view, (x, y) = _view(run), run.mesh.points.T
+    seen = (x >= view[0]) & (x <= view[1]) & (y >= view[2]) & (y <= view[3])
+    fastest = float(speeds[seen].max(initial=1e-12))  # the colours are for what is seen
     plotter = stage(view)
-    plotter.add_mesh(
-        grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface"),
-        scalars="speed",
-        cmap=COLOURS,
-        clim=(0.0, fastest),
-        lighting=False,
-        show_scalar_bar=False,
-    )
+    surface = grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
+    looks = {"cmap": COLOURS, "clim": (0.0, fastest), "lighting": False, "show_scalar_bar": False}
+    plotter.add_mesh(surface, scalars="speed", **looks)
     plotter.add_mesh(_edges(pyvista, run), color=style.INK, line_width=1.5, lighting=False)
     plotter.view_xy()
     middle = (0.5 * (view[0] + view[1]), 0.5 * (view[2] + view[3]))
@@ -61,9 +56,8 @@ def framed(plotter: Any, view: style.View, title: str, what: str, fastest: float
     figure, ((axes, bar),) = style.panels([view], title)
     axes.imshow(image, extent=view, interpolation="antialiased", zorder=0)
     axes.set(xlim=view[:2], ylim=view[2:], ylabel=f"{up} [scene units]", title=what)
-    figure.colorbar(ScalarMappable(Normalize(0.0, fastest), COLOURS), cax=bar).set_label(
-        "speed [scene units]"
-    )
+    colours = figure.colorbar(ScalarMappable(Normalize(0.0, fastest), COLOURS), cax=bar)
+    colours.set_label("speed [scene units]")
     return figure
 
 
@@ -96,10 +90,3 @@ def _view(run: StoredRun) -> style.View:
     size, centre = run.value("grain", "size", 1.0), run.space("grain", "centre")[:2]
     x0, x1 = max(x0, centre[0] - 2 * size), min(x1, centre[0] + 2 * size)
     return x0, x1, max(y0, centre[1] - size), min(y1, centre[1] + size)
-
-
-def _fastest(run: StoredRun, view: style.View) -> float:
-    """The largest speed in view: the colours are for what is seen."""
-    x, y = run.mesh.points.T
-    seen = (x >= view[0]) & (x <= view[1]) & (y >= view[2]) & (y <= view[3])
-    return float(np.linalg.norm(run.field("velocity"), axis=1)[seen].max(initial=1e-12))

@@ -25,9 +25,8 @@ def picture(run: StoredRun) -> Figure:
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    upper.axhspan(
-        *_bounds(run.result["turbulence"]), color=GROUND, alpha=0.3, label="the law of the wall holds"
-    )
+    holds = _bounds(run.result["turbulence"])
+    upper.axhspan(*holds, color=GROUND, alpha=0.3, label="the law of the wall holds")
     lower.axhline(0.0, color=GROUND)
     for colour, (name, found) in zip(_COLOURS, run.result["turbulence"]["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):

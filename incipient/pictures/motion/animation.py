@@ -10,7 +10,7 @@ from ...errors import OutputError
 from ...output.series_file import read_step, times
 from .. import style
 from . import film_file
-from .film import FIELDS, Field, Film, FilmInPlane, FilmInSpace
+from .film import FIELDS, FilmInPlane, FilmInSpace
 
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per second
@@ -26,33 +26,25 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     them, evenly spaced in time. The result need not be there: a run may be watched while it goes on.
 
     Raises:
-        OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be
-            written.
+        OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
     """
     path = target or directory / f"{field}.gif"
     film_file.check(path)
     indices, moments = _frames(directory / "fields")
     rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
+    in_space = read_step(directory / "fields", int(indices[0])).cells.shape[1] == _TETRAHEDRON
     with style.applied():
-        film = _film(directory, FIELDS[field], indices, moments)
+        film = (FilmInSpace if in_space else FilmInPlane)(directory, FIELDS[field], indices, moments)
         film_file.write(film, path, rate)
     return path
-
-
-def _film(directory: Path, field: Field, indices: np.ndarray, moments: np.ndarray) -> Film:
-    """What shows the steps of a run, by the dimension of its cells."""
-    if read_step(directory / "fields", int(indices[0])).cells.shape[1] == _TETRAHEDRON:
-        return FilmInSpace(directory, field, indices, moments)
-    return FilmInPlane(directory, field, indices, moments)
 
 
 def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     """Indices and times of the steps to show: those closest to evenly spaced times."""
     stored = np.array(times(stem))
     if len(stored) < 2:
-        raise OutputError(
-            f"{stem}.h5: holds a single step; run the scene with [time] and --set output.every=1"
-        )
+        remedy = "run the scene with [time] and --set output.every=1"
+        raise OutputError(f"{stem}.h5: holds a single step; {remedy}")
     wanted = np.linspace(stored[0], stored[-1], min(len(stored), _MOST_FRAMES))
     after = np.clip(np.searchsorted(stored, wanted), 1, len(stored) - 1)
     nearest = np.where(wanted - stored[after - 1] < stored[after] - wanted, after - 1, after)

@@ -194,10 +194,8 @@ class Film(Frames):
         before = self.history.centres[self.history.times < time]
         centre = self.history.at(time).centre
         points = np.vstack([before, (centre[0], centre[-1])])
-        lines = [
-            Line2D(*points.T, color=colour, lw=width, zorder=3.5)
-            for colour, width in (("white", 2.4), (INK, 1.0))
-        ]
+        looks = (("white", 2.4), (INK, 1.0))
+        lines = [Line2D(*points.T, color=colour, lw=width, zorder=3.5) for colour, width in looks]
         return [self.axes.add_artist(line) for line in lines]
 
     def arrows(self, places: np.ndarray, velocities: np.ndarray, spacing: float) -> Artist:

@@ -18,6 +18,7 @@ from .surface import GrainSurface
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
 _COEFFICIENTS = ("drag", "lift", "moment")
+_CLOSED, _GAP = "Closed where narrower than", "Gap that stands for contact"
 _UNIT = "[scene units]"
 _UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
 
@@ -41,10 +42,10 @@ def verdict(run: StoredRun) -> Figure:
     # The flow was computed with a gap; the grain is judged where it touches, and shown there.
     outline = _outline(run, surface) + _settled(run)
     draw_grain(axes, outline)
-    marks = (
-        _draw_unjudged(run, axes, surface) if case is None else draw_case(axes, case, outline, surface.size)
-    )
-    explain(axes, marks)
+    if case is None:
+        explain(axes, _draw_unjudged(run, axes, surface))
+    else:
+        explain(axes, draw_case(axes, case, outline, surface.size))
     write_numbers(axes, [*judged_numbers(run, case, planar=True), *_numbers(run)])
     return figure
 
@@ -168,10 +169,7 @@ def _numbers(run: StoredRun) -> list[Group]:
     for name, value in (
         *((f"{key.capitalize()} coefficient", run.value("coefficients", key)) for key in _COEFFICIENTS),
         ("Reynolds number", run.setting("fluid", "reynolds")),
-        (
-            "Closed where narrower than" if closed else "Gap that stands for contact",
-            run.value("gap", "width"),
-        ),
+        (_CLOSED if closed else _GAP, run.value("gap", "width")),
         *(() if closed else (("Cells across the gap", run.value("gap", "cells")),)),
         ("First motion at time", run.value("verdict", "first_motion")),
     ):

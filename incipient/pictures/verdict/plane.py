@@ -13,7 +13,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
 from ...arrays import quarter_turned, spatial
-from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
+from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
 
 # Lengths in grain sizes.
@@ -23,6 +23,7 @@ _ARC = 36.0  # half of an arc that shows the sense of turning, degrees
 _STRIP = (0.26, 0.055)  # half a strip of bed at a contact, and its thickness
 
 Marks = list[tuple[Artist, str]]
+Forces = dict[str, np.ndarray]  # (3,) by name
 
 
 def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> View:
@@ -57,10 +58,8 @@ def draw_strips(axes: Axes, case: Judged, size: float) -> None:
         normal = normals[group[0]]
         along, into = quarter_turned(normal), _STRIP[1] * size * normal
         reach = points[group] @ along
-        start, end = (
-            points[group[0]] + (at - reach[0]) * along
-            for at in (reach.min() - _STRIP[0] * size, reach.max() + _STRIP[0] * size)
-        )
+        ends = reach.min() - _STRIP[0] * size, reach.max() + _STRIP[0] * size
+        start, end = (points[group[0]] + (at - reach[0]) * along for at in ends)
         axes.add_artist(Polygon([start, end, end + into, start + into], facecolor=GROUND, lw=0, zorder=2))
         axes.add_artist(Line2D(*np.array([start, end]).T, color=INK, lw=1.0, zorder=3))
 
@@ -69,7 +68,11 @@ def draw_case(axes: Axes, case: Judged, outline: np.ndarray, size: float) -> Mar
     """Everything but grain and bed; returns the marks to be explained."""
     scale = STRONGEST * size / case.largest
     _draw_cones(axes, case, scale, size)
-    _draw_contacts(axes, case, size)
+    for group in case.patches:  # contacts that have an area, given by their ends, as broad lines
+        ends = case.contacts.points[group, :2]
+        axes.plot(*ends.T, color=INK, lw=5, alpha=0.35, solid_capstyle="butt", zorder=5.5)
+    points, normals = case.contacts.points[:, :2], case.contacts.normals[:, :2]
+    mark_contacts(axes, points, normals, case.significant, [STATES[one][0] for one in case.states], size)
     centre = case.load.centre[:2]
     if case.motion is not None:
         _draw_motion(axes, case.motion, centre, outline, size)
@@ -78,15 +81,11 @@ def draw_case(axes: Axes, case: Judged, outline: np.ndarray, size: float) -> Mar
 
 
 def draw_load(
-    axes: Axes,
-    centre: np.ndarray,
-    size: float,
-    forces: dict[str, np.ndarray],
-    couple: np.ndarray,
-    largest: float,
+    axes: Axes, centre: np.ndarray, size: float, forces: Forces, couple: np.ndarray, largest: float
 ) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the couple about it."""
-    _draw_couple(axes, centre, size, forces, float(couple[2]))
+    if abs(turning := float(couple[2])) > 1e-3 * size * np.linalg.norm(forces["flow"]):
+        _turning(axes, centre, _COUPLE * size, int(np.sign(turning)), FLOW, 1.3)
     visible = {k: f[:2] for k, f in forces.items() if largest and np.linalg.norm(f) > SMALL * largest}
     for name, force in visible.items():
         colour, along = FORCES[name], force / np.linalg.norm(force)
@@ -103,12 +102,11 @@ def arrow(
     """A straight arrow; the head of a short one is smaller."""
     ends = axes.transData.transform([tail, tip])
     length = float(np.linalg.norm(ends[1] - ends[0])) * 72 / axes.figure.dpi  # points
-    drawn = FancyArrowPatch(
-        (tail[0], tail[1]), (tip[0], tip[1]), arrowstyle="-|>", mutation_scale=min(13.0, 0.8 * length + 3),
+    axes.add_artist(FancyArrowPatch(
+        tuple(tail), tuple(tip), arrowstyle="-|>", mutation_scale=min(13.0, 0.8 * length + 3),
         color=colour, lw=width, shrinkA=0, shrinkB=0, zorder=zorder, joinstyle="miter",
         path_effects=[Stroke(linewidth=width + 1.2, foreground="white", alpha=0.7), Normal()],
-    )  # fmt: skip
-    axes.add_artist(drawn)
+    ))  # fmt: skip
 
 
 def label(
@@ -118,9 +116,8 @@ def label(
     across, up = direction / np.linalg.norm(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
-    axes.text(
-        place[0], place[1], text, color=colour, ha=beside, va=above, fontsize=points, zorder=10, bbox=PAPER
-    )
+    looks: Looks = {"ha": beside, "va": above, "fontsize": points, "zorder": 10, "bbox": PAPER}
+    axes.text(place[0], place[1], text, color=colour, **looks)
 
 
 def mark_contacts(
@@ -160,20 +157,6 @@ def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
             arrow(axes, point, point + scale * force, colour, 2.4, zorder=7.5)
 
 
-def _draw_contacts(axes: Axes, case: Judged, size: float) -> None:
-    _draw_patches(axes, case)
-    points, normals = case.contacts.points[:, :2], case.contacts.normals[:, :2]
-    colours = [STATES[state][0] for state in case.states]
-    mark_contacts(axes, points, normals, case.significant, colours, size)
-
-
-def _draw_patches(axes: Axes, case: Judged) -> None:
-    """Broad lines along contacts that are patches, given by their ends."""
-    for group in case.patches:
-        ends = case.contacts.points[group, :2]
-        axes.plot(*ends.T, color=INK, lw=5, alpha=0.35, solid_capstyle="butt", zorder=5.5)
-
-
 def _draw_motion(
     axes: Axes, motion: DrawnMotion, centre: np.ndarray, outline: np.ndarray, size: float
 ) -> None:
@@ -185,18 +168,13 @@ def _draw_motion(
     speed = float(np.linalg.norm(motion.acceleration))
     if speed > 1e-6 * fastest:
         tip = centre + _ACCELERATION * size * motion.acceleration[:2] / speed
-        _broad_arrow(axes, centre, tip)
+        axes.add_artist(FancyArrowPatch(
+            tuple(centre), tuple(tip), arrowstyle="simple,tail_width=5,head_width=14,head_length=11",
+            facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
+        ))  # fmt: skip
     turning = float(motion.angular[2])
     if abs(turning) * size > 1e-6 * fastest:
         _turning(axes, centre, _outside(outline, centre, size), int(np.sign(turning)), MOTION, 2.4)
-
-
-def _broad_arrow(axes: Axes, tail: np.ndarray, tip: np.ndarray) -> None:
-    drawn = FancyArrowPatch(
-        (tail[0], tail[1]), (tip[0], tip[1]), arrowstyle="simple,tail_width=5,head_width=14,head_length=11",
-        facecolor=MOTION, edgecolor="white", lw=0.9, shrinkA=0, shrinkB=0, zorder=6.8,
-    )  # fmt: skip
-    axes.add_artist(drawn)
 
 
 def _outside(outline: np.ndarray, centre: np.ndarray, size: float) -> float:
@@ -207,22 +185,18 @@ def _outside(outline: np.ndarray, centre: np.ndarray, size: float) -> float:
     return float((above if len(above) else lengths).max()) + 0.1 * size
 
 
-def _draw_couple(
-    axes: Axes, centre: np.ndarray, size: float, forces: dict[str, np.ndarray], couple: float
-) -> None:
-    if abs(couple) > 1e-3 * size * np.linalg.norm(forces["flow"]):
-        _turning(axes, centre, _COUPLE * size, int(np.sign(couple)), FLOW, 1.3)
-
-
 def _turning(axes: Axes, centre: np.ndarray, radius: float, sense: int, colour: str, width: float) -> None:
     """An arc above the centre with a head; counter-clockwise for a positive sense."""
     angles = np.radians(90 + sense * np.linspace(-_ARC, _ARC, 40))
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    drawn = FancyArrowPatch(
-        path=Path(points), arrowstyle="-|>", mutation_scale=6 + 3.5 * width, color=colour, lw=width, fill=False,
-        zorder=7,
-    )  # fmt: skip
-    axes.add_artist(drawn)
+    looks: Looks = {
+        "mutation_scale": 6 + 3.5 * width,
+        "color": colour,
+        "lw": width,
+        "fill": False,
+        "zorder": 7,
+    }
+    axes.add_artist(FancyArrowPatch(path=Path(points), arrowstyle="-|>", **looks))
 
 
 def aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
@@ -240,10 +214,8 @@ def _rows(case: Judged) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, st
 
 def marks_of(case: Judged) -> Marks:
     """What the marks of a case mean."""
-    marks: Marks = [
-        (Line2D([], [], color=STATES[state][0], lw=2.4), f"contact {STATES[state][1]}")
-        for state in dict.fromkeys(case.states)
-    ]
+    states = [STATES[state] for state in dict.fromkeys(case.states)]
+    marks: Marks = [(Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states]
     opening = f"friction cone, {np.degrees(case.cone_angle):.3g}° to either side of the normal"
     marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
     if case.forces.any():

@@ -24,15 +24,11 @@ def draw(directory: Path) -> list[Path]:
     Raises:
         OutputError: when they are missing or damaged, or the picture cannot be written.
     """
-    path, stored = directory / "series.png", parsed_json(directory / SUMMARY)
+    path, stored, samples = directory / "series.png", parsed_json(directory / SUMMARY), directory / SAMPLES
     try:
-        times, factors = np.loadtxt(
-            directory / SAMPLES, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2, unpack=True
-        )
+        times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T
     except (OSError, ValueError) as error:
-        raise OutputError(
-            f"{directory / SAMPLES}: cannot be read ({error}); judge the series again"
-        ) from error
+        raise OutputError(f"{samples}: cannot be read ({error}); judge the series again") from error
     with style.applied():
         figure = Figure(figsize=(8.4, 4.6), layout="constrained")
         above, below = figure.subplots(2, 1, height_ratios=(3, 1))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
-from ..style import FLOW, FORCES, INK, MOTION, STATES
+from ..style import FLOW, FORCES, INK, MOTION, STATES, Looks
 from .judged import Judged, pressed
 
 Row = tuple[str, str, str]  # name, value, colour of the name
@@ -62,7 +62,7 @@ def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> N
     for group in filter(None, groups):
         for number, (name, value, colour) in enumerate(group):
             weight, value = "normal" if number else "bold", value.replace("-", "−")
-            looks = {"fontsize": _LETTERS, "va": "center"}
+            looks: Looks = {"fontsize": _LETTERS, "va": "center"}
             figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, weight=weight, **looks)
             if _wide(name, weight) + _wide(value) + _BETWEEN > _WIDTH - _EDGE - _COLUMN:
                 row -= _ROW  # the value has a line of its own
