@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,14 +16,14 @@ from . import gusts, judgement, run, study, sweep, threshold
 from .citation import closing
 from .page import Page, PagePart, html
 
-# What commands leave in a directory, with pictures that are always drawn of it.
-RECORDS = {
-    "result.json": ("flow.png", "pressure.png", "mesh.png"),
-    "threshold.json": ("threshold.png",),
-    "gusts.json": ("gusts.png",),
-    "judgement.json": ("judgement.png",),
-    "series.json": ("series.png",),
-    "cost.json": ("cost.png",),
+# What commands leave in a directory, with what a page says of it and the pictures that are always drawn of it.
+RECORDS: dict[str, tuple[Callable[[Path], PagePart], tuple[str, ...]]] = {
+    "result.json": (run.part, ("flow.png", "pressure.png", "mesh.png")),
+    "threshold.json": (threshold.part, ("threshold.png",)),
+    "gusts.json": (gusts.part, ("gusts.png",)),
+    "judgement.json": (judgement.part, ("judgement.png",)),
+    "series.json": (judgement.part_of_series, ("series.png",)),
+    "cost.json": (study.part, ("cost.png",)),
 }
 NAME = "report.html"
 
@@ -60,17 +59,16 @@ def of_directory(directory: Path) -> Page:
     records = [directory / name for name in RECORDS if (directory / name).is_file()]
     if not records:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
-        raise SceneError(
-            f"{directory}: {why}; give the directory that a run was written to, or a sweep's file"
-        )
+        remedy = "give the directory that a run was written to, or a sweep's file"
+        raise SceneError(f"{directory}: {why}; {remedy}")
     parts = [_part(record) for record in records]  # what is damaged is found before anything is drawn
-    complaint = ""
-    if not all(_newer(directory / name, record) for record in records for name in RECORDS[record.name]):
+    pictures = [(directory / name, record) for record in records for name in RECORDS[record.name][1]]
+    if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint
         parts = [_part(record) for record in records]
-    if complaint:
-        missing = f"Pictures that are missing here: {complaint}."
-        parts[0] = replace(parts[0], notes=(*parts[0].notes, missing))
+        if complaint:
+            missing = f"Pictures that are missing here: {complaint}."
+            parts[0] = replace(parts[0], notes=(*parts[0].notes, missing))
     return Page(parts[0].title or directory.resolve().name, tuple(parts), closing(directory, parts))
 
 
@@ -84,29 +82,14 @@ def of_sweep(file: Path) -> Page:
     return Page(made.title, (made,), closing(None, [made]))
 
 
-def _newer(picture: Path, record: Path) -> bool:
-    return picture.is_file() and picture.stat().st_mtime_ns >= record.stat().st_mtime_ns
+def _time(path: Path) -> int:
+    return path.stat().st_mtime_ns
 
 
 def _part(record: Path) -> PagePart:
-    """What the page says of a record."""
-    makers: dict[str, Callable[[Path], PagePart]] = {
-        "result.json": run.part,
-        "threshold.json": threshold.part,
-        "gusts.json": gusts.part,
-        "judgement.json": judgement.part,
-        "series.json": judgement.part_of_series,
-        "cost.json": study.part,
-    }
-    with _understood(record):
-        return makers[record.name](record)
-
-
-@contextmanager
-def _understood(record: Path) -> Iterator[None]:
-    """Name the file that lacks something or holds something else than is expected."""
+    """What the page says of a record; one that lacks something or holds something else than is expected is named."""
     try:
-        yield
+        return RECORDS[record.name][0](record)
     except KeyError as error:
         raise OutputError(f"{record}: holds no {error.args[0]}; compute it again") from error
     except (AttributeError, TypeError, ValueError) as error:

@@ -47,10 +47,10 @@ def bar(stored: dict[str, Any]) -> SafetyBar:
     def ends(found: list[float | None] | None) -> tuple[float, float] | None:
         return None if found is None else (_finite(found[0]), _finite(found[1]))
 
-    changed: dict[str, Any] = {name: _finite(stored[name]) for name in ("value", "low", "high")}
-    changed |= {name: ends(stored[name]) for name in ("some", "every")}
-    changed |= {name: tuple(stored[name]) for name in ("modes", "unknown")}
-    return SafetyBar(**{**stored, **changed})
+    numbers = {name: _finite(stored[name]) for name in ("value", "low", "high")}
+    ranges = {name: ends(stored[name]) for name in ("some", "every")}
+    words_of = {name: tuple(stored[name]) for name in ("modes", "unknown")}
+    return SafetyBar(**{**stored, **numbers, **ranges, **words_of})
 
 
 def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection, ...]:
@@ -64,10 +64,9 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
         rows.append(_row(term, term["name"], whole, told))
         rows += [_row(part, f"· {part['name']}", whole, told) for part in term.get("parts", ())]
     if len(stored["terms"]) > 1:
-        rows.append(
-            _row({**stored, "how": "the sum: an error bar is not a standard deviation"}, "all", whole, told)
-        )
-    head = ("error", *(column.head for column in told), "share", "estimated by", "what makes it smaller")
+        together = {**stored, "how": "the sum: an error bar is not a standard deviation"}
+        rows.append(_row(together, "all", whole, told))
+    head = ("error", *(column.head for column in told), "share", "how it was found", "what makes it smaller")
     others = [(name, "does not count", why) for name, why in stored["left_out"].items()]
     others += [(name, "not computed", why) for name, why in stored["failed"].items()]
     modelled = {"gap", "domain"} & {term["name"] for term in stored["terms"]}

@@ -42,9 +42,8 @@ def of_omissions(stored: list[dict[str, Any]]) -> tuple[PageSection, ...]:
         size = "not known" if omission.relative is None else f"about {percent(omission.relative)}"
         rows.append((omission.name, size, omission.how))
         if omission.exceeds:
-            warnings.append(
-                f"Warning: {omission.name} may matter at the accuracy asked for: {omission.remedy}."
-            )
+            may = f"{omission.name} may matter at the accuracy asked for"
+            warnings.append(f"Warning: {may}: {omission.remedy}.")
     head = ("left out", "change of the result", "how that is known")
     return section("What leaving effects out changes", words(*warnings), table(head, rows))
 
@@ -67,23 +66,16 @@ def of_cost(cost: dict[str, Any]) -> tuple[PageSection, ...]:
     """Time and memory by effect, the dearest first."""
     effects = cost.get("effects", {})
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
-    rows: list[tuple[Cell, ...]] = [
-        (
-            name,
-            share["wall_time"],
-            f"{100 * share['wall_time'] / total:.1f} %",
-            share["memory_mib"],
-            share["unknowns"],
-        )
-        for name, share in sorted(effects.items(), key=lambda item: -item[1]["wall_time"])
-    ]
-    ranks = cost.get("ranks", 1)
+    rows: list[tuple[Cell, ...]] = []
+    for name, share in sorted(effects.items(), key=lambda item: -item[1]["wall_time"]):
+        part = f"{100 * share['wall_time'] / total:.1f} %"
+        rows.append((name, share["wall_time"], part, share["memory_mib"], share["unknowns"]))
     whole: list[tuple[Cell, ...]] = [
         ("wall time [s]", cost["wall_time"]["total"]),
         ("largest memory [MiB]", cost.get("peak_memory_mib")),
         ("unknowns", cost.get("unknowns")),
         ("cells", cost.get("cells")),
-        ("ranks", ranks),
+        ("ranks", cost.get("ranks", 1)),
         *((f"iterations: {name}", number) for name, number in cost.get("iterations", {}).items()),
     ]
     head = ("effect", "wall time [s]", "share", "memory [MiB]", "unknowns")

@@ -16,16 +16,12 @@ def part(record: Path) -> PagePart:
         for one in stored["points"]
     ]
     names = ("duration", "strength", "stays at", "leaves at", "(strength - 1) x duration", "runs")
+    drawn = picture_beside(record, "The weakest gusts that move the grain out of its pocket")
     return PagePart(
         kind="Critical gusts",
         title=stored["title"] or "Critical gusts",
         statements=(f"A steady flow moves the grain from {stored['static']:.4g} times its strength on.",),
-        sections=(
-            *section(
-                "Picture", picture_beside(record, "The weakest gusts that move the grain out of its pocket")
-            ),
-            *section("Gusts", table(names, rows)),
-        ),
+        sections=(*section("Picture", drawn), *section("Gusts", table(names, rows))),
     )
 
 

@@ -44,9 +44,8 @@ def _probabilities(chances: dict[str, Any] | None) -> tuple[PageSection, ...]:
         return ()
     likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
     rows = [(mode, chance["value"], sentence(chance["words"])) for mode, chance in likely]
-    return section(
-        f"Probabilities, by {chances['samples']} samples", table(("mode", "probability", ""), rows)
-    )
+    heading = f"Probabilities, by {chances['samples']} samples"
+    return section(heading, table(("mode", "probability", ""), rows))
 
 
 def part_of_series(record: Path) -> PagePart:
@@ -66,14 +65,13 @@ def part_of_series(record: Path) -> PagePart:
     ]
     moving = sum(share for mode, share in shares.items() if mode != "rest")
     listed = "Events" if len(events) <= MOST_EVENTS else f"The {MOST_EVENTS} longest of {len(events)} events"
+    drawn = picture_beside(record, "The safety factor in time")
     return PagePart(
         kind="Judged series",
         title="A series of loads",
         statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),
         sections=(
-            *section(
-                "Series", table(("", "value"), numbers), picture_beside(record, "The safety factor in time")
-            ),
+            *section("Series", table(("", "value"), numbers), drawn),
             *section("Shares of time", table(("mode", "share"), list(shares.items()))),
             *section(listed, table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows)),
         ),

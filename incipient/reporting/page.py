@@ -71,10 +71,9 @@ class Settings:
 
     @property
     def compact(self) -> str:
-        """The settings with short lists on one line each."""
-        return re.sub(
-            r"\[\s+([^][]{1,80}?),?\s+\]", lambda found: f"[{' '.join(found[1].split())}]", self.text
-        )
+        """The same settings with short lists on one line each."""
+        spread = r"\[\s+([^][]{1,80}?),?\s+\]"
+        return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", self.text)
 
 
 @dataclass(frozen=True)
@@ -92,9 +91,8 @@ class Picture:
         with Image.open(self.path) as image:
             shown = image.convert("RGB")
             if shown.width > WIDEST:
-                shown = shown.resize(
-                    (WIDEST, round(shown.height * WIDEST / shown.width)), Image.Resampling.LANCZOS
-                )
+                size = WIDEST, round(shown.height * WIDEST / shown.width)
+                shown = shown.resize(size, Image.Resampling.LANCZOS)
             shown.save(stream, "WEBP", quality=QUALITY)
         return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
@@ -152,13 +150,9 @@ class Page:
 
 def html(page: Page) -> str:
     """The page as one HTML document."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
+    strict: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined}
+    loader = FileSystemLoader(TEMPLATES)
+    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, **strict)
     environment.filters |= {"cell": cell, "look": look}
     return environment.get_template("page.html").render(
         page=page, style=_own("page.css"), turning=_own("turn.js"), turned=_turned(page)
@@ -209,9 +203,8 @@ def cell(value: Cell) -> Markup:
         ends = [_number(end, ".4g") for end in (value.low, value.high)]
         return Markup("{} <small>({} to {})</small>").format(_number(value.value, ".6g"), *ends)
     if isinstance(value, Erring):
-        return Markup("{} <small>± {}</small>").format(
-            _number(value.value, ".6g"), _number(value.error, ".1e" if value.error else "g")
-        )
+        error = _number(value.error, ".1e" if value.error else "g")
+        return Markup("{} <small>± {}</small>").format(_number(value.value, ".6g"), error)
     return _vector([math.nan if part is None else float(part) for part in value])
 
 

@@ -48,8 +48,9 @@ def part(record: Path) -> PagePart:
     verdict = stored["verdict"]
     case = None if verdict is None else judged(verdict, record)
     told = () if case is None else (*of_contacts(case), *of_judges(verdict, case))
+    found = [(directory / f"{name}.png", CAPTIONS[name]) for name in CAPTIONS if name in DRAWN]
     sections = (
-        *_pictures(directory, [name for name in CAPTIONS if name in DRAWN]),
+        *section("Pictures", *(Picture(path, caption) for path, caption in found if path.is_file())),
         *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
         *of_si(stored.get("si")),
@@ -74,11 +75,6 @@ def part(record: Path) -> PagePart:
     )
 
 
-def _pictures(directory: Path, names: list[str]) -> tuple[PageSection, ...]:
-    found = [(directory / f"{name}.png", CAPTIONS[name]) for name in names]
-    return section("Pictures", *(Picture(path, caption) for path, caption in found if path.is_file()))
-
-
 def _statements(stored: dict[str, Any], case: Judged | None) -> tuple[str, ...]:
     if case is not None:
         return statements(case, stored["verdict"])
@@ -93,9 +89,8 @@ def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
     """What is to be known before anything else."""
     notes = []
     if stored["status"] != "complete":
-        notes.append(
-            sentence(f"the run is {stored['status']}: {stored['error'] or 'its numbers are preliminary'}")
-        )
+        why = stored["error"] or "its numbers are preliminary"
+        notes.append(sentence(f"the run is {stored['status']}: {why}"))
     gap = stored["gap"]
     if gap is not None and not gap["resolved"]:
         notes.append("The gap between grain and bed is not resolved: give a smaller numerics.mesh_size.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,17 @@ from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
 
 # Columns that say what came out, where there are any.
 FOUND = (
-    "mode",
-    "safety_factor",
-    "certain",
-    "factor",
-    "shields",
-    "shields_nominal",
-    "reynolds",
-    "shear_reynolds",
-    *(f"{name}_si" for name in FLOW),
-    "paper",
-    "note",
+    *(
+        "mode",
+        "safety_factor",
+        "certain",
+        "factor",
+        "shields",
+        "shields_nominal",
+        "reynolds",
+        "shear_reynolds",
+    ),
+    *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
@@ -52,34 +53,27 @@ def part(file: Path) -> PagePart:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
-    drawn = draw_sweep_apart(file)
-    done, failed, damaged = (
-        [row for row in found if row["status"] == status] for status in (DONE, FAILED, DAMAGED)
-    )
+    drawn, states = draw_sweep_apart(file), (DONE, FAILED, DAMAGED)
+    done, failed, damaged = ([row for row in found if row["status"] == state] for state in states)
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
     rest = len(found) - len(done) - len(failed) - len(damaged)
+    counted = f"{len(found)} cases: {len(done)} computed, {len(failed)} failed"
+    counted += f", {len(damaged)} damaged" if damaged else ""
+    counted += f", {rest} not computed yet." if rest else "."
+    varied = table(("key", "values", "how many"), [_varied(key, found) for key in named])
+    first = [section(f"First case of {name}", Settings(text)) for name, text in scenes.items()]
     return PagePart(
         kind="Sweep",
         title=f"Sweep of {sources}",
-        statements=(
-            f"{len(found)} cases: {len(done)} computed, {len(failed)} failed"
-            + (f", {len(damaged)} damaged" if damaged else "")
-            + (f", {rest} not computed yet." if rest else "."),
-        ),
+        statements=(counted,),
         notes=(f"Pictures that are missing here: {drawn.complaint}.",) if drawn.complaint else (),
         sections=(
             *section("Curves", *(Picture(path, _caption(path, file)) for path in drawn.paths)),
-            *section(
-                "What varies", table(("key", "values", "how many"), [_varied(key, found) for key in named])
-            ),
+            *section("What varies", varied),
             *section("Cases", _cases(done, named)),
             *section("Failed cases", _failed(failed, named)),
-            *(
-                one
-                for name, text in scenes.items()
-                for one in section(f"First case of {name}", Settings(text))
-            ),
+            *chain.from_iterable(first),
         ),
         versions="; ".join(dict.fromkeys(row["versions"] for row in done if row["versions"])),
     )
@@ -97,9 +91,8 @@ def _scenes(store: Store) -> dict[str, str]:
 
 def _caption(path: Path, file: Path) -> str:
     name = path.stem.removeprefix(f"{file.stem}_").replace("_", " ")
-    return {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}.get(
-        name, name.capitalize()
-    )
+    named = {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}
+    return named.get(name, name.capitalize())
 
 
 def _varied(key: str, found: Sequence[Row]) -> tuple[Cell, ...]:

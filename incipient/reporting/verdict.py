@@ -26,18 +26,13 @@ def turning(couple: Sequence[float] | np.ndarray, planar: bool) -> Cell:
 
 def of_contacts(case: Judged) -> tuple[PageSection, ...]:
     """Where the grain touches, and with what force."""
-    normal, along = pressed(case.forces, case.contacts.normals)
-    rows: list[tuple[Cell, ...]] = [
-        (
-            str(index + 1),
-            components(case.contacts.points[index], case.planar),
-            components(case.contacts.normals[index], case.planar),
-            float(normal[index]),
-            float(along[index]),
-            STATES[state][1],
-        )
-        for index, state in enumerate(case.states)
-    ]
+    contacts, planar = case.contacts, case.planar
+    normal, along = pressed(case.forces, contacts.normals)
+    rows: list[tuple[Cell, ...]] = []
+    for index, state in enumerate(case.states):
+        place, outwards = (components(one[index], planar) for one in (contacts.points, contacts.normals))
+        by = float(normal[index]), float(along[index])
+        rows.append((str(index + 1), place, outwards, *by, STATES[state][1]))
     head = ("contact", "where", "normal, out of the grain", "pressed by", "along the surface", "state")
     return section("Contacts", words(f"Forces: {case.occasion}."), table(head, rows))
 

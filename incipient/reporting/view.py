@@ -30,6 +30,7 @@ TURNED, RAISED = -1.15, 0.42  # of the view at first, radians: azimuth, above th
 COARSER = 3  # than in pictures are the triangles of a grain's surface
 FEW = 1500  # quadratic triangles: fewer are cut into four
 SHADES = 24  # of the traction's size
+Sections = tuple[PageSection, ...]
 HOW = "Drag to turn it, or use the arrow keys; + and - change its size."
 
 
@@ -71,7 +72,7 @@ class Model:
         }
 
 
-def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tuple[PageSection, ...]:
+def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> Sections:
     """The view of a run in space with a grain; none of other runs."""
     if stored["grain"] is None or stored["scene"]["domain"].get("width") is None:
         return ()
@@ -91,9 +92,7 @@ def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tupl
     return _section(model, case, shown)
 
 
-def of_grain(
-    grain: Any, placement: Placement | None, bed: Any, case: Judged | None
-) -> tuple[PageSection, ...]:
+def of_grain(grain: Any, placement: Placement | None, bed: Any, case: Judged | None) -> Sections:
     """The view of a grain placed in space, by its bed, with the forces of its verdict; none in the plane or without."""
     if placement is None or placement.gdim == 2:
         return ()
@@ -104,14 +103,14 @@ def of_grain(
     return _section(model, case, "")
 
 
-def of_case(case: Judged, points: Floats, triangles: np.ndarray) -> tuple[PageSection, ...]:
+def of_case(case: Judged, points: Floats, triangles: np.ndarray) -> Sections:
     """The view of a judged case in space, with a grain's surface, points (n, 3) and triangles (m, 3)."""
     model = Model(case.load.centre, float(np.ptp(points, axis=0).max()))
     _add_plain(model, points, triangles)
     return _section(model, case, "")
 
 
-def _section(model: Model, case: Judged | None, caption: str) -> tuple[PageSection, ...]:
+def _section(model: Model, case: Judged | None, caption: str) -> Sections:
     if case is not None:
         _add_forces(model, case)
         caption += f"Arrows: the load at the centre, and at the contacts: {case.occasion}. "
@@ -141,9 +140,8 @@ def _add_bed(model: Model, bed: Terrain | None, centre: Floats, size: float) -> 
     steps = REACH * size * np.linspace(-1.0, 1.0, SIDE + 1)
     x, y = (one.ravel() for one in np.meshgrid(centre[0] + steps, centre[1] + steps))
     number = np.arange((SIDE + 1) ** 2).reshape(SIDE + 1, SIDE + 1)
-    a, b, c, d = (
-        part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
-    )
+    corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    a, b, c, d = (part.ravel() for part in corners)
     triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     near = np.hypot(x - centre[0], y - centre[1])[triangles].max(axis=1) <= REACH * size
     used, numbers = np.unique(triangles[near], return_inverse=True)
@@ -157,9 +155,8 @@ def _add_forces(model: Model, case: Judged) -> None:
     for name, force in case.acting.items():
         if np.linalg.norm(force) > SMALL * largest:
             model.arrow(case.load.centre, STRONGEST / largest * force, FORCES.get(name, FLOW), name)
-    for number, (point, force, state) in enumerate(
-        zip(case.contacts.points, case.forces, case.states, strict=True), start=1
-    ):
+    at_contacts = zip(case.contacts.points, case.forces, case.states, strict=True)
+    for number, (point, force, state) in enumerate(at_contacts, start=1):
         if np.linalg.norm(force) > SMALL * largest:
             model.arrow(point, STRONGEST / largest * force, STATES[state][0], str(number))
 
