@@ -60,16 +60,15 @@ def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
     for key, values in given.items():
         if isinstance(values, Mapping):
             axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
-            continue
-        if isinstance(values, str):
+        elif isinstance(values, str):
             axes.append(parsed(f"{key}={values}"))
-            continue
-        listed = plain(values)
-        listed = listed if isinstance(listed, list) else [listed]
-        texts = tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
-        if not texts:
-            raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
-        axes.append(VariedKey(str(key), texts))
+        else:
+            listed = plain(values)
+            listed = listed if isinstance(listed, list) else [listed]
+            texts = tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
+            if not texts:
+                raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
+            axes.append(VariedKey(str(key), texts))
     return axes
 
 

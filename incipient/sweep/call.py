@@ -108,15 +108,12 @@ def run(
     limit = parsed_seconds(wall) if isinstance(wall, str) else wall or float("inf")
     if not limit > 0:
         raise SceneError(f"--wall {wall}: is not a time; write it as 8h, 30m or 1h30m")
-    means = Means(jobs, ranks, memory_mib, limit, retry)
-    table = None if cases is None else Path(cases)
-    refined, prepared = RefinementOptions(refine, most, quantity), Prepared()
+    means, prepared = Means(jobs, ranks, memory_mib, limit, retry), Prepared()
     with collectively(comm):
         if comm.rank == 0:
-            request = of_python(
-                scenes, over, together=zip, table=table, task=do, common=settings, refined=refined
-            )
-            prepared = Prepared.of(request)
+            table, refined = None if cases is None else Path(cases), RefinementOptions(refine, most, quantity)
+            asked = {"together": zip, "table": table, "task": do, "common": settings, "refined": refined}
+            prepared = Prepared.of(of_python(scenes, over, **asked))
     return computed(prepared, Path(file), means, watcher, comm)
 
 
@@ -145,29 +142,21 @@ def computed(
         if comm.rank == 0:
             stores = [_opened(prepared, file, means)]
     if comm.size > 1 and comm.bcast(any(case.task != "judge" for case in prepared.cases)):
-        _start_petsc(comm)
+        # PETSc starts on all ranks together, also on the first, which computes no flow: the others would wait for it.
+        with collectively(comm), required():
+            from .. import compat  # noqa: F401
     from .executors import workers_of
 
     with workers_of(comm, places, means.ranks) as workers:
         if workers is None:
             return SweepProgress(0, 0, places)
         with stores[0] as store:
-            further, foresight = partial(_further, prepared, store, means), Foresight()
-            progress = Sweep(
-                prepared.cases, store, workers, foresight.of, means.limits, watcher, further
-            ).run()
+            further, expect = partial(_further, prepared, store, means), Foresight().of
+            sweep = Sweep(prepared.cases, store, workers, expect, means.limits, watcher, further)
+            progress = sweep.run()
     if prepared.refinement is not None:
         progress.refined = prepared.refinement.lines()
     return progress
-
-
-def _start_petsc(comm: Comm) -> None:
-    """Start PETSc on all ranks, also on the first, which computes no flow.
-
-    It starts on all together: where the first did not come the others waited for it without an end.
-    """
-    with collectively(comm), required():
-        from .. import compat  # noqa: F401
 
 
 def _further(prepared: Prepared, store: Store, means: Means) -> list[SweepCase]:
@@ -182,11 +171,8 @@ def _further(prepared: Prepared, store: Store, means: Means) -> list[SweepCase]:
 def _opened(prepared: Prepared, file: Path, means: Means) -> Store:
     store = Store(file, make=True)
     if changed := store.mark_damaged():
-        log.warning(
-            "%s: %d cases were changed or damaged after they were written; those of this sweep are computed again",
-            file,
-            changed,
-        )
+        said = "cases were changed or damaged after they were written; those of this sweep are computed again"
+        log.warning("%s: %d %s", file, changed, said)
     _put(store, prepared.cases, prepared.keys, means)
     store.free_abandoned()
     return store

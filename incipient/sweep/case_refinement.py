@@ -26,6 +26,8 @@ from .lattice import Direction
 from .table import quantities
 
 Place = tuple[float, ...]
+Resolve = Callable[[Source, Settings], SweepCase]
+Results = Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]
 
 LEAST, USUAL, MOST = 1e-6, 0.02, 1000
 _ROUND = 1e-9  # by which a cell may be longer than the tolerance
@@ -44,9 +46,8 @@ class Aim:
 
     def __post_init__(self) -> None:
         if not LEAST <= self.tolerance <= 1.0:
-            raise SceneError(
-                f"--refine {self.tolerance:g}: is not a share of the range; give a number from {LEAST:g} to 1"
-            )
+            remedy = f"give a number from {LEAST:g} to 1"
+            raise SceneError(f"--refine {self.tolerance:g}: is not a share of the range; {remedy}")
         if self.most < 1:
             raise SceneError(f"--most {self.most}: is not a number of cases; give 1 or more")
 
@@ -193,11 +194,7 @@ class SweepRefinement:
     """
 
     def __init__(
-        self,
-        families: Sequence[Family],
-        aim: Aim,
-        resolve: Callable[[Source, Settings], SweepCase],
-        known: Sequence[SweepCase] = (),
+        self, families: Sequence[Family], aim: Aim, resolve: Resolve, known: Sequence[SweepCase] = ()
     ):
         self._families, self._aim, self._resolve = families, aim, resolve
         self._known = {(case.source, frozenset(case.settings)): case for case in known}
@@ -213,7 +210,7 @@ class SweepRefinement:
         """Limit of the number of cases in all."""
         return self._aim.most
 
-    def following(self, results: Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]) -> list[SweepCase]:
+    def following(self, results: Results) -> list[SweepCase]:
         """The next cases; none where the aim is reached or the budget is spent.
 
         Args:
@@ -254,14 +251,10 @@ class SweepRefinement:
         self._identities.add(case.identity)
         return case
 
-    def _look(self, results: Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]) -> None:
+    def _look(self, results: Results) -> None:
         """Take what has been found at places that have not been seen."""
-        left = [
-            (family, place, case)
-            for family in self._families
-            for place, case in family.cases.items()
-            if case is not None and place not in family.seen
-        ]
+        cases = ((family, *one) for family in self._families for one in family.cases.items())
+        left = [(of, place, case) for of, place, case in cases if case is not None and place not in of.seen]
         found = results([case.identity for _, _, case in left])
         rows = {name: quantities(task, result) for name, (task, result) in found.items()}
         for family, place, case in left:
@@ -290,14 +283,12 @@ class SweepRefinement:
                 if any(family.cases[corner] is None for corner in cell.corners()):
                     continue
                 lengths = family.lengths(cell)
-                ways = [
-                    way
-                    for way, length in enumerate(lengths)
-                    if length > self._aim.tolerance * (1.0 + _ROUND) and length >= _ELONGATED * max(lengths)
-                ]
+                too_long, longest = self._aim.tolerance * (1.0 + _ROUND), max(lengths)
+                halved = [length > too_long and length >= _ELONGATED * longest for length in lengths]
+                ways = [way for way, is_long in enumerate(halved) if is_long]
                 if not ways:
                     continue
-                urgency = (0, -max(lengths))
+                urgency = (0, -longest)
                 if len(modes) < 2:
                     bends = {way: family.bend(cell, way, lines) for way in ways}
                     ways = [way for way in ways if bends[way] > limit]
@@ -313,12 +304,10 @@ class SweepRefinement:
 
     def lines(self) -> list[str]:
         """Lines for a reader on how well the changes of mode are known."""
-        mixed = [
-            (family, cell)
-            for family in self._families
-            for cell, modes in sorted(family.cells.items(), key=lambda pair: pair[0].low)
-            if len(modes) > 1
-        ]
+        cells = (
+            (family, sorted(family.cells.items(), key=lambda one: one[0].low)) for family in self._families
+        )
+        mixed = [(family, cell) for family, found in cells for cell, modes in found if len(modes) > 1]
         worst = max((max(family.lengths(cell)) for family, cell in mixed), default=0.0)
         within = f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
         lines = [f"{'changes of mode':<20}{within}"]

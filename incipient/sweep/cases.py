@@ -43,9 +43,8 @@ class Source:
         try:
             return cls(path.stem, file_text(path), path.parent)
         except OSError as error:
-            raise SceneError(
-                f"{path}: cannot be read ({error.strerror}); give the name of a scene file"
-            ) from None
+            why = f"cannot be read ({error.strerror})"
+            raise SceneError(f"{path}: {why}; give the name of a scene file") from None
         except UnicodeDecodeError as error:
             raise SceneError(f"{path}: is not UTF-8 text at byte {error.start}; save it as UTF-8") from None
 
@@ -96,9 +95,8 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
     scene = parse(Scene, source.text, source.base, overrides, source.name)
     left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
     content = scene.model_dump(mode="json", exclude=left_out)
-    return SweepCase(
-        _identity(task, content), task, source.name, settings, dumps(scene), _forms(Setup(scene), task), scene
-    )
+    forms = _forms(Setup(scene), task)
+    return SweepCase(_identity(task, content), task, source.name, settings, dumps(scene), forms, scene)
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:

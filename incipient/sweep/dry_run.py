@@ -72,15 +72,11 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
     left = {name: sample.expected[name] for name in sample.cases if states.get(name) not in over}
     more = sample.of_all / len(sample.cases)
     known, about = sample.of_all - round(more * len(left)), "" if sample.is_whole or not states else "about "
-    lines = [
-        f"{'cases':<20}{sample.of_all}: {about}{known} already in {file}, {about}{sample.of_all - known} to compute, "
-        f"{places} at a time"
-    ]
+    to_compute = f"{about}{sample.of_all - known} to compute, {places} at a time"
+    lines = [f"{'cases':<20}{sample.of_all}: {about}{known} already in {file}, {to_compute}"]
     if not sample.is_whole:
-        lines.append(
-            f"{'sample':<20}{len(sample.cases)} cases drawn at random are checked, time and memory are by these; "
-            "a sweep checks all before it begins"
-        )
+        said = f"{len(sample.cases)} cases drawn at random are checked, time and memory are by these"
+        lines.append(f"{'sample':<20}{said}; a sweep checks all before it begins")
     refinement = request.refinement(list(sample.cases.values()))
     if refinement is not None:
         lines.append(f"{'refinement':<20}up to {refinement.most} cases in all; what follows is without it")

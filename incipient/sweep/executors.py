@@ -71,9 +71,8 @@ class _Process:
             return CaseOutcome(**json.loads(answer))
         reason = self._epitaph()
         if not self._ready and self._popen.returncode >= 0:
-            raise OutputError(
-                f"no worker process starts: {reason}; remove the cause and repeat the command to resume"
-            )
+            remedy = "remove the cause and repeat the command to resume"
+            raise OutputError(f"no worker process starts: {reason}; {remedy}")
         return CaseOutcome(reason=reason, wall=time.perf_counter() - began)
 
     def has_died(self) -> bool:
@@ -229,7 +228,6 @@ def groups(comm: MPI.Comm, ranks: int) -> int:
     """
     number = (comm.size - 1) // ranks
     if number < 1:
-        raise SceneError(
-            f"--ranks {ranks}: one rank distributes the cases, and {comm.size - 1} are left; start {ranks + 1} or more"
-        )
+        why = f"one rank distributes the cases, and {comm.size - 1} are left"
+        raise SceneError(f"--ranks {ranks}: {why}; start {ranks + 1} or more")
     return number

@@ -87,11 +87,9 @@ def _predicted(case: SweepCase) -> Expected:
 
 def _scaled(known: Expected, of_known: float | None, cells: float | None) -> Expected:
     ratio = cells / of_known if cells and of_known else 1.0
-    memory, least = known.memory_mib, memory_of_libraries()
-    return Expected(
-        None if known.seconds is None else known.seconds * ratio,
-        None if memory is None else least + max(memory - least, 0.0) * ratio,
-    )
+    seconds, memory, least = known.seconds, known.memory_mib, memory_of_libraries()
+    memory = None if memory is None else least + max(memory - least, 0.0) * ratio
+    return Expected(None if seconds is None else seconds * ratio, memory)
 
 
 def free_memory_mib() -> float:

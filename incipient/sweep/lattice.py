@@ -97,18 +97,15 @@ def directions(axes: Sequence[VariedKey], together: bool) -> list[Direction]:
         keys = [key for axis in axes if (key := NumericKey.of(axis, ordered=True)) is not None]
         if len(keys) < len(axes):
             missing = next(axis.key for axis in axes if NumericKey.of(axis, ordered=True) is None)
-            raise SceneError(
-                f"--refine: {missing} is varied with other keys and takes no distinct numbers; give it by --cases"
-            )
+            why = "is varied with other keys and takes no distinct numbers"
+            raise SceneError(f"--refine: {missing} {why}; give it by --cases")
         return [Direction.of(*keys)]
     keys = [key for axis in axes if (key := NumericKey.of(axis)) is not None]
     if not keys:
         raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
     if len(keys) > 2:
-        names = ", ".join(key.key for key in keys)
-        raise SceneError(
-            f"--refine: {names} are {len(keys)} keys with numbers; vary two, the others by --cases"
-        )
+        names = f"{', '.join(key.key for key in keys)} are {len(keys)} keys with numbers"
+        raise SceneError(f"--refine: {names}; vary two, the others by --cases")
     return [Direction.of(key) for key in keys]
 
 

@@ -23,10 +23,8 @@ class LogLines(Watcher):
     def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """Say what came out, and the time left."""
         left = "" if progress.left is None else f", {seconds(progress.left)} left"
-        counted = f"{progress.finished}/{progress.total}"
-        log.info(
-            "%s  %s: %s (%.1f s%s)", counted, case.name, described(case.task, outcome), outcome.wall, left
-        )
+        counted, found = f"{progress.finished}/{progress.total}", described(case.task, outcome)
+        log.info("%s  %s: %s (%.1f s%s)", counted, case.name, found, outcome.wall, left)
 
 
 @contextmanager

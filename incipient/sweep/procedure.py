@@ -170,9 +170,8 @@ class Sweep:
         progress, finished = self._progress, sum(state in (DONE, FAILED) for state in states.values())
         progress.known = finished - progress.done - progress.failed
         progress.elsewhere = len(states) - finished - len(self._waiting) - len(progress.running)
-        self._expected |= self._expect(
-            [case for case in self._waiting if case.identity not in self._expected]
-        )
+        new = [case for case in self._waiting if case.identity not in self._expected]
+        self._expected |= self._expect(new)
 
     def _give(self) -> None:
         """Give cases to all who are idle, as far as memory, compiled forms and time allow."""

@@ -164,10 +164,8 @@ class Store:
         for case in cases:
             content = case.identity, case.task, case.source, json.dumps(case.settings), case.text
             rows.append((*content, _checksum(dict(zip(_CASE, content, strict=True))), WAITING))
-        renewed = ", ".join(
-            [f"{name} = excluded.{name}" for name in names[1:]]
-            + ["reason = ''", "owner = NULL", *(f"{name} = NULL" for name in _OUTCOME[1:])]
-        )
+        emptied = ["reason = ''", "owner = NULL", *(f"{name} = NULL" for name in _OUTCOME[1:])]
+        renewed = ", ".join([*(f"{name} = excluded.{name}" for name in names[1:]), *emptied])
         with self._together():
             self._base.executemany(
                 f"INSERT INTO cases ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
@@ -182,9 +180,8 @@ class Store:
             return 0
         with self._together():
             found = self._changed()
-            self._base.executemany(
-                "UPDATE cases SET status = ? WHERE rowid = ?", [(DAMAGED, number) for number in found]
-            )
+            marked = [(DAMAGED, number) for number in found]
+            self._base.executemany("UPDATE cases SET status = ? WHERE rowid = ?", marked)
         return len(found)
 
     def _changed(self) -> list[int]:
@@ -196,17 +193,16 @@ class Store:
         """Let cases wait again that a sweep which has ended was at; how many there were."""
         with self._together():
             held = self._base.execute("SELECT DISTINCT owner FROM cases WHERE status = ?", (RUNNING,))
-            gone = [owner for (owner,) in held.fetchall() if _is_gone(owner)]
+            holders = {owner: Holder.read(str(owner or "").encode()) for (owner,) in held.fetchall()}
+            gone = [owner for owner, holder in holders.items() if holder is None or holder.is_gone()]
             update = "UPDATE cases SET status = ?, owner = NULL WHERE status = ? AND owner IS ?"
             return sum(self._base.execute(update, (WAITING, RUNNING, owner)).rowcount for owner in gone)
 
     def free_failed(self, identities: Sequence[str]) -> None:
         """Let cases wait again that have failed."""
+        failed = [(WAITING, FAILED, identity) for identity in identities]
         with self._together():
-            self._base.executemany(
-                "UPDATE cases SET status = ? WHERE status = ? AND id = ?",
-                [(WAITING, FAILED, identity) for identity in identities],
-            )
+            self._base.executemany("UPDATE cases SET status = ? WHERE status = ? AND id = ?", failed)
 
     def states(self, identities: Sequence[str]) -> dict[str, str]:
         """The status of cases; of those that are not there, none."""
@@ -276,10 +272,8 @@ class Store:
 
 def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:
     """The checksum of what a case is and what came out."""
-    held = row.keys()
-    content = [
-        row[name] if name in held else "" if name == "reason" else None for name in (*_CASE, *_OUTCOME)
-    ]
+    held, empty = row.keys(), {"reason": ""}
+    content = [row[name] if name in held else empty.get(name) for name in (*_CASE, *_OUTCOME)]
     return hashlib.sha256(json.dumps(content, default=repr).encode()).hexdigest()
 
 
@@ -309,12 +303,5 @@ def _complaint(error: Exception) -> str:
 
 
 def _damaged(why: object) -> str:
-    return (
-        f"is damaged ({shortened(why)}); put back a copy, give another name, or save what can be read with "
-        "sqlite3 FILE .recover"
-    )
-
-
-def _is_gone(owner: str | None) -> bool:
-    holder = Holder.read(str(owner or "").encode())
-    return holder is None or holder.is_gone()
+    remedy = "put back a copy, give another name, or save what can be read with sqlite3 FILE .recover"
+    return f"is damaged ({shortened(why)}); {remedy}"

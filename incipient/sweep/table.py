@@ -92,23 +92,17 @@ def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    scene = {} if stored["status"] == DAMAGED else _scene(stored)
+    scene = {}
+    if stored["status"] != DAMAGED:
+        scene = (json.loads if stored["task"] == "judge" else tomllib.loads)(stored["scene"])
     row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
     row |= {key: _shown(value) for key in keys if (value := at(scene, key)) is not None}
     if stored["result"]:
         row |= quantities(stored["task"], json.loads(stored["result"]))
     row |= {name: stored[name] for name in ("reason", "wall", "cpu", "peak_mib", "tries", "finished")}
     versions = json.loads(stored["versions"] or "{}")
-    return {
-        **row,
-        "versions": " ".join(f"{name} {number}" for name, number in versions.items()),
-        "id": stored["id"],
-    }
-
-
-def _scene(stored: Mapping[str, Any]) -> dict[str, Any]:
-    text = stored["scene"]
-    return json.loads(text) if stored["task"] == "judge" else tomllib.loads(text)
+    named = " ".join(f"{name} {number}" for name, number in versions.items())
+    return {**row, "versions": named, "id": stored["id"]}
 
 
 def _shown(value: Any) -> Any:

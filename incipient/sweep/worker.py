@@ -89,7 +89,8 @@ def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
         OSError
     ):  # the kernel counts the largest memory from here, or it is that of all cases so far
         Path("/proc/self/clear_refs").write_text("5")
-    result, reason, versions = None, "", _versions(task)
+    names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
+    result, reason, versions = None, "", {name: version(name) for name in names}
     try:
         result = plain(_TASKS[task](text, comm))
         versions = result.get("cost", {}).get("versions") or versions
@@ -130,11 +131,6 @@ def _judge(text: str, comm: Comm) -> dict[str, Any]:
 
 
 _TASKS = {"run": _run, "judge": _judge} | {one: partial(_searched, one) for one in ("threshold", "gust")}
-
-
-def _versions(task: str) -> dict[str, str]:
-    names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
-    return {name: version(name) for name in names}
 
 
 def _processor_time() -> float:
