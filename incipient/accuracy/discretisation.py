@@ -43,6 +43,10 @@ SETTLED = 0.5
 # Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
+UNSETTLED = (
+    "upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
+    "use a smaller numerics.mesh_size"
+)
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
 )
@@ -55,12 +59,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     Where the flow is upwinded a second correction is made, which leaves the estimates those of both.
     """
     left = goals.correct_again() if goals.is_upwinded else 0.0
-    doubt = ""
-    if left > SETTLED:
-        doubt = (
-            f"upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
-            "use a smaller numerics.mesh_size"
-        )
+    doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
     force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
     return Term("discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt)
 
@@ -72,11 +71,9 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     corrected.
     """
     here = goals.loads(unit / goals.allowance)
-    apart = (
-        goals.allowance * np.abs(a - b) for a, b in ((here.force, beside.force), (here.couple, beside.couple))
-    )
+    apart = np.concatenate([here.force - beside.force, here.couple - beside.couple])
     change = -unit / goals.allowance * np.concatenate([goals.force, goals.couple])
-    found = term.corrected(change, np.concatenate(list(apart)))
+    found = term.corrected(change, goals.allowance * np.abs(apart))
     if goals.allowance > 1.0 and np.linalg.norm(found.force) > np.linalg.norm(term.force):
         return term
     return replace(found, how=f"{term.how}, on larger cells as well")
@@ -92,12 +89,16 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     Raises:
         ConvergenceError: a coarser mesh has as few rows or columns of cells.
     """
-    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order 1"
     _require_coarser(scene)
-    share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
-    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
-    fastest = SCATTERING if scatters else FASTEST
+    return _by_two_meshes(scene, computed, solve, SLOWEST, SCATTERING if scatters else FASTEST)
+
+
+def _by_two_meshes(scene: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
+    """The term by runs on two coarser meshes, for an order; what these differ by falls at no more than another one."""
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
+    share, coarser = 1.0 / (COARSER_MESH**order - 1.0), on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**fastest, how)
     return near.at_least(far)
@@ -112,17 +113,10 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
     Raises:
         ConvergenceError: the coarser meshes have as few rows or columns of cells.
     """
-    if scene.numerics.mesh_size > (
-        most := Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
-    ):
+    most = Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
+    if scene.numerics.mesh_size > most:
         raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most) / 100.0))
-    fall = COARSER_MESH**OF_DRIVEN_BOXES
-    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {OF_DRIVEN_BOXES:g}"
-    coarser = on_coarser_mesh(scene)
-    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
-    near = Term.of_difference("discretisation", computed, in_coarser, 1.0 / (fall - 1.0), how)
-    far = Term.of_difference("discretisation", in_coarser, in_coarsest, 1.0 / (fall - 1.0) / fall, how)
-    return near.at_least(far)
+    return _by_two_meshes(scene, computed, solve, OF_DRIVEN_BOXES, OF_DRIVEN_BOXES)
 
 
 def _require_coarser(scene: Scene) -> None:
@@ -146,12 +140,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
         order = SLOWEST if scene.has_wall_layer else order_in_space(order_of(scene).number)
-        how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
-        how = (
-            how
-            if on_another_mesh(scene)
-            else f"these on a mesh for elements of order {order_of(beside).number}"
-        )
+        how = f"these on a mesh for elements of order {order_of(beside).number}"
+        if on_another_mesh(scene):
+            how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
         of_mesh = enlarged(found, error_over_change(scene))
     together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")

@@ -36,9 +36,7 @@ from ..results.errorbars import Loads
 # Error over estimate in space, the largest of a component that was measured (docs/space.md): cells are larger there
 # than in the plane, and one order more, or upwinding, leaves more that is not seen.
 UNSEEN = 1.6
-LEAST_COUPLE = (
-    0.1  # of what the force at the boundary would turn by: smaller changes of a couple do not count
-)
+LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
 COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
 
@@ -107,9 +105,8 @@ class GoalErrors:
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
         last, both = (float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force))
-        turned_last, turned_both = (
-            float(np.linalg.norm(one)) for one in (before.couple - self.improved.couple, self.couple)
-        )
+        couples = before.couple - self.improved.couple, self.couple
+        turned_last, turned_both = (float(np.linalg.norm(one)) for one in couples)
         least = max(LEAST_COUPLE * both * self._reach, 1e-300)
         return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
 
@@ -146,25 +143,20 @@ class GoalErrors:
         hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
         weight = dolfinx.fem.Function(self.finer.space.mixed)
         hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
-        return (
-            hats,
-            weight,
-            compat.form(self.finer.residual_form(hat * w, hat * q, upwind=not self.finer.model.exact)),
-        )
+        residual = self.finer.residual_form(hat * w, hat * q, upwind=not self.finer.model.exact)
+        return hats, weight, compat.form(residual)
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
         """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""
         finer = self.finer
         weight.x.array[:] = finer.dual(self._rigid_motion(goal), ROUGH)
         weight.x.scatter_forward()
-        coarse = [
-            dolfinx.fem.Function(space) for space in (self.fluid.space.velocity, self.fluid.space.pressure)
-        ]
-        places = (finer.space.velocity_map, finer.space.pressure_map)
-        for space, function, mine in zip(
-            (finer.space.velocity, finer.space.pressure), coarse, places, strict=True
+        here, there = self.fluid.space, finer.space
+        for coarse, space, mine in (
+            (here.velocity, there.velocity, there.velocity_map),
+            (here.pressure, there.pressure, there.pressure_map),
         ):
-            part = dolfinx.fem.Function(space)
+            part, function = dolfinx.fem.Function(space), dolfinx.fem.Function(coarse)
             part.x.array[:] = weight.x.array[mine]
             function.interpolate(part)
             part.interpolate(function)

@@ -35,14 +35,7 @@ from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from .coarse_runs import coarse, is_coarse
-from .discretisation import (
-    OF_MESH,
-    by_both,
-    by_coarser_mesh,
-    by_coarser_runs,
-    by_dual,
-    on_centrelines,
-)
+from .discretisation import OF_MESH, by_both, by_coarser_mesh, by_coarser_runs, by_dual, on_centrelines
 from .kept_runs import KeptRuns, Solve
 from .model_terms import GROUND, MODEL, is_corrected, not_there, of_level_ground, of_the_model, on_more_bed
 from .scans import SCAN, is_scanned, of_scans
@@ -246,12 +239,7 @@ def of_interaction(bars: ErrorBars, computed: Loads) -> Term | None:
         shares = [min(float(np.linalg.norm(one)) / size, 1.0) for one in found]
         pairs = combinations(zip(found, shares, strict=True), 2)
         errors.append(sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs))
-    return Term(
-        INTERACTION,
-        errors[0],
-        errors[1],
-        "each correction changed by as much as another one changes the load",
-    )
+    return Term(INTERACTION, *errors, "each correction changed by as much as another one changes the load")
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
@@ -261,7 +249,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     def note(coarse: Scene) -> Loads:
         """Keep what would be run, without running it."""
         wanted[coarse.model_dump_json()] = coarse
-        return Loads(np.zeros(3), np.zeros(3))
+        return nothing
 
     nothing = Loads(np.zeros(3), np.zeros(3))
     with suppress(ConvergenceError):  # a term that is not computed needs no runs

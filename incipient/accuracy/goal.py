@@ -5,13 +5,14 @@ It is a load on a grain, the elevation of a free surface, or u* at the walls of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ..arrays import Floats
-from ..contact import Contacts
+from ..contact import Contacts, Load
 from ..contact.exact.judge import judged
 from ..contact.loads.error_box import shifted
 from ..evaluation.contact_verdict import find_contacts, load_of
@@ -107,10 +108,9 @@ class Goal:
         Of the force the size of the error over that of the force; of the safety factor the width of its interval
         over its value, infinite where only one of both is.
         """
-        if self.name == "force":
-            return _ratio(float(np.linalg.norm(of_force)), self._scale(force, couple))
-        if self.name == "couple":
-            return _ratio(float(np.linalg.norm(of_couple)), self._scale(force, couple))
+        if self.name in ("force", "couple"):
+            error = of_force if self.name == "force" else of_couple
+            return _ratio(float(np.linalg.norm(error)), self._scale(force, couple))
         return self._width(force, couple, of_force, of_couple)
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
@@ -120,15 +120,12 @@ class Goal:
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
         scale, gdim = self._scale(force, couple), self.scene.gdim
-        units = np.eye(3 * gdim - 3)[self._looked_at] / (scale or 1.0)
+        units = np.eye(3 * gdim - 3)[[*self._looked_at]] / (scale or 1.0)
         return [unit for unit in units if unit[gdim:].any() == (self.name == "couple")]
 
     @property
-    def _looked_at(self) -> np.ndarray:
-        """Which of the components of force and couple there are: of a scene that is halved only the even ones."""
-        if self.scene.gdim == 2:
-            return np.arange(3)
-        return np.array([0, 2, 4]) if Setup(self.scene).symmetric else np.arange(6)
+    def _looked_at(self) -> dict[int, int]:
+        return components(self.scene.gdim, self.scene.gdim == 3 and Setup(self.scene).symmetric)
 
     def _scale(self, force: Forces, couple: Couples) -> float:
         size = float(np.linalg.norm(force.flow))
@@ -148,17 +145,28 @@ class Goal:
         """Derivatives of log(safety factor) along force and couple, (3,) in the plane and (6,) in space."""
         load, scene = load_of(self.scene.placement, force, couple), self.scene
         assert self.contacts is not None and scene.contact is not None and scene.grain is not None
+        contacts, friction = self.contacts, scene.contact.friction
         step = DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        slopes = np.zeros(len(steps))
-        among = (0, 1, 5) if scene.gdim == 2 else range(6)  # places of the components among force and couple
-        for i in self._looked_at:
-            ahead = steps[i] * np.eye(6)[among[i]]
-            loads = (shifted(load, -ahead), shifted(load, ahead))
-            values = [judged(one, self.contacts, scene.contact.friction).safety.value for one in loads]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                slopes[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
-        return slopes
+        return slopes(load, steps, self._looked_at, lambda one: judged(one, contacts, friction).safety.value)
+
+
+def components(gdim: int, halved: bool) -> dict[int, int]:
+    """Places among force and couple (6,) of the scene's components by number; where half is computed the even ones."""
+    if gdim == 2:
+        return {0: 0, 1: 1, 2: 5}
+    return {place: place for place in ((0, 2, 4) if halved else range(6))}
+
+
+def slopes(load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]) -> Floats:
+    """Derivatives (k,) of log factor along the components of a flow's load, as `components` has them, by steps (k,)."""
+    found = np.zeros(len(steps))
+    for i, place in places.items():
+        ahead = steps[i] * np.eye(6)[place]
+        values = [factor(shifted(load, sign * ahead)) for sign in (-1.0, 1.0)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
+    return found
 
 
 def _ratio(error: float, scale: float) -> float:

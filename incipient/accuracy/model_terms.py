@@ -161,10 +161,7 @@ def _to_endless(values: list[Floats], decay: float) -> tuple[Floats, Floats]:
     powers = (min(max(seen, SLOWEST_DECAY * decay), decay), decay)
     by_seen, by_decay = (1.0 / (1.0 - FARTHER**-power) for power in powers)
     change = values[1] + by_seen * (values[2] - values[1]) - values[0]
-    others = (
-        values[1] + by_decay * (values[2] - values[1]) - values[0],
-        by_seen * (values[1] - values[0]),
-    )
+    others = values[1] + by_decay * (values[2] - values[1]) - values[0], by_seen * (values[1] - values[0])
     share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
     return change, np.max([np.abs(one - change) for one in others], axis=0) + share * np.abs(change)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
 
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]
+# What the exact judge is asked about: load, contacts, friction, mass and inertia.
+Judged = tuple[Load, Contacts, float, MassAndInertia | None]
 
 
 def bar_of_scene(
@@ -35,10 +36,8 @@ def bar_of_scene(
     """
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return bar_of_safety(
-        load_of(scene.placement, force, couple), contacts, scene.contact.friction, inert, errors, *terms
-    )
+    load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors, *terms)
 
 
 def bar_of_safety(
@@ -62,8 +61,9 @@ def bar_of_safety(
 
     box, found = within(set(errors))
     widths = {name: within(set(errors) - {name})[1].width for name in errors}
-    exact = judged(load, contacts, friction, inert)
-    modes, complete = _modes(_Case(load, contacts, friction, inert), box, found, exact)
+    case = load, contacts, friction, inert
+    exact = judged(*case)
+    modes, complete = _modes(case, box, found, exact)
     if not found.rests:
         others = dict.fromkeys(mode for term in terms for mode in term.modes)
         complete = complete and others.keys() <= set(modes)
@@ -82,24 +82,15 @@ def bar_of_safety(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Case:
-    """What the exact judge is asked about."""
-
-    load: Load
-    contacts: Contacts
-    friction: float
-    inert: MassAndInertia | None
-
-
-def _modes(case: _Case, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
+def _modes(case: Judged, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
     """What loads of the box do, and whether that is all they can do."""
+    load, contacts, friction, inert = case
     if found.rests:
         return ("rest",), True
-    if found.moves and case.inert is not None:
-        proved = modes_within(case.load, case.contacts, case.friction, box.ways, *case.inert)
+    if found.moves and inert is not None:
+        proved = modes_within(load, contacts, friction, box.ways, *inert)
         if proved:
             return tuple(mode.label for mode in proved), True
-    worst = judged(found.worst, case.contacts, case.friction, case.inert)
+    worst = judged(found.worst, contacts, friction, inert)
     labels = [exact.label, worst.label] + ([] if found.moves else ["rest"])
     return tuple(dict.fromkeys(labels)), False

@@ -66,10 +66,8 @@ def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 
     assert scene.contact is not None and scene.body is not None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return judged(
-        load_of(scene.placement, force, couple), find_contacts(scene), scene.contact.friction, inert
-    )
+    load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+    return judged(load, find_contacts(scene), scene.contact.friction, inert)
 
 
 def coarser_copy(scene: Scene, copy: int) -> Scene:

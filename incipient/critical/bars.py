@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ..accuracy.goal import components, slopes
 from ..accuracy.safetybar import Errors
 from ..arrays import Floats
 from ..contact.equilibrium import safety_factor
-from ..contact.loads.error_box import ErrorBox, safety_range, shifted
+from ..contact.loads.error_box import ErrorBox, safety_range
 from ..results.errorbars import ErrorBars
 from ..results.loads import Couples, Forces
 from .search import Found
@@ -140,25 +141,12 @@ class CriticalGoal:
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
         """Derivatives (3,), in space (6,), of log factor along force and couple; along the force, where S jumps."""
         found, load = self.found, self.found.load
-        size = DIFFERENCE * float(np.linalg.norm(load.flow_force))
-        slopes = np.zeros(3 * self.gdim - 3)
-        for i, place in self._places.items():
-            ahead = size * np.eye(6)[place]
-            values = [
-                safety_factor(shifted(load, sign * ahead), found.path.contacts, found.path.friction).value
-                for sign in (-1.0, 1.0)
-            ]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                slopes[i] = np.diff(np.log(values))[0] / (2.0 * size)
-        slopes /= found.path.steepness(found.factor)
-        if np.all(np.isfinite(slopes)) and np.any(slopes):
-            return [slopes]
-        along = [i for i in self._places if i < self.gdim]
-        return list(np.eye(len(slopes))[along] / float(np.linalg.norm(load.flow_force)))
-
-    @property
-    def _places(self) -> dict[int, int]:
-        """Indices of the components in space, by the index among those of the scene that do not vanish."""
-        if self.gdim == 2:
-            return {0: 0, 1: 1, 2: 5}
-        return {place: place for place in ((0, 2, 4) if self.halved else range(6))}
+        path, size = found.path, float(np.linalg.norm(load.flow_force))
+        places, steps = components(self.gdim, self.halved), np.full(3 * self.gdim - 3, DIFFERENCE * size)
+        by_load = slopes(
+            load, steps, places, lambda one: safety_factor(one, path.contacts, path.friction).value
+        )
+        by_load /= path.steepness(found.factor)
+        if np.all(np.isfinite(by_load)) and np.any(by_load):
+            return [by_load]
+        return list(np.eye(len(by_load))[[i for i in places if i < self.gdim]] / size)

@@ -100,8 +100,7 @@ class LoadPath:
         first = int(lost[0])
         if values[first] <= 0.0:
             return float(samples[first])
-        root = brentq(self._logarithm, samples[first], samples[first + 1], xtol=ROOT * high, rtol=ROOT)
-        return float(root)
+        return float(brentq(self._logarithm, *samples[first : first + 2], xtol=ROOT * high, rtol=ROOT))
 
     def doubtful(self, low: float, high: float, end: float) -> float | None:
         """The factor up to `end` between two flows solved, `low` and `high`, at which rest is least sure; None: it is.
@@ -145,10 +144,8 @@ class LoadPath:
 
     def _logarithm(self, factor: float) -> float:
         """log S, within bounds."""
-        value = self.judged(factor).value
-        if value == 0.0:
-            return -LARGEST_LOGARITHM
-        return float(np.clip(np.log(value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
+        with np.errstate(divide="ignore"):
+            return float(np.clip(np.log(self.judged(factor).value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
 
     @cached_property
     def _loosest(self) -> Floats:

@@ -35,6 +35,10 @@ from .search import CriticalSearch, Found, OwnMesh
 
 CHANGED = 1.1  # ratio of the law's distance to that of the mesh, or its inverse, up to which the mesh serves
 MOST_MESHES = 6
+DIFFERING = (
+    "the critical flow differs from mesh to mesh, each made for the law of the wall of the one before: it is {factors} "
+    "times the scene's; use a smaller numerics.mesh_size"
+)
 OTHER_MESH = "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
 
 Concluded = TypeVar("Concluded")
@@ -57,14 +61,11 @@ class CriticalRefinement(Refinement):
         conclude: Callable[[Run, CriticalSearch, Found, Adaptation], Any],
     ):
         if scene.numerics.accuracy == "verdict":
-            raise SceneError(
-                'numerics.accuracy: "verdict" means nothing for a threshold; give a relative error of the critical '
-                "flow such as 0.01"
-            )
+            remedy = "give a relative error of the critical flow such as 0.01"
+            raise SceneError(f'numerics.accuracy: "verdict" means nothing for a threshold; {remedy}')
         if scene.numerics.accuracy_includes == "all":
-            raise SceneError(
-                'numerics.accuracy_includes: "all" is for runs; leave it out, and see the error bars of the threshold'
-            )
+            remedy = "leave it out, and see the error bars of the threshold"
+            raise SceneError(f'numerics.accuracy_includes: "all" is for runs; {remedy}')
         super().__init__(scene, comm, Unrecorded(), voice)
         self._conclude, self._found = conclude, list[Found]()
 
@@ -73,10 +74,8 @@ class CriticalRefinement(Refinement):
         found = _next(self._search, self._found)
         self._found.append(found)
         if found.rocking is not None:
-            raise SceneError(
-                "numerics.accuracy: the grain rocks before it leaves its pocket, and no error bar of that is known; "
-                "leave it out"
-            )
+            why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
+            raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if found.is_critical:
             self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, run.setup.symmetric)
         return self._search.at_nearest(found.factor)
@@ -105,7 +104,8 @@ def on_its_own_mesh(
     accounts, setup, speed, known = Accounts(), Setup(scene), 1.0, list[Found]()
     while not known or outgrown(setup, speed, known[-1].factor):
         if len(known) == MOST_MESHES:
-            raise ConvergenceError(_differing(known))
+            factors = ", ".join(f"{found.factor:.4g}" for found in known)
+            raise ConvergenceError(DIFFERING.format(factors=factors))
         speed = known[-1].factor if known else 1.0
         voice.say(f"mesh for the law of the wall of flow x {speed:.4g}")
         with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
@@ -123,9 +123,8 @@ def on_its_own_mesh(
         try:
             load = search.load_at(found.factor)
         except ConvergenceError as error:
-            raise ConvergenceError(
-                f"{error}; the critical flow was {found.factor:.4g} times the scene's"
-            ) from error
+            was = f"the critical flow was {found.factor:.4g} times the scene's"
+            raise ConvergenceError(f"{error}; {was}") from error
         own = OwnMesh(abs(flow_of(load) - flow_of(found.load)), search.trials[-1].safety_factor)
         return conclude(run, search, replace(found, own_mesh=own))
 
@@ -133,14 +132,6 @@ def on_its_own_mesh(
 def _next(search: CriticalSearch, known: list[Found]) -> Found:
     """The critical flow on a mesh, near that on the mesh before, or from rest on the first one. Collective."""
     return search.near(known[-1]) if known else search.from_rest()
-
-
-def _differing(known: list[Found]) -> str:
-    factors = ", ".join(f"{found.factor:.4g}" for found in known)
-    return (
-        f"the critical flow differs from mesh to mesh, each made for the law of the wall of the one before: it is "
-        f"{factors} times the scene's; use a smaller numerics.mesh_size"
-    )
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:

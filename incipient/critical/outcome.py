@@ -81,13 +81,12 @@ class Threshold:
     @property
     def errors(self) -> dict[str, float | None]:
         """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
-        share = None if self.bars is None or not self.bars.terms else self.bars.error / self.factor
         stress = self.stress_power
         powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
-        return {
-            name: None if share is None else share * power * getattr(self, name)
-            for name, power in powers.items()
-        }
+        if self.bars is None or not self.bars.terms:
+            return dict.fromkeys(powers)
+        share = self.bars.error / self.factor
+        return {name: share * power * getattr(self, name) for name, power in powers.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data for threshold.json."""
@@ -123,10 +122,8 @@ class Threshold:
         if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
-            return (
-                "none: the grain moves without any flow; with body.settle = true it first rolls and tips to a place "
-                "where it rests"
-            )
+            remedy = "with body.settle = true it first rolls and tips to a place where it rests"
+            return f"none: the grain moves without any flow; {remedy}"
         if not np.isfinite(self.held_to):
             return (
                 "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"

@@ -39,6 +39,9 @@ from .meshes import CriticalRefinement, on_its_own_mesh
 from .outcome import Threshold
 from .search import CriticalSearch, Found
 
+KEEPS_SHAPE = (
+    "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
+)
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 NOT_ONE = 0.02  # deviation from one of the safety factor on a mesh of its own from which on it is reported
@@ -105,23 +108,16 @@ def find_threshold(
 
 def _require(scene: Scene) -> None:
     body = scene.body
+    rests = body is not None and body.x is not None and scene.bed is not None
+    falls = scene.gravity is not None and scene.gravity.acceleration > 0.0
     needs = (
-        (
-            body is not None and body.x is not None and scene.bed is not None,
-            "a grain that rests on a bed (body.x and [bed])",
-        ),
+        (rests, "a grain that rests on a bed (body.x and [bed])"),
         ((scene.density or 0.0) > 1.0, "a grain denser than the fluid (body.density > 1)"),
-        (
-            scene.gravity is not None and scene.gravity.acceleration > 0.0,
-            "gravity ([gravity] acceleration > 0)",
-        ),
+        (falls, "gravity ([gravity] acceleration > 0)"),
         (scene.contact is not None, "friction ([contact] friction)"),
         (scene.time is None, "a steady flow (no [time] section)"),
         (scene.flow.kind != "still", "a flow (flow.kind other than still)"),
-        (
-            scene.flow.kind != "log-law",
-            "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
-        ),
+        (scene.flow.kind != "log-law", KEEPS_SHAPE),
     )
     lacking = [need for met, need in needs if not met]
     setup = Setup(scene)
