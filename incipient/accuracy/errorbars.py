@@ -239,7 +239,8 @@ def of_interaction(bars: ErrorBars, computed: Loads) -> Term | None:
         shares = [min(float(np.linalg.norm(one)) / size, 1.0) for one in found]
         pairs = combinations(zip(found, shares, strict=True), 2)
         errors.append(sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs))
-    return Term(INTERACTION, *errors, "each correction changed by as much as another one changes the load")
+    how = "each correction changed by as much as another one changes the load"
+    return Term(INTERACTION, errors[0], errors[1], how)
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:

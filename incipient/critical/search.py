@@ -21,7 +21,7 @@ from ..effects.effect import SlowestFlow
 from ..effects.known import EFFECTS
 from ..errors import ConvergenceError
 from ..evaluation.contact_verdict import followed, load_of
-from ..parallel import collectively
+from ..parallel import from_first
 from ..planning.effects import EffectName
 from ..results.loads import Couples, Forces
 from ..simulation.state import Run
@@ -168,11 +168,7 @@ class CriticalSearch:
 
     def _rocking(self, factor: float) -> Rocking | None:
         """Rests of the grain as the load of a solved flow grows; its critical factor is noted in the trial."""
-        found = None
-        with collectively(self.run.comm):
-            if self.run.comm.rank == 0:
-                found = followed(self.run.scene, self._load(factor))
-        found = self.run.comm.bcast(found)
+        found = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
         if found is not None:
             self.trials[-1] = SolvedFlow(factor, found.critical)
             self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {found.critical:.6g}")

@@ -5,7 +5,6 @@ Functions are collective unless marked otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,26 +15,25 @@ from ..effects.effect import Solved
 from ..effects.left_out import omissions
 from ..errors import IncipientError
 from ..evaluation.si_units import in_si
-from ..parallel import collectively
+from ..parallel import from_first
 from ..planning.effects import EffectName
-from ..results.errorbars import ErrorBars, Loads
+from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.quantity import OutputQuantity
 from ..results.result import Result, Traction
 from ..results.timing import peak_memory_mib
-from ..scene import Scene
 from .loads import coefficients, judged, loads
 from .state import Run
 
 if TYPE_CHECKING:
+    from ..accuracy.kept_runs import Solve
     from ..contact import Contacts
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
 TO_COME = "not computed: the run has not finished, or was stopped before"
-NO_MORE = (
-    0.01  # by how much the load that a grain rocks under is more than what moves it, and counts as the same
-)
+# By how much the load that a grain rocks under is more than what moves it, and counts as the same.
+NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
@@ -101,26 +99,18 @@ def with_rests(run: Run, result: Result) -> Result:
     assert result.force is not None and result.couple is not None
     run.voice.begin("rests")
     with run.stage("contact"):
-        first = result.verdict["safety_factor"]
-        rocking = None
-        with collectively(
-            run.comm
-        ):  # the last digits of loads, and so the steps taken, may differ from rank to rank
-            if run.comm.rank == 0:
-                rocking = followed(run.scene, load_of(run.scene.placement, result.force, result.couple))
-        rocking = run.comm.bcast(rocking)
+        first, load = (
+            result.verdict["safety_factor"],
+            load_of(run.scene.placement, result.force, result.couple),
+        )
+        # The last digits of loads, and so the steps taken, may differ from rank to rank.
+        rocking = from_first(run.comm, lambda: followed(run.scene, load))
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
 
 
-def with_estimates(
-    run: Run,
-    result: Result,
-    solve: Callable[[Scene], Loads],
-    improve: Callable[[Scene], Loads],
-    follows: bool = True,
-) -> Result:
+def with_estimates(run: Run, result: Result, solve: Solve, improve: Solve, follows: bool = True) -> Result:
     """A complete result, corrected where errors have a sign, with its error bars and what left-out effects change.
 
     `solve` runs the scenes of coarse runs, `improve` gives improved loads on coarser cells. With `follows` a grain that
@@ -132,18 +122,11 @@ def with_estimates(
     found = _corrected(run, result, bars)
     if follows:
         found = with_rests(run, found)
-    return replace(
-        found,
-        error_bars=_with_rocking(run, found, bars),
-        without_error_bars=why,
-        omitted=_omissions(run, result),
-        cost=cost(run),
-    )
+    bars, omitted = _with_rocking(run, found, bars), _omissions(run, result)
+    return replace(found, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run))
 
 
-def _error_bars(
-    run: Run, result: Result, solve: Callable[[Scene], Loads], improve: Callable[[Scene], Loads]
-) -> tuple[ErrorBars | None, str]:
+def _error_bars(run: Run, result: Result, solve: Solve, improve: Solve) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not run.scene.has_error_bars:
         return None, ""
@@ -161,14 +144,9 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     if bars is None or bars.correction is None or result.force is None or result.couple is None:
         return result
     force, couple = bars.corrected(result.force, result.couple)
-    return replace(
-        result,
-        force=force,
-        couple=couple,
-        coefficients=coefficients(run, force, couple),
-        si=in_si(run.scene, 1.0, force.flow, couple.flow),
-        verdict=judged(run, force, couple),
-    )
+    si, found = in_si(run.scene, 1.0, force.flow, couple.flow), coefficients(run, force, couple)
+    verdict = judged(run, force, couple)
+    return replace(result, force=force, couple=couple, coefficients=found, si=si, verdict=verdict)
 
 
 def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
@@ -198,17 +176,13 @@ def cost(run: Run) -> dict[str, Any]:
     from .. import compat
 
     mesh, statistics = run.domain.mesh, run.fluid.solver.statistics
-    iterations = {
-        **run.accounts.iterations,
-        "factorisations": statistics.factorisations,
-        "krylov": statistics.krylov_iterations,
-    }
+    linear = {"factorisations": statistics.factorisations, "krylov": statistics.krylov_iterations}
     return {
         "wall_time": run.accounts.ledger.to_dict(),
         "effects": _cost_of_effects(run),
         "unknowns": run.fluid.space.unknowns,
         "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
-        "iterations": iterations,
+        "iterations": run.accounts.iterations | linear,
         "peak_memory_mib": sum(run.comm.allgather(peak_memory_mib())),
         "ranks": run.comm.size,
         "versions": compat.versions(),
@@ -218,11 +192,8 @@ def cost(run: Run) -> dict[str, Any]:
 def _measured(run: Run) -> dict[OutputQuantity, Any]:
     """Values of the quantities that effects measure, None of an effect that is absent. Collective."""
     present = known.quantities(run.plan)
-    return {
-        one: one.measure(run) if one in present else None
-        for one in known.quantities()
-        if one.measure is not None
-    }
+    measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
+    return {one: measure(run) if one in present else None for one, measure in measured}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
-    from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
 
 
@@ -70,7 +69,12 @@ def prepared(
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
         contacts = _contacts(setup, plan, accounts)
-        made = _domain_kept(checkpoint, comm) or domain.build(comm, layout.gmsh_model, scene.gdim)
+        if checkpoint is None:
+            made = domain.build(comm, layout.gmsh_model, scene.gdim)
+        else:
+            from ..restart.resumption import domain_of
+
+            made = domain_of(checkpoint, comm)
     (recorder or Unrecorded()).begin(scene, plan, made)
     with ExitStack() as stack:
         voice.begin("forms")
@@ -129,15 +133,13 @@ def estimate(scene: Scene) -> Plan:
     from ..accuracy.model_terms import on_more_bed
 
     setup = Setup(scene)
-    plan = plan_of(setup)
-    wider = on_more_bed(scene) if expense.has_dual(setup) else None
-    counted: Estimate = expense.count(
+    plan, has_dual = plan_of(setup), expense.has_dual(setup)
+    wider = on_more_bed(scene) if has_dual else None
+    layout, beside = (
         meshing.lay_out(setup, plan),
-        plan.order,
-        expense.has_dual(setup),
-        plan.solver.name,
         None if wider is None else meshing.lay_out(Setup(wider), plan),
     )
+    counted: Estimate = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
     counted = counted.with_more(sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).counted
@@ -161,12 +163,3 @@ def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
     closing = layout.closing
     pressure = None if closing is None else enclosed.EnclosedPressure(fluid, closing, CLOSED)
     return tractions.TractionProbe(fluid, "body", layout.placement.centre, pressure)
-
-
-def _domain_kept(checkpoint: Checkpoint | None, comm: Comm) -> Domain | None:
-    """The mesh of the checkpoint, if there is one."""
-    if checkpoint is None:
-        return None
-    from ..restart.resumption import domain_of
-
-    return domain_of(checkpoint, comm)

@@ -67,11 +67,9 @@ def _inertia(value: Any) -> float | tuple[Any, ...]:
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
         remedy = "no principal moment of a body exceeds the sum of the other two"
         raise contradiction(f"has principal moments {moments.round(6).tolist()}", remedy)
-    return (
-        float(given)
-        if given.ndim == 0
-        else tuple(tuple(row) if isinstance(row, list) else row for row in given.tolist())
-    )
+    if given.ndim == 0:
+        return float(given)
+    return tuple(tuple(row) if isinstance(row, list) else row for row in given.tolist())
 
 
 Vector = Annotated[tuple[float, ...], PlainValidator(_vector)]
@@ -242,9 +240,8 @@ def judge_case(case: Case) -> dict[str, Any]:
     said = {"title": case.title, "source": case.source, "verdict": verdict.to_dict(), "probabilities": None}
     said["case"] = case.model_dump(mode="json", exclude_none=True, warnings=False)
     if case.errors is not None:
-        chances = probabilities(
-            acting, contacts, friction, case.standard_errors(), case.errors.samples, case.errors.seed, inert
-        )
+        drawn = case.errors.samples, case.errors.seed
+        chances = probabilities(acting, contacts, friction, case.standard_errors(), *drawn, inert)
         said["probabilities"] = {"sentence": chances.sentence, **plain(chances)}
     return said
 
@@ -288,11 +285,8 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
         yield Problem(("body", "x"), "a case has no bed to rest the grain on", "give body.centre")
     if body is None and centre is None:
         yield Problem(("load", "centre"), "is missing", "add the centre of mass, at which the weight acts")
-    if (
-        body is not None
-        and centre is not None
-        and not np.allclose(spatial(body.centre or ()), spatial(centre))
-    ):
+    given = None if body is None else spatial(body.centre or ())
+    if given is not None and centre is not None and not np.allclose(given, spatial(centre)):
         yield Problem(("load", "centre"), "is not body.centre", "leave one out")
 
 

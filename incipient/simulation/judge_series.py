@@ -87,13 +87,11 @@ def judge_series(case: Case, columns: Mapping[str, Floats]) -> Series:
     times = np.asarray(columns["time"], dtype=float)
     loads, friction = _loads(case, columns), columns.get("friction", case.contacts.friction)
     batch = judge_batch(loads, case.to_contacts(), friction, case.mass_and_inertia())
-    steps = _steps(times)
+    steps, shares = _steps(times), dict[str, float]()
     total = float(steps.sum())
-    shares = {
-        label: float(steps[batch.modes == number].sum() / total)
-        for number, label in enumerate(batch.labels)
-        if (batch.modes == number).any()
-    }
+    for number, label in enumerate(batch.labels):
+        if (of_mode := batch.modes == number).any():
+            shares[label] = float(steps[of_mode].sum() / total)
     return Series(times, batch, shares, tuple(_events(times, steps, loads, batch)))
 
 
@@ -120,9 +118,8 @@ def _check(case: Case, columns: Mapping[str, Floats]) -> None:
     if 0 < sum(name in columns for name in weight) < len(weight):
         raise SceneError(f"series: some of the weight's columns are missing; give {', '.join(weight)}")
     if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
-        raise SceneError(
-            "series: time does not grow from sample to sample; sort the samples and leave none twice"
-        )
+        why = "time does not grow from sample to sample"
+        raise SceneError(f"series: {why}; sort the samples and leave none twice")
     if "friction" in columns and np.min(columns["friction"]) < 0.0:
         raise SceneError("series: friction is negative; give numbers of at least 0")
 
@@ -183,15 +180,12 @@ def read_columns(path: Path) -> dict[str, Floats]:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror}); give the name of a CSV file") from None
     except (ValueError, csv.Error) as error:  # of undecodable text, too
-        raise SceneError(
-            f"{path}: is not a table of numbers ({shortened(error)}); give CSV with a row of names"
-        ) from None
+        why = f"is not a table of numbers ({shortened(error)})"
+        raise SceneError(f"{path}: {why}; give CSV with a row of names") from None
     if table.size == 0 or table.shape[1] != len(names):
-        raise SceneError(
-            f"{path}: has {len(names)} names and {table.shape[1]} columns; give a name to each column"
-        )
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
+        why = f"has {len(names)} names and {table.shape[1]} columns"
+        raise SceneError(f"{path}: {why}; give a name to each column")
+    if (twice := next((name for name in names if names.count(name) > 1), None)) is not None:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
     return dict(zip(names, table.T, strict=True))
 
@@ -219,8 +213,7 @@ def save_series(found: Series, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         with path.open("w", newline="", encoding="utf-8") as stream:
             stream.write("time,safety_factor,mode\n")
-            rows = zip(
-                found.times.tolist(), found.batch.factors.tolist(), found.batch.modes.tolist(), strict=True
-            )
+            columns = found.times, found.batch.factors, found.batch.modes
+            rows = zip(*(column.tolist() for column in columns), strict=True)
             stream.writelines(f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows)
     write_json(directory / SUMMARY, found.to_dict())

@@ -69,9 +69,8 @@ class MovedMesh:
             with ExitStack() as stack:
                 if fluid.space.order != ORDER or not np.array_equal(places, before):
                     model = replace(fluid.model, order=ORDER)
-                    other = stack.enter_context(
-                        Fluid(run.domain, model, conditions(self.setup), fluid.reynolds)
-                    )
+                    other = Fluid(run.domain, model, conditions(self.setup), fluid.reynolds)
+                    stack.enter_context(other)
                     other.interpolate(fluid)
                     if fluid.space.order == ORDER:
                         self._follow(fluid, other)

@@ -36,15 +36,13 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     from ..fluid import solve_steady
 
     numerics = run.scene.numerics
+    tolerance = of_steady(numerics.tolerance, fluid.coarse is not None)
+    # The continuation starts at once, unless the Reynolds number of the whole flow is large.
+    whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
+    share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
     with run.stage("flow"), run.corrections.begun():
-        steps = solve_steady(
-            fluid,
-            of_steady(numerics.tolerance, fluid.coarse is not None),
-            numerics.max_iterations,
-            first_share=_first_share(run, fluid),
-            watch=run.corrections.watched_by(run.voice.iterate),
-            **way,
-        )
+        watch = run.corrections.watched_by(run.voice.iterate)
+        steps = solve_steady(fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way)
         run.corrections.book_steady(steps)
     run.accounts.count(continuation=len(steps), newton=sum(step.report.iterations for step in steps))
 
@@ -97,9 +95,3 @@ def _stabilise(run: Run, factor: float) -> None:
     fluid = Fluid(run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds)
     fluid.state.x.array[:] = before.state.x.array
     run.take_fluid(fluid, probe_of(fluid, run.layout))
-
-
-def _first_share(run: Run, fluid: Fluid) -> float:
-    """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
-    whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
-    return min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0

@@ -184,8 +184,8 @@ class TimeLoop:
         if verdict:
             factor = verdict["safety_factor"]
             row["safety_factor"] = np.nan if factor is None else factor
-        if verdict and verdict["moves"]:
-            run.would_move(step.time)
+            if verdict["moves"]:
+                run.would_move(step.time)
         return row
 
     def _keep(self) -> Path | None:

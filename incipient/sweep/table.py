@@ -92,7 +92,7 @@ def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    scene = {}
+    scene: dict[str, Any] = {}
     if stored["status"] != DAMAGED:
         scene = (json.loads if stored["task"] == "judge" else tomllib.loads)(stored["scene"])
     row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
