@@ -78,9 +78,8 @@ class Balancing(AccuracySearch):
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
-        recorder = SearchRecorder(
-            self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge
-        )
+        keeping = self.recorder if recorded else Unrecorded()
+        recorder = SearchRecorder(keeping, scene, self.adaptation_beside, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         accounts = Accounts(known=self.known, spent=self.spent)  # times of each run are its own
         simulate(quiet, self.comm, cast(Recorder, recorder), self.voice, accounts=accounts)
@@ -89,9 +88,8 @@ class Balancing(AccuracySearch):
     def _compare(self, scene: Scene) -> None:
         """Make the coarse runs that a scene is compared with, or note why they fail. Collective."""
         self._failed = ""
-        self._coarse = KeptRuns(
-            self.known.loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end()
-        )
+        loads = self.known.loads
+        self._coarse = KeptRuns(loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end())
         longer, beside = comparisons(scene)
         try:
             self._coarse(longer)

@@ -106,10 +106,8 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
         estimates["domain"] = partial(of_domain, scene, decay=decay)
     terms = tuple(estimate(solve) for estimate in estimates.values())
     found = _computed(scene, solve(coarse(scene)))
-    errors, plain = (
-        {term.name: relative(goal, found, term) or 0.0 for term in which}
-        for which in (terms, [term.uncorrected for term in terms])
-    )
+    both = terms, [term.uncorrected for term in terms]
+    errors, plain = ({term.name: relative(goal, found, term) or 0.0 for term in which} for which in both)
     return Suited(scene, terms, sum(errors.values()), errors=errors, plain=plain)
 
 
@@ -127,11 +125,8 @@ def _hardly_falls(before: Suited, found: Suited) -> bool:
 def _is_noise(before: Suited, found: Suited) -> bool:
     """Whether a smaller gap in the same domain has no less of an error: that of the coarse runs' meshes is left."""
     gaps = [one.errors.get("gap", 0.0) for one in (before, found)]
-    return (
-        found.scene.domain == before.scene.domain
-        and found.scene is not before.scene
-        and gaps[1] >= gaps[0] > 0.0
-    )
+    alike = found.scene.domain == before.scene.domain and found.scene is not before.scene
+    return alike and gaps[1] >= gaps[0] > 0.0
 
 
 def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suited:
@@ -185,10 +180,8 @@ def _remedy(scene: Scene, term: Term, relative: float) -> str:
     if term.name == "gap" and better.contact is not None:
         return f"contact.gap = {better.contact.gap:.2g} would do"
     domain = better.domain
-    keys = [
-        f"domain.origin = [{domain.left:.4g}, {domain.bottom:.4g}]",
-        f"domain.length = {domain.length:.4g}",
-    ]
+    origin = f"domain.origin = [{domain.left:.4g}, {domain.bottom:.4g}]"
+    keys = [origin, f"domain.length = {domain.length:.4g}"]
     if domain.height != scene.domain.height:
         keys.append(f"domain.height = {domain.height:.4g}")
     if better.surface is not None and better.surface != scene.surface:

@@ -6,10 +6,8 @@ Nothing here solves: what a run to an accuracy will come to is predicted with it
 from __future__ import annotations
 
 ORDERS = (2, 3, 4)
-UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
-    2: {2: 9, 3: 22, 4: 41},
-    3: {2: 25, 3: 89, 4: 219},
-}
+# Per vertex of a large mesh, by the dimension and the order.
+UNKNOWNS = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}
 GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
 COARSEST, COARSEST_UPWINDED = 4.0, 2.0  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does

@@ -211,10 +211,8 @@ class Refinement(AccuracySearch):
             return replace(finer, note=", ".join(filter(None, (finer.note, "for the verdict"))))
         other = with_less_of(decisive, attempt.scene)
         if other is None:
-            self.reason = (
-                f"undecided: the safety factor is between {bar.low:.6g} and {bar.high:.6g}, and the error of "
-                f"the {decisive} cannot be made smaller"
-            )
+            between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
+            self.reason = f"undecided: {between}, and the error of the {decisive} cannot be made smaller"
             return None
         for name in ("gap", "domain", "datum"):
             self.known.terms.pop(name, None)

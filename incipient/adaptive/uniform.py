@@ -73,11 +73,8 @@ class UniformRefinement(Refinement):
             self.conclude(error)
             return None
         known = [trial.estimate for trial in self.trials if trial.estimate is not None]
-        if (
-            error is not None
-            and len(known) > LOOKED_AT
-            and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]
-        ):
+        many = error is not None and len(known) > LOOKED_AT
+        if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
             self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
             return None
         return self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, 0.0)

@@ -18,11 +18,8 @@ RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "seri
 def show(options: argparse.Namespace, comm: Comm) -> int:
     """Draws the pictures of results, or animates them."""
     if options.directory.suffix == ".toml":
-        why, remedy = (
-            "is a scene and no results",
-            "run it, then give the directory that the run was written to",
-        )
-        raise SceneError(f"{options.directory}: {why}; {remedy}")
+        remedy = "run it, then give the directory that the run was written to"
+        raise SceneError(f"{options.directory}: is a scene and no results; {remedy}")
     if options.directory.is_file():
         return _show_sweep(options, comm)
     for name in OF_SWEEPS:

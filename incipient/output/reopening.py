@@ -90,15 +90,10 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one).number}
         for one in (scene, of_checkpoint)
     )
-    moves = scene.moves
-    allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
-    becomes = MAY_BECOME if moves else {}
-    for key in sorted(now.keys() | before.keys()):
-        if (
-            now.get(key) == before.get(key)
-            or key in (*allowed, "title")
-            or becomes.get(key, ...) == now.get(key)
-        ):
+    allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
+    becomes = MAY_BECOME if scene.moves else {}
+    for key in sorted({*now, *before} - {*allowed, "title"}):
+        if now.get(key) in (before.get(key), becomes.get(key, ...)):
             continue
         others = [*allowed, *(f'{name} = "{value}"' for name, value in becomes.items())]
         raise SceneError(

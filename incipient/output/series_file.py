@@ -247,27 +247,19 @@ class SeriesFile:
         grid = ElementTree.Element("Grid", Name=self._name, GridType="Uniform")
         if not self._steady:
             ElementTree.SubElement(grid, "Time", Value=repr(float(time)))
-        count = str(cells.shape[0])
-        topology = ElementTree.SubElement(
-            grid, "Topology", TopologyType=self._cell_type, NumberOfElements=count
-        )
-        self._item(topology, cells, "Int")
+        about = {"TopologyType": self._cell_type, "NumberOfElements": str(cells.shape[0])}
+        self._item(ElementTree.SubElement(grid, "Topology", about), cells, "Int")
         self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), points, "Float")
         for name, dataset in sorted(fields.items()):
-            kind = _ATTRIBUTE_TYPES[len(dataset.shape)]
-            attribute = ElementTree.SubElement(
-                grid, "Attribute", Name=name, AttributeType=kind, Center="Node"
-            )
-            self._item(attribute, dataset, "Float")
+            about = {"Name": name, "AttributeType": _ATTRIBUTE_TYPES[len(dataset.shape)], "Center": "Node"}
+            self._item(ElementTree.SubElement(grid, "Attribute", about), dataset, "Float")
         level = 2 if self._steady else 3
         ElementTree.indent(grid, level=level)
         return f"{level * '  '}{ElementTree.tostring(grid, encoding='unicode')}\n"
 
     def _item(self, parent: ElementTree.Element, dataset: _Dataset, number: str) -> None:
-        dimensions = " ".join(map(str, dataset.shape))
-        item = ElementTree.SubElement(
-            parent, "DataItem", Dimensions=dimensions, NumberType=number, Precision="8", Format="HDF"
-        )
+        about = {"Dimensions": " ".join(map(str, dataset.shape)), "NumberType": number}
+        item = ElementTree.SubElement(parent, "DataItem", about, Precision="8", Format="HDF")
         item.text = f"{self._hdf5.name}:/{dataset.name}"
 
 
@@ -291,11 +283,9 @@ def read_step(stem: Path, index: int = -1) -> StoredStep:
     path = _pair(stem)[1]
     with _opened(path, "r") as file:
         group = file[f"step{range(_some(file, path))[index]}"]
-        about = group.attrs
+        points, cells = (file[group.attrs[part]][()] for part in ("geometry", "topology"))
         fields = {name: dataset[()] for name, dataset in group.items()}
-        return StoredStep(
-            float(about["time"]), file[about["geometry"]][()], file[about["topology"]][()], fields
-        )
+        return StoredStep(float(group.attrs["time"]), points, cells, fields)
 
 
 @contextmanager

@@ -198,10 +198,9 @@ def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict
 
     HDF5 that runs out of space takes the program with it: whether there is enough is asked beforehand, and it is kept.
     """
+    size = METADATA_BYTES + sum(_size(one) for _, one in _members(checkpoint))
     with path.open("wb") as file:
-        os.posix_fallocate(
-            file.fileno(), 0, METADATA_BYTES + sum(_size(one) for _, one in _members(checkpoint))
-        )
+        os.posix_fallocate(file.fileno(), 0, size)
     with _hdf5(path, "w") as file:
         places = _put(file, checkpoint)
         file.attrs.update({"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION})
@@ -293,9 +292,7 @@ def _got(kind: type[T], group: Any, path: Path, comm: Comm) -> T:
     found: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:
-            raise OutputError(
-                f"{path}: {group.name.strip('/')}/{name} is missing; {ANEW}".replace(": /", ": ")
-            )
+            raise OutputError(f"{path}: {f'{group.name}/{name}'.strip('/')} is missing; {ANEW}")
         stored = group[name]
         if hasattr(stored, "keys"):
             kind_of_part = next(one for one in (hint, *get_args(hint)) if is_dataclass(one))
@@ -311,11 +308,9 @@ def _got(kind: type[T], group: Any, path: Path, comm: Comm) -> T:
 def _checksums(comm: Comm, tables: dict[str, Rows]) -> dict[str, str]:
     """What tables are and the checksums of their contents, by their names, the same on all ranks. Collective."""
     mine = np.array([rows.checksum() for rows in tables.values()], dtype=np.uint64)
-    sums = np.sum(comm.allgather(mine), axis=0, dtype=np.uint64)
-    return {
-        name: f"{name} {rows.values.dtype} {rows.shape} {found}"
-        for (name, rows), found in zip(tables.items(), sums.tolist(), strict=True)
-    }
+    sums = np.sum(comm.allgather(mine), axis=0, dtype=np.uint64).tolist()
+    found = zip(tables.items(), sums, strict=True)
+    return {name: f"{name} {rows.values.dtype} {rows.shape} {one}" for (name, rows), one in found}
 
 
 def _digest(file: Any, checksums: dict[str, str]) -> str:

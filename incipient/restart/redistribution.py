@@ -108,9 +108,8 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     owned = mesh.topology.index_map(gdim - 1).size_local
     known, found = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
     if found != known:
-        raise OutputError(
-            f"{known} boundary facets are stored, {found} of them are facets of the stored mesh"
-        )
+        why = f"{found} of them are facets of the stored mesh"
+        raise OutputError(f"{known} boundary facets are stored, {why}")
     return Domain(mesh, facets, dict(stored.names))
 
 
