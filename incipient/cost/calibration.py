@@ -16,6 +16,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from ..effects.known import EFFECTS
 from ..errors import OutputError
 from ..files import make_directory, write_json
@@ -45,15 +47,6 @@ class Findings:
     memory: float
     errors: Mapping[str, Mapping[int, ErrorLaw]]
     cheaper: Mapping[str, float] = field(default_factory=dict)
-
-    @staticmethod
-    def of_dict(data: Mapping[str, Any]) -> Findings:
-        """Findings from plain data, as `dataclasses.asdict` makes them."""
-        errors = {
-            goal: {int(order): ErrorLaw(**law) for order, law in laws.items()}
-            for goal, laws in data["errors"].items()
-        }
-        return Findings(**{**data, "time": TimeLaw(**data["time"]), "errors": errors})
 
 
 # By the digests of their scenes, the last study last.
@@ -98,16 +91,17 @@ def of_study(directory: Path) -> Calibration:
     Raises:
         OutputError: there is none, or it is of another version.
     """
+    path = directory / STUDY
     try:
-        return _parsed(json.loads((directory / STUDY).read_text(encoding="utf-8"))["findings"])
+        return _parsed(json.loads(path.read_text(encoding="utf-8"))["findings"])
     except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise OutputError(
-            f"{directory / STUDY}: holds no study that can be understood; make it with `incipient cost`"
-        ) from error
+        remedy = "make it with `incipient cost`"
+        raise OutputError(f"{path}: holds no study that can be understood; {remedy}") from error
 
 
 def _parsed(data: Mapping[str, Any]) -> Calibration:
-    return {digest: Findings.of_dict(found) for digest, found in data.items()}
+    """Findings from plain data, as `plain` makes them."""
+    return TypeAdapter(dict[str, Findings]).validate_python(data)
 
 
 def plain(calibration: Calibration) -> dict[str, Any]:

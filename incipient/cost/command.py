@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,15 @@ from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
 from .prediction import Prediction, first_mesh, known_laws, predict
 from .solvers import SolverOptions
-from .study import Study, findings, run_ladder
+from .study import Say, Study, findings, run_ladder
 
-Say = Callable[[str], None]
 # Built-in scenes besides that of the example, in files.
 BUILTIN = Path(__file__).with_name("builtin")
 OF_EACH_KIND = (
-    *("driven cavity", "turbulent channel"),
-    *("grain held in a starting flow", "grain carried by shear"),
+    "driven cavity",
+    "turbulent channel",
+    "grain held in a started stream",
+    "grain carried by shear",
 )
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
 WITH_BARS = 1.3, 5.3
@@ -67,10 +68,9 @@ def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
 
 def summary(found: Study, directory: Path) -> str:
     """The study in a few lines for a reader."""
-    lines = [f"{'accuracy':<20}{found.words()}"]
-    lines += [_of_solver(one) for one in found.solvers()]
-    lines += [f"{'failed':<20}{run.variant.name}: {run.failed}" for run in found.failed]
-    lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json")
+    failed = [f"{'failed':<20}{run.variant.name}: {run.failed}" for run in found.failed]
+    numbers = f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json"
+    lines = [f"{'accuracy':<20}{found.words()}", *map(_of_solver, found.solvers()), *failed, numbers]
     return "\n".join(lines)
 
 
@@ -97,12 +97,8 @@ class PredictedPlan:
     def to_dict(self) -> dict[str, Any]:
         """Plain data; what is known in words alone is None."""
         prediction = None if isinstance(self.prediction, str) else plain(self.prediction)
-        return {
-            **self.plan.to_dict(),
-            "prediction": prediction,
-            "cheaper": list(self.cheaper),
-            "price": self.price,
-        }
+        more = {"prediction": prediction, "cheaper": list(self.cheaper), "price": self.price}
+        return self.plan.to_dict() | more
 
     def text(self) -> str:
         """A few lines for a reader."""

@@ -131,9 +131,8 @@ def words(law: CostLaw, errors: Sequence[float], costs: Sequence[float]) -> str:
     priced: dict[str, list[str]] = {}
     for error in accuracies(min(errors)):
         priced.setdefault(cost(law, error, errors, costs), []).append(percent(error))
-    prices = [
-        f"{' to '.join(dict.fromkeys((names[0], names[-1])))}: {time}" for time, names in priced.items()
-    ]
+    ends = {time: " to ".join(dict.fromkeys((names[0], names[-1]))) for time, names in priced.items()}
+    prices = [f"{names}: {time}" for time, names in ends.items()]
     digit = f"each further digit x {law.digit:.2g}"
     start = f", beyond the {law.start:.2g} s of starting" if law.start else ""
     return f"{', '.join(prices)}; {digit}{start}"

@@ -43,9 +43,8 @@ class TimeLaw:
     def seconds(self, runs: Sequence[tuple[int, float]], duals: Sequence[int]) -> float:
         """Runs of so many unknowns and steps, one after the other in one process, and dual solutions in between."""
         fixed = self.start + self.fixed * (1.0 + AGAIN * (len(runs) - 1))
-        return fixed + sum(
-            n**self.power * (self.solution + self.step * m) for n, m in (*runs, *((n, 0.0) for n in duals))
-        )
+        every = [*runs, *((n, 0.0) for n in duals)]
+        return fixed + sum(n**self.power * (self.solution + self.step * m) for n, m in every)
 
 
 def fitted_time(unknowns: Floats, steps: Floats, cpu: Floats, start: float) -> TimeLaw:
@@ -55,9 +54,8 @@ def fitted_time(unknowns: Floats, steps: Floats, cpu: Floats, start: float) -> T
     def with_power(power: float) -> tuple[float, TimeLaw]:
         """Residual and law of a fit with a power of the unknowns."""
         n = unknowns**power
-        (fixed, solution, step), missed = _positive(
-            np.stack([np.ones_like(n), n, n * steps], axis=1), cpu - start, cpu
-        )
+        parts = np.stack([np.ones_like(n), n, n * steps], axis=1)
+        (fixed, solution, step), missed = _positive(parts, cpu - start, cpu)
         return missed, TimeLaw(start, fixed, solution, step, power)
 
     return min((with_power(power) for power in powers), key=lambda found: found[0])[1]

@@ -60,14 +60,10 @@ def _accuracies(study: Study) -> str:
     rows = []
     for accuracy in frontier.accuracies(min(errors)):
         reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
-        run = (
-            f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
-        )
-        prices = [
-            frontier.cost(law, accuracy, errors, of) if law else "-"
-            for law, of in ((laws["cpu"], times), (laws["wall"], walls))
-        ]
-        rows.append([percent(accuracy), *prices, run])
+        by = [f"{run.variant.name}, {run.peak_mib:.0f} MiB" for run in reached[:1]] or ["finer than any here"]
+        of_both = (laws["cpu"], times), (laws["wall"], walls)
+        prices = [frontier.cost(law, accuracy, errors, of) if law else "-" for law, of in of_both]
+        rows.append([percent(accuracy), *prices, *by])
     digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
     starting = f"of the time beyond {seconds(laws['cpu'].start)} of starting"
     rows.append(["each further digit", *digits, starting])
@@ -91,10 +87,9 @@ def _of_goals(study: Study) -> str:
 
 def _solvers(study: Study) -> list[str]:
     """Other solver options: a sentence and a table."""
-    found = study.solvers()
+    found, able = study.solvers(), SolverOptions(study.scene)
     if not found:
         return []
-    able = SolverOptions(study.scene)
     rows = [_solver_row(one, able) for one in found]
     numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
     table = _table(["solver option", *numbers, "what it is", "set by"], rows, left=(8, 9))

@@ -156,14 +156,12 @@ def _once(variant: Variant, text: str) -> tuple[MeasuredRun, bool]:
     """One run of a variant, a scene as TOML, and whether it compiled forms."""
     # -P: modules are not looked for in the working directory.
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
+    environment = process.environment_of_one_rank(options(variant.solver))
     # In a session of its own: an interrupt is this process's to deal with.
-    used = process.run(
-        command, process.environment_of_one_rank(options(variant.solver)), given=text, apart=True
-    )
+    used = process.run(command, environment, given=text, apart=True)
     if used.exit_code != 0:
-        return MeasuredRun(
-            variant, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)
-        ), False
+        why = _complaint(used.exit_code, used.errors)
+        return MeasuredRun(variant, used.wall, used.cpu, failed=why), False
     measured = json.loads(used.output.strip().splitlines()[-1])
     compiled = measured.pop("compiling") > COMPILED
     counts = Counts.of(measured.pop("counts"))
@@ -207,10 +205,8 @@ def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
 
     start, recorder = time.process_time(), _History()
     result = simulate(scene, comm, recorder)
-    counted = {
-        **result.cost["iterations"],
-        "remeshings": len((result.trajectory or {}).get("remeshings", ())),
-    }
+    remeshings = len((result.trajectory or {}).get("remeshings", ()))
+    counted = {**result.cost["iterations"], "remeshings": remeshings}
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "start": start,

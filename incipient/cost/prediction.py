@@ -191,10 +191,8 @@ class _Run:
     @property
     def variant(self) -> Variant:
         """Cells, order and steps."""
-        time = self.scene.time
-        return Variant(
-            order_of(self.scene).number, self.scene.numerics.mesh_size, time.step if time else None
-        )
+        time, size = self.scene.time, self.scene.numerics.mesh_size
+        return Variant(order_of(self.scene).number, size, time.step if time else None)
 
     @property
     def size(self) -> tuple[int, float]:
@@ -205,9 +203,8 @@ class _Run:
     @property
     def of_dual(self) -> int:
         """Unknowns with elements of one order more, in which errors of steady flow are estimated."""
-        before, after = (
-            k**2 + (k - 1) ** 2 / 2.0 for k in (order_of(self.scene).number, order_of(self.scene).number + 1)
-        )
+        order = order_of(self.scene).number
+        before, after = (k**2 + (k - 1) ** 2 / 2.0 for k in (order, order + 1))
         return round(self.unknowns * after / before)
 
 
@@ -332,11 +329,8 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
     path, trial = [first], _as_tried(first, known)
     while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < balance.MOST_RUNS:
         last = path[-1].scene
-        scene = balance.finer(last, balance.refined(last, trial, balance.AIM * asked))
-        kept = (scene.numerics.mesh_size, order_of(scene).number) == (
-            last.numerics.mesh_size,
-            order_of(last).number,
-        )
+        wanted = balance.refined(last, trial, balance.AIM * asked)
+        scene, kept = balance.finer(last, wanted), wanted.keeps_mesh(order_of(last).number)
         path.append(_Run(scene, path[-1].unknowns if kept else estimate(scene).counted.unknowns))
         trial = _as_tried(path[-1], known)
     return path, reaches

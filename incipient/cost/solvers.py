@@ -46,16 +46,12 @@ class Solver:
 
 
 CONVECTION, TIME = (EffectName.INERTIA,), (EffectName.UNSTEADINESS,)
+BOTH = CONVECTION + TIME
 PACKAGE = "-fluid_pc_factor_mat_solver_type"
 WORDS = {
-    "implicit": Solver(
-        "convection iterated in each step", CONVECTION + TIME, {"convection": "implicit"}, laminar=True
-    ),
+    "implicit": Solver("convection iterated in each step", BOTH, {"convection": "implicit"}, laminar=True),
     "extrapolated": Solver(
-        "convection linearised about earlier steps",
-        CONVECTION + TIME,
-        {"convection": "extrapolated"},
-        laminar=True,
+        "convection linearised about earlier steps", BOTH, {"convection": "extrapolated"}, laminar=True
     ),
     "bdf1": Solver("backward differences of first order", TIME, time={"scheme": "bdf1"}),
     "bdf2": Solver("backward differences of second order", TIME, time={"scheme": "bdf2"}),
@@ -149,9 +145,8 @@ class SolverOptions:
             keys = {option.split()[0] for option in [one.petsc] if option}
             keys |= {key for section in self._sections(one).values() for key in section}
             if keys & settled:
-                raise SceneError(
-                    f"--solvers: {name} contradicts itself; join words for different settings only"
-                )
+                remedy = "join words for different settings only"
+                raise SceneError(f"--solvers: {name} contradicts itself; {remedy}")
             settled |= keys
         # Whether a scene is stabilised may hang on its cells.
         kept = {*self.others, *(word for word in words if "stabilisation" in WORDS[word].numerics)}

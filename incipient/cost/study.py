@@ -71,9 +71,8 @@ class Study:
         self.front = tuple(self._front(errors))
         starts = {name: _start(good, name) for name in ("cpu", "wall")}
         self.laws = {name: self._law(errors, name, start) for name, start in starts.items()}
-        self.of_goals = {
-            goal.name: self._law(self._clear_errors(goal), "cpu", starts["cpu"]) for goal in self.goals
-        }
+        clear = {goal.name: self._clear_errors(goal) for goal in self.goals}
+        self.of_goals = {name: self._law(errors, "cpu", starts["cpu"]) for name, errors in clear.items()}
 
     def frontier(self) -> tuple[list[float], list[float]]:
         """Processor times [s] and errors of the runs on the front."""
@@ -138,14 +137,11 @@ def _reference(ladder: Ladder, good: Sequence[MeasuredRun]) -> tuple[MeasuredRun
     line = [by_rung[variant.key] for variant in ladder.line if variant.key in by_rung]
     if not line or line[-1].variant.key != ladder.reference.key:
         # The reference failed: the finest of the others, as it is.
-        line = [max(_own(good) or good, key=_fineness)]
+        variants = {run.variant: run for run in _own(good) or good}
+        line = [variants[max(variants, key=lambda one: (one.order, -(one.step or 0.0), -one.mesh_size))]]
     ratio = ladder.ratio if len(line) == len(ladder.line) else math.nan
     others = [run.found for run in _own(good) if run is not line[-1]]
     return line[-1], frontier.reference([run.found for run in line], ratio, others)
-
-
-def _fineness(run: MeasuredRun) -> tuple[float, ...]:
-    return run.variant.order, -(run.variant.step or 0.0), -run.variant.mesh_size
 
 
 def _clear(known: Sequence[tuple[float, float]]) -> bool:
@@ -200,17 +196,12 @@ def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, 
     for number, variant in enumerate(wanted, 1):
         if variant.key in done:
             continue
-        run = measure(scene, variant)
+        run = done[variant.key] = measure(scene, variant)
         append(columns, run, directory)
-        done[variant.key] = run
-        say(f"{number} of {len(wanted)}: {variant.name}: {run.failed or _spent(run)}")
+        spent = f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s"
+        came = run.failed or f"{spent}, {run.peak_mib:.0f} MiB"
+        say(f"{number} of {len(wanted)}: {variant.name}: {came}")
     return Study(scene, ladder, [done[variant.key] for variant in wanted])
-
-
-def _spent(run: MeasuredRun) -> str:
-    return (
-        f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
-    )
 
 
 def prepare(scene: Scene, directory: Path) -> None:
@@ -223,9 +214,8 @@ def prepare(scene: Scene, directory: Path) -> None:
     refuse_foreign(directory, (TABLE, stored.name))
     if (directory / TABLE).exists() and stored.exists():
         if load(stored) != scene:
-            raise OutputError(
-                f"{directory}: holds the runs of another scene; choose another --out or delete it"
-            )
+            remedy = "choose another --out or delete it"
+            raise OutputError(f"{directory}: holds the runs of another scene; {remedy}")
         return
     with reported(directory):
         directory.mkdir(parents=True, exist_ok=True)
@@ -241,17 +231,15 @@ def findings(study: Study) -> Calibration:
         return {}
     steps = np.array([end / run.variant.step if run.variant.step else 0.0 for run in own])
     unknowns, cpu = np.array([(run.unknowns, run.cpu) for run in own], dtype=float).T
+    errors = {goal.name: _errors(study, goal.name) for goal in study.goals if goal.leading}
+    cheaper = {one.solver: one.time_at_error for one in study.solvers() if one.cheaper}
     found = Findings(
         title=scene.title or "a scene without a title",
         kind=calibration.kind(scene),
         time=fitted_time(unknowns, steps, cpu, min(run.start for run in own)),
         memory=geometric_mean([run.peak_mib / expense.memory(run.unknowns) for run in own]),
-        errors={
-            goal.name: laws for goal in study.goals if goal.leading and (laws := _errors(study, goal.name))
-        },
-        cheaper={
-            one.solver: one.time_at_error for one in study.solvers() if one.cheaper and one.time_at_error
-        },
+        errors={name: laws for name, laws in errors.items() if laws},
+        cheaper={solver: share for solver, share in cheaper.items() if share},
     )
     return {calibration.digest(scene): found}
 
