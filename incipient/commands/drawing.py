@@ -25,6 +25,5 @@ def draw_and_tell(directory: Path) -> None:
     names = ", ".join(path.name for path in drawn.paths)
     print(f"pictures            {directory}/: {names}" if names else "pictures            none", flush=True)
     if drawn.complaint:
-        raise OutputError(
-            f"{drawn.complaint}; the rest is there, draw again with: incipient show {directory}"
-        )
+        remedy = f"draw again with: incipient show {directory}"
+        raise OutputError(f"{drawn.complaint}; the rest is there, {remedy}")

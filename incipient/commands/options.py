@@ -60,11 +60,8 @@ def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "re
 def of_run(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient run`."""
     _scene_to(parser)
-    parser.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)",
-    )
+    text = "remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)"
+    parser.add_argument("--overwrite", action="store_true", help=text)
 
 
 def of_resume(parser: argparse.ArgumentParser) -> None:
@@ -95,47 +92,41 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
-    parser.add_argument(
-        "--study",
-        type=named,
-        metavar="DIRECTORY",
-        help="study of incipient cost to predict by (default: the last of this scene on this machine, else of others)",
+    text = (
+        "of incipient cost, to go by (default: the last of this scene on this machine, else those of others)"
     )
+    parser.add_argument("--study", type=named, metavar="DIRECTORY", help=text)
 
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient cost`."""
+    add = parser.add_argument
     _scene_to(parser, "_cost", "study")
-    parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
-    parser.add_argument(
-        "--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4"
-    )
+    add("--quick", action="store_true", help="a few coarse runs only")
+    add("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
-        parser.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
-    parser.add_argument(
-        "--solvers",
-        nargs="+",
-        metavar="OPTION",
-        help="solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
-        "three coarse meshes)",
+        add(name, type=float, nargs="+", metavar="FACTOR", help=text)
+    text = (
+        "solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
+        "three coarse meshes)"
     )
+    add("--solvers", nargs="+", metavar="WAY", help=text)
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient show`."""
-    parser.add_argument("directory", type=Path, help="directory of the results, or the file of a sweep")
-    parser.add_argument("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
-    parser.add_argument(
-        "--against", metavar="COLUMN", help="of a sweep: the abscissa (default: the first varied key)"
-    )
-    parser.add_argument("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
+    add = parser.add_argument
+    add("directory", type=Path, help="directory of the results, or the file of a sweep")
+    add("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
+    add("--against", metavar="COLUMN", help="of a sweep: against what (default: what it varies first)")
+    add("--by", metavar="COLUMN", help="of a sweep: a curve for each value of this")
     films = parser.add_mutually_exclusive_group()
-    films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
-    films.add_argument("--turntable", action="store_true", help="write a film round a grain in space instead")
-    parser.add_argument("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
+    films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
+    films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
+    add("--out", type=named, metavar="FILE", help="the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
-    parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
+    add("--field", choices=fields, help="what to animate (default: velocity)")
 
 
 def of_report(parser: argparse.ArgumentParser) -> None:
@@ -148,54 +139,26 @@ def of_report(parser: argparse.ArgumentParser) -> None:
 
 def of_sweep(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient sweep`."""
-    parser.add_argument(
-        "scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)"
-    )
-    parser.add_argument(
-        "--over",
-        action="append",
-        default=[],
-        metavar="KEY=VALUES",
-        help="as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations",
-    )
-    parser.add_argument(
-        "--zip", action="store_true", help="take the values of several keys side by side instead"
-    )
-    parser.add_argument(
-        "--cases", type=Path, metavar="FILE.csv", help="keys in the first row, a case in each other row"
-    )
-    parser.add_argument(
-        "--refine",
-        type=_share,
-        nargs="?",
-        const=True,
-        metavar="SHARE",
-        help="add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)",
-    )
-    parser.add_argument("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
-    parser.add_argument(
-        "--quantity",
-        metavar="COLUMN",
-        help="with --refine: the column whose curve is to be known (see table)",
-    )
+    add = parser.add_argument
+    add("scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)")
+    text = "such as fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; several: every combination"
+    add("--over", action="append", default=[], metavar="KEY=VALUES", help=text)
+    add("--zip", action="store_true", help="take the values of several keys side by side instead")
+    add("--cases", type=Path, metavar="FILE.csv", help="a case a row, under the keys of the first row")
+    text = "add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)"
+    add("--refine", type=_share, nargs="?", const=True, metavar="SHARE", help=text)
+    add("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
+    text = "with --refine: the column whose curve is to be known (see table)"
+    add("--quantity", metavar="COLUMN", help=text)
     overrides(parser, "numerics.mesh_size=2")
-    tasks = ("run", "threshold", "gust", "judge")
-    parser.add_argument("--do", choices=tasks, help="for each case (default: run)")
-    parser.add_argument(
-        "--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)"
-    )
-    parser.add_argument("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
-    parser.add_argument("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
-    parser.add_argument(
-        "--memory", type=float, metavar="MIB", help="of all cases at a time (default: 4/5 of what is free)"
-    )
-    parser.add_argument(
-        "--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes"
-    )
-    parser.add_argument("--retry", action="store_true", help="compute cases again that have failed")
-    parser.add_argument(
-        "--dry-run", action="store_true", help="say how many cases there are, and what they take"
-    )
+    add("--do", choices=("run", "threshold", "gust", "judge"), help="(default: run)")
+    add("--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)")
+    add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
+    add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
+    add("--memory", type=float, metavar="MIB", help="of all cases at a time (default: what is free)")
+    add("--wall", metavar="TIME", help="stop in time, such as 8h or 1h30m; the same call resumes")
+    add("--retry", action="store_true", help="compute cases again that have failed")
+    add("--dry-run", action="store_true", help="say how many cases there are, and what they take")
 
 
 def _share(text: str) -> float:
@@ -215,22 +178,13 @@ def of_table(parser: argparse.ArgumentParser) -> None:
 
 def of_judge(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient judge`."""
-    parser.add_argument("case", type=Path, help="case file (TOML)")
+    add = parser.add_argument
+    add("case", type=Path, help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
-    parser.add_argument(
-        "--series",
-        type=named,
-        metavar="FILE",
-        help="judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)",
-    )
-    parser.add_argument(
-        "--out",
-        nargs="?",
-        type=named,
-        const=BESIDE,
-        metavar="DIRECTORY",
-        help="write judgement.json and its picture there; without a DIRECTORY next to the case",
-    )
+    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
+    add("--series", type=named, metavar="FILE", help=text)
+    text = "write judgement.json and its picture there; without a DIRECTORY next to the case"
+    add("--out", nargs="?", type=named, const=BESIDE, metavar="DIRECTORY", help=text)
 
 
 def of_new(parser: argparse.ArgumentParser) -> None:

@@ -56,9 +56,8 @@ def _request(options: argparse.Namespace) -> Request:
 
 def _tell(progress: SweepProgress, file: Path) -> None:
     failed = f", {progress.failed} failed (again with --retry)" if progress.failed else ""
-    print(
-        f"cases               {progress.total}: {progress.done} computed{failed}, {progress.known} known before"
-    )
+    done = f"{progress.done} computed{failed}, {progress.known} known before"
+    print(f"cases               {progress.total}: {done}")
     print("".join(f"{line}\n" for line in progress.refined), end="")
     print(f"numbers             {file}; incipient table {file}")
     print(f"pictures            incipient show {file}", flush=True)

@@ -86,9 +86,7 @@ class StoredRun:
         """Forces (3,) by name on a grain that is not judged; the flow's alone without gravity."""
         flow = self.space("force", "flow")
         weight = self.space("force", "weight") + self.space("force", "buoyancy")
-        return (
-            {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
-        )
+        return {"flow": flow} | ({"weight": weight, "resultant": flow + weight} if weight.any() else {})
 
     @property
     def in_space(self) -> bool:

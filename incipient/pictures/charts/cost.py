@@ -84,10 +84,8 @@ def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
 def _mark(axes: Axes, runs: Sequence[dict[str, Any]], key: str, order: int, filled: bool) -> None:
     if not runs:
         return
-    colour, name = (
-        _COLOURS[order],
-        f"P{order}-P{order - 1}" + ("" if filled else ", as good as the reference"),
-    )
+    colour, name = _COLOURS[order], f"P{order}-P{order - 1}"
+    name += "" if filled else ", as good as the reference"
     looks: Looks = {"color": colour, "mfc": colour if filled else "white", "ms": 5.5, "zorder": 3}
     places = [run[key] for run in runs], [run["error"] for run in runs]
     axes.plot(*places, _MARKERS[order], label=name, **looks)

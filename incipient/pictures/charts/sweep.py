@@ -194,10 +194,8 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
         return
-    scaled = [
-        np.log(part[good]) if scale == "log" else part[good]
-        for part, scale in ((x, axes.get_xscale()), (y, axes.get_yscale()))
-    ]
+    scales = (x, axes.get_xscale()), (y, axes.get_yscale())
+    scaled = [np.log(part[good]) if scale == "log" else part[good] for part, scale in scales]
     scaled = [(part - part.min()) / np.ptp(part) for part in scaled]
     triangles = Triangulation(*scaled).triangles
     shape = Triangulation(x[good], y[good], triangles)

@@ -130,9 +130,8 @@ def _lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:
             index[i, j] = len(points)
             points.append((parts - i - j, i, j))
     upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < parts]
-    inverted = [
-        (index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < parts - 1
-    ]
+    inner = [(i, j) for i, j in index if i + j < parts - 1]
+    inverted = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in inner]
     return np.array(points) / parts, np.array(upright + inverted)
 
 

@@ -48,10 +48,8 @@ def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, 
     seen = mesh.within(view)
     triangulation = triangles_of(seen.points, seen.quarters)
     finder = triangulation.get_trifinder()
-    components = [
-        np.ma.filled(LinearTriInterpolator(triangulation, values, finder)(*grids), 0.0)
-        for values in velocity.T
-    ]
+    masked = [LinearTriInterpolator(triangulation, values, finder)(*grids) for values in velocity.T]
+    components = [np.ma.filled(values, 0.0) for values in masked]
     return Sampled(np.array([x[0], y[0]]), spacing, np.stack(components, axis=-1))
 
 

@@ -69,9 +69,8 @@ class History:
         turned = self._turned(placement)
         start = dict(zip(PLACE[self.gdim], (*placement.centre, *turned), strict=True))
         start |= {"time": 0.0, "meshes": 1.0}
-        return History(
-            {k: np.concatenate([[start.get(k, np.nan)], column]) for k, column in self.columns.items()}
-        )
+        first = {name: [start.get(name, np.nan)] for name in self.columns}
+        return History({name: np.concatenate([first[name], self.columns[name]]) for name in first})
 
     def _turned(self, placement: Placement) -> tuple[float, ...]:
         """The angle with as many full turns as the first row has; in space the quaternion with its sign."""

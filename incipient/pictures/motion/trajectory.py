@@ -140,9 +140,8 @@ def _laid_out(views: Sequence[View]) -> tuple[Figure, list[Axes], Axes, list[Axe
     """The sheet, axes for each view, for the colour bar, and for x, y, angle and their rates, in this order."""
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
     beside = len(views) == 1 and aspects[0] > 0.55
-    widths = np.minimum(
-        _ACROSS if beside else _UP if len(views) > 1 else _WIDEST, _UP * np.maximum(aspects / 2, 1) / aspects
-    )
+    most = _ACROSS if beside else _UP if len(views) > 1 else _WIDEST
+    widths = np.minimum(most, _UP * np.maximum(aspects / 2, 1) / aspects)
     heights = widths * aspects
     lefts = _LEFT + np.concatenate([[0.0], np.cumsum(widths + _AXIS + 0.1)[:-1]])
     end, up = float(lefts[-1] + widths[-1]), float(heights.max())

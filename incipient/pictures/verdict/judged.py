@@ -90,10 +90,9 @@ class Judged:
     @property
     def acting(self) -> dict[str, np.ndarray]:
         """Forces on the grain other than the bed's (3,); without weight the flow's alone."""
-        flow, weight = self.load.flow_force, self.load.weight
-        if not weight.any():
-            return {"flow": flow}
-        return {"flow": flow, "weight": weight, "resultant": self.load.force}
+        load = self.load
+        more = {"weight": load.weight, "resultant": load.force} if load.weight.any() else {}
+        return {"flow": load.flow_force} | more
 
     @property
     def largest(self) -> float:
@@ -107,9 +106,8 @@ class Judged:
             return "no contact forces balance the load"
         if self.share != 1.0:
             return f"contact force that balances {self.share:.4g} times the flow's load"
-        return "contact force on the grain" + (
-            " as it begins to move" if self.motion else ", the smallest that balance the load"
-        )
+        when = " as it begins to move" if self.motion else ", the smallest that balance the load"
+        return f"contact force on the grain{when}"
 
 
 def judged(verdict: dict[str, Any], where: Path) -> Judged:
@@ -134,6 +132,8 @@ def _judged(verdict: dict[str, Any]) -> Judged:
     forces, states, share = _forces(exact, load, contacts, friction)
     first, _, second = verdict["sentence"].partition(_PAPER)
     stored = verdict["safety_factor"]
+    at_rest = motion is None or motion["mode"] == "REST"
+    accelerations = () if at_rest else (motion["acceleration"], motion["angular_acceleration"])
     return Judged(
         load=load,
         contacts=contacts,
@@ -141,7 +141,7 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         forces=forces,
         states=states,
         share=share,
-        motion=None if motion is None or motion["mode"] == "REST" else _motion(motion),
+        motion=None if at_rest else DrawnMotion(*map(np.array, accelerations)),
         mode=verdict["mode"] if "rocking" in verdict else exact["mode"],
         safety_factor=math.inf if stored is None else float(stored),
         outcome=f"{paper['row']}: {quoted(paper['wording'])}",
@@ -149,10 +149,6 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         left=(np.array(paper["force"]), np.array(paper["couple"])),
         sentences=(sentence(first), sentence(_PAPER[2:] + second) if second else ""),
     )
-
-
-def _motion(stored: dict[str, Any]) -> DrawnMotion:
-    return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
 
 
 def _forces(

@@ -157,9 +157,8 @@ class Stage:
         size, scale, numbers = self.frame.size, STRONGEST * self.frame.size / case.largest, []
         for group in case.patches if pieces else ():
             self._plate(case.contacts.points[group], case.contacts.normals[group[0]])
-        for index, (point, normal) in enumerate(
-            zip(case.contacts.points, case.contacts.normals, strict=True)
-        ):
+        places = zip(case.contacts.points, case.contacts.normals, strict=True)
+        for index, (point, normal) in enumerate(places):
             colour, force = STATES[case.states[index]][0], scale * case.forces[index]
             if pieces and not any(index in group for group in case.patches):
                 self._piece(point, normal)
@@ -202,9 +201,8 @@ class Stage:
         camera.parallel_projection = True
         camera.focal_point, camera.up = focus, upward
         camera.position = focus + 10.0 * frame.size * toward
-        camera.parallel_scale = (
-            0.54 * max(np.ptp(above), np.ptp(across) * PIXELS[1] / PIXELS[0]) + 0.06 * frame.size
-        )
+        half = 0.54 * max(np.ptp(above), np.ptp(across) * PIXELS[1] / PIXELS[0])
+        camera.parallel_scale = half + 0.06 * frame.size
         self.plotter.reset_camera_clipping_range()
 
     def pixel(self, place: np.ndarray) -> np.ndarray:
@@ -238,12 +236,6 @@ class Stage:
         )  # fmt: skip
         self._show(drawn, colour)
 
-    def _head(self, tip: np.ndarray, along: np.ndarray, length: float, radius: float, colour: str) -> None:
-        cone = self.pyvista.Cone(
-            center=tip - 0.5 * length * along, direction=along, height=length, radius=radius, resolution=48
-        )
-        self._show(cone, colour)
-
     def _arc(self, axis: np.ndarray, radius: float, colour: str, thickness: float) -> None:
         """An arc about an axis through the centre with a head; at the top, or where it is best seen."""
         frame, axis = self.frame, unit(axis)
@@ -256,7 +248,9 @@ class Stage:
         tube = self.pyvista.Spline(points, 120).tube(radius=thickness * frame.size, n_sides=24)
         self._show(tube, colour)
         along, head = unit(points[-1] - points[-2]), 7.0 * thickness * frame.size
-        self._head(points[-1] + 0.6 * head * along, along, head, 0.37 * head, colour)
+        sizes = {"height": head, "radius": 0.37 * head, "resolution": 48}
+        tip = points[-1] + 0.6 * head * along
+        self._show(self.pyvista.Cone(center=tip - 0.5 * head * along, direction=along, **sizes), colour)
 
     def _plate(self, corners: np.ndarray, normal: np.ndarray) -> None:
         """A piece of bed under a patch, reaching beyond its corners (n, 3)."""

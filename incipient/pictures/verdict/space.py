@@ -21,7 +21,7 @@ from ..flow.fields import Limits, from_zero, without_extremes
 from ..flow.section import BESIDE, TETRAHEDRON, draw_outlines, level_of, section_of, tetrahedra, views_of
 from ..flow.streamlines import streamlines
 from ..record import StoredRun
-from ..style import FLOW, FORCES, INK, PAPER, panels
+from ..style import FLOW, FORCES, INK, PAPER, Looks, panels
 from .grain import judged_numbers, sheet_of
 from .judged import Judged
 from .outlines import Solid
@@ -54,9 +54,8 @@ def _sections(run: StoredRun, name: str, colours: str, limits: Limits, lines: bo
         fields = section.fields
         values = np.linalg.norm(fields["velocity"], axis=-1) if name == "speed" else fields[name]
         norm = limits(values[section.inside])
-        image = axes.imshow(
-            values, cmap=colours, norm=norm, origin="lower", extent=view, interpolation="bilinear", zorder=1
-        )
+        looks: Looks = {"cmap": colours, "norm": norm, "interpolation": "bilinear", "zorder": 1}
+        image = axes.imshow(values, origin="lower", extent=view, **looks)
         draw_outlines(axes, section, image)
         if lines:
             separation = 0.03 * np.sqrt((view[1] - view[0]) * (view[3] - view[2]))
