@@ -47,9 +47,7 @@ UNSETTLED = (
     "upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
     "use a smaller numerics.mesh_size"
 )
-NOT_COARSER = (
-    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
-)
+NOT_COARSER = "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 
 
@@ -115,14 +113,14 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     most = Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.numerics.mesh_size > most:
-        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most) / 100.0))
+        raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
     return _by_two_meshes(scene, computed, solve, OF_DRIVEN_BOXES, OF_DRIVEN_BOXES)
 
 
 def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
     if scene.has_wall_layer and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
-        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most / COARSER_MESH) / 100.0))
+        raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most / COARSER_MESH) / 100.0))
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:

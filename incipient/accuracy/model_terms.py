@@ -22,9 +22,7 @@ from .kept_runs import Solve
 
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 DECAY_OVER_FORMS = 1.5  # there, with a base flow that suits them: 1.6 to 1.8 were measured (docs/accuracy.md)
-SLOWEST_DECAY = (
-    0.75  # part of that power that is believed where loads fall off more slowly (make calibration)
-)
+SLOWEST_DECAY = 0.75  # part of it that is believed where loads fall off more slowly (make calibration)
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's

@@ -237,10 +237,8 @@ class AccuracySearch(ABC):
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
         parts = f" ({trial.parts})" if trial.parts else ""
-        self.voice.say(
-            f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns, {step}{trial.seconds:.1f} s: "
-            f"{error}{parts}"
-        )
+        mesh = f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns"
+        self.voice.say(f"{mesh}, {step}{trial.seconds:.1f} s: {error}{parts}")
 
 
 def _lu_mib(unknowns: float) -> float:

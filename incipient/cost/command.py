@@ -28,10 +28,8 @@ from .study import Say, Study, findings, run_ladder
 # Built-in scenes besides that of the example, in files.
 BUILTIN = Path(__file__).with_name("builtin")
 OF_EACH_KIND = (
-    "driven cavity",
-    "turbulent channel",
-    "grain held in a started stream",
-    "grain carried by shear",
+    *("driven cavity", "turbulent channel"),
+    *("grain held in a started stream", "grain carried by shear"),
 )
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
 WITH_BARS = 1.3, 5.3

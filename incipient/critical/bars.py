@@ -52,10 +52,8 @@ class CriticalBars:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for threshold.json; an error without bound is None there."""
-        return {
-            "factor": {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms},
-            "load": self.loads.to_dict(),
-        }
+        factor = {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms}
+        return {"factor": factor, "load": self.loads.to_dict()}
 
     def lines(self) -> list[str]:
         """Where the error of the factor comes from, for a reader."""
@@ -143,9 +141,8 @@ class CriticalGoal:
         found, load = self.found, self.found.load
         path, size = found.path, float(np.linalg.norm(load.flow_force))
         places, steps = components(self.gdim, self.halved), np.full(3 * self.gdim - 3, DIFFERENCE * size)
-        by_load = slopes(
-            load, steps, places, lambda one: safety_factor(one, path.contacts, path.friction).value
-        )
+        holds = (path.contacts, path.friction)
+        by_load = slopes(load, steps, places, lambda one: safety_factor(one, *holds).value)
         by_load /= path.steepness(found.factor)
         if np.all(np.isfinite(by_load)) and np.any(by_load):
             return [by_load]

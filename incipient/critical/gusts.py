@@ -136,9 +136,8 @@ class GustSearch:
             held, leaves = leaves, STRONGER * leaves
             if leaves > STRONGEST:
                 why = f"up to {STRONGEST:g} times the flow moves the grain out of its pocket"
-                raise SceneError(
-                    f"no gust of duration {duration:g} {why}; use longer ones or a lighter grain"
-                )
+                remedy = "use longer ones or a lighter grain"
+                raise SceneError(f"no gust of duration {duration:g} {why}; {remedy}")
         while leaves > (1.0 + WITHIN) * held:
             middle = math.sqrt(held * leaves)
             held, leaves = (held, middle) if self.leaves(middle, duration) else (middle, leaves)

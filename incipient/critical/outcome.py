@@ -125,9 +125,8 @@ class Threshold:
             remedy = "with body.settle = true it first rolls and tips to a place where it rests"
             return f"none: the grain moves without any flow; {remedy}"
         if not np.isfinite(self.held_to):
-            return (
-                "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"
-            )
+            why = "whose load grows in proportion (no inertia)"
+            return f"none: no strength of this flow moves the grain, {why}"
         tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
         return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
 

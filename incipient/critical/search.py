@@ -178,10 +178,8 @@ class CriticalSearch:
         """Search from the slowest flow upwards that can be simulated: none below is known."""
         self._solve(bound.factor)
         if self.trials[0].safety_factor < 1.0:
-            raise ConvergenceError(
-                f"the grain moves in the slowest flow {bound.why}, {bound.factor:.3g} times the scene's: use a heavier "
-                f"grain, or {bound.remedy}"
-            )
+            slowest = f"the slowest flow {bound.why}, {bound.factor:.3g} times the scene's"
+            raise ConvergenceError(f"the grain moves in {slowest}: use a heavier grain, or {bound.remedy}")
         return self._upwards(bound.factor)
 
     def near(self, before: Found) -> Found:

@@ -106,20 +106,16 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     """Refuses a run that has ended; `passes`: whether its grain may move on from what it met."""
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
-        raise SceneError(
-            "the run has ended: its grain met something; "
-            'to resume it set body.on_contact = "repel", or a smaller contact.gap'
-        )
+        remedy = 'set body.on_contact = "repel", or a smaller contact.gap'
+        raise SceneError(f"the run has ended: its grain met something; to resume it {remedy}")
     if kept.body is not None and kept.body.on_bed is not None and time.until in kept.body.on_bed["done"]:
-        raise SceneError(
-            f'the run has ended: its grain has come as far as time.until = "{time.until}"; '
-            "to resume it give another, such as --set time.until=end"
-        )
+        why = f'its grain has come as far as time.until = "{time.until}"'
+        remedy = "give another, such as --set time.until=end"
+        raise SceneError(f"the run has ended: {why}; to resume it {remedy}")
     if time.end - kept.time <= 1e-9 * time.end:
-        raise SceneError(
-            f"the run has come to t = {kept.time:g} already and time.end is {time.end:g}; "
-            "to resume it give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
-        )
+        why = f"the run has come to t = {kept.time:g} already and time.end is {time.end:g}"
+        remedy = f"give a later one, such as --set time.end={2 * kept.time:g}"
+        raise SceneError(f"{why}; to resume it {remedy}")
 
 
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:

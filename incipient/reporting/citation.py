@@ -24,12 +24,9 @@ def closing(directory: Path | None, parts: Sequence[PagePart]) -> tuple[PageSect
     if scene is not None and scene.is_file():
         texts.insert(0, scene.read_text(encoding="utf-8"))
     version = metadata.version("incipient")
-    computed = dict.fromkeys(part.versions for part in parts if part.versions)
+    computed = dict.fromkeys(f"Computed by {part.versions}." for part in parts if part.versions)
     return (
         *section("The scene", *(Settings(text) for text in texts)),
-        *section(
-            "Versions",
-            words(*(f"Computed by {one}." for one in computed), f"This page: incipient {version}."),
-        ),
+        *section("Versions", words(*computed, f"This page: incipient {version}.")),
         *section("How to cite", words(*(line.format(version=version) for line in CITED))),
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..pictures.verdict.judged import sentence
 from ..results.safetybar import SafetyBar
-from .page import Cell, PageSection, section, table, words
+from .page import Cell, PageSection, Rows, section, table, words
 from .verdict import components, turning
 
 # What makes an error smaller, by the name of its term.
@@ -59,7 +59,7 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
         return ()
     told = [column for column in _columns(planar) if stored.get(column.key) is not None]
     whole = (told[0].size(stored[told[0].key]) if told else 0.0) or math.nan
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     for term in stored["terms"]:
         rows.append(_row(term, term["name"], whole, told))
         rows += [_row(part, f"· {part['name']}", whole, told) for part in term.get("parts", ())]

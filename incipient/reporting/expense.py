@@ -6,7 +6,7 @@ from typing import Any
 
 from ..planning.effects import percent
 from ..results.left_out import Omission
-from .page import Cell, PageSection, section, table, words
+from .page import PageSection, Rows, section, table, words
 
 TRIED = ("cells", "unknowns", "estimate", "step", "seconds", "note")  # of each mesh, after its order
 
@@ -16,7 +16,7 @@ def of_plan(plan: dict[str, Any]) -> tuple[PageSection, ...]:
     effects = [(one["name"], bool(one["present"]), one["reason"]) for one in plan["effects"]]
     order, cells, why = plan["order"], plan["geometry_order"], plan.get("why_order")
     elements = f"Taylor-Hood elements P{order}-P{order - 1} on cells of order {cells}"
-    rows: list[tuple[Cell, ...]] = [
+    rows: Rows = [
         ("elements", f"{elements}{f': {why}' if why else ''}"),
         ("cell sizes", f"{plan['mesh_size']:g} times the usual"),
         ("steps and convection", f"{plan['scheme']}, {plan['convection']}"),
@@ -35,7 +35,7 @@ def of_plan(plan: dict[str, Any]) -> tuple[PageSection, ...]:
 
 def of_omissions(stored: list[dict[str, Any]]) -> tuple[PageSection, ...]:
     """What effects that were left out would have changed."""
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     warnings = []
     for one in stored:
         omission = Omission(**one)
@@ -54,9 +54,7 @@ def of_adaptation(stored: dict[str, Any] | None) -> tuple[PageSection, ...]:
         return ()
     reached = "unknown" if stored["reached"] is None else f"{stored['reached']:.1e}"
     said = f"Error of the {stored['of']}: {reached}; asked for {stored['asked']}: {stored['reason']}."
-    rows: list[tuple[Cell, ...]] = [
-        (f"P{one['order']}", *(one[key] for key in TRIED)) for one in stored["trials"]
-    ]
+    rows: Rows = [(f"P{one['order']}", *(one[key] for key in TRIED)) for one in stored["trials"]]
     head = ("order", "cells", "unknowns", "error", "step", "seconds", "")
     more = (*stored.get("changes", ()), *stored.get("beside", ()))
     return section("Meshes tried for the accuracy", words(said, *more), table(head, rows))
@@ -66,11 +64,11 @@ def of_cost(cost: dict[str, Any]) -> tuple[PageSection, ...]:
     """Time and memory by effect, the dearest first."""
     effects = cost.get("effects", {})
     total = sum(share["wall_time"] for share in effects.values()) or 1.0
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     for name, share in sorted(effects.items(), key=lambda item: -item[1]["wall_time"]):
         part = f"{100 * share['wall_time'] / total:.1f} %"
         rows.append((name, share["wall_time"], part, share["memory_mib"], share["unknowns"]))
-    whole: list[tuple[Cell, ...]] = [
+    whole: Rows = [
         ("wall time [s]", cost["wall_time"]["total"]),
         ("largest memory [MiB]", cost.get("peak_memory_mib")),
         ("unknowns", cost.get("unknowns")),

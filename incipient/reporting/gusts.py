@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..pictures.record import parsed_json
-from .page import Cell, Erring, PagePart, picture_beside, section, table
+from .page import Cell, Erring, PagePart, Rows, picture_beside, section, table
 
 
 def part(record: Path) -> PagePart:
     """What a page says of a gusts.json."""
     stored = parsed_json(record)
-    rows: list[tuple[Cell, ...]] = [
+    rows: Rows = [
         (one["duration"], _strength(one), one["held"], one["leaves"], one["impulse"], one["runs"])
         for one in stored["points"]
     ]

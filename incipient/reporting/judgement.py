@@ -10,7 +10,7 @@ import tomli_w
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import judged, sentence
 from ..pictures.verdict.judgement import shaped_case, surface_of_case
-from .page import Cell, PagePart, PageSection, picture_beside, section, table
+from .page import PagePart, PageSection, Rows, picture_beside, section, table
 from .verdict import of_contacts, of_judges, of_load, statements
 from .view import COARSER, of_case
 
@@ -53,10 +53,8 @@ def part_of_series(record: Path) -> PagePart:
     stored = parsed_json(record)
     shares, events = stored["shares"], stored["events"]
     longest = sorted(events, key=lambda event: -event["length"])[:MOST_EVENTS]
-    rows: list[tuple[Cell, ...]] = [
-        (one["start"], one["length"], one["mode"], one["impulse"], one["least"]) for one in longest
-    ]
-    numbers: list[tuple[Cell, ...]] = [
+    rows: Rows = [(one["start"], one["length"], one["mode"], one["impulse"], one["least"]) for one in longest]
+    numbers: Rows = [
         ("samples", stored["samples"]),
         ("from", stored["start"]),
         ("to", stored["end"]),

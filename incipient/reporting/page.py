@@ -43,6 +43,7 @@ class Erring:
 
 # A vector is a tuple of numbers; None is a number that a file could not hold, or that is not there.
 Cell = str | bool | int | float | Bounded | Erring | Sequence[float | None] | None
+Rows = list[tuple[Cell, ...]]
 
 
 @dataclass(frozen=True)

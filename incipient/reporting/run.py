@@ -13,7 +13,7 @@ from ..pictures.verdict.judged import Judged, judged, sentence
 from ..results.trajectory import trajectory_sentence
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
-from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, section, table, words
+from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, Rows, section, table, words
 from .units import of_si
 from .verdict import components, of_contacts, of_judges, statements, turning
 from .view import of_run as turned_of_run
@@ -113,7 +113,7 @@ def _acting(kind: str, stored: dict[str, Any], axes: Sequence[int], head: str) -
     found, bars = stored[kind], stored["error_bars"]
     if found is None:
         return None
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     for key, name in FORCES:
         if not _left_out(key, found):
             errors = bars[kind] if key == "flow" and bars is not None else None
@@ -129,8 +129,8 @@ def _left_out(key: str, loads: dict[str, Any]) -> bool:
     return key not in loads or (key == "repulsion" and not any(loads[key]))
 
 
-def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
-    rows: list[tuple[Cell, ...]] = []
+def _others(stored: dict[str, Any], planar: bool) -> Rows:
+    rows: Rows = []
     gap, grain = stored["gap"], stored["grain"]
     if gap is not None:
         name = "closed where narrower than" if gap.get("closed") else "gap between grain and bed"
@@ -140,9 +140,9 @@ def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
     return [*_quantities("other numbers", stored), *rows]
 
 
-def _quantities(heading: str, stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
+def _quantities(heading: str, stored: dict[str, Any]) -> Rows:
     """Rows of the quantities under a heading that the run has, with their error bars."""
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     for one in known.quantities():
         if one.heading == heading and (value := one.value(stored)) is not None:
             bar = one.bar(stored)
@@ -157,7 +157,7 @@ def _surface(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         return ()
     unknown = [None] * len(found["stations"])
     errors = [(bars or {}).get(key) or unknown for key in ("level", "elevation")]
-    rows: list[tuple[Cell, ...]] = [
+    rows: Rows = [
         (f"({', '.join(f'{x:g}' for x in place)})" if isinstance(place, list) else place, *numbers)
         for place, *numbers in zip(found["stations"], found["elevations"], *errors, strict=True)
     ]
@@ -195,7 +195,7 @@ def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         return ()
     planar = "angle" in path
     ended = path["ended"]
-    rows: list[tuple[Cell, ...]] = [
+    rows: Rows = [
         ("time", ended["time"]),
         ("ended by", ended["by"]),
         ("place", components(path["place"], planar)),

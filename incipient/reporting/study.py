@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..pictures.record import parsed_json
-from .page import Cell, PagePart, picture_beside, section, table
+from .page import PagePart, Rows, picture_beside, section, table
 
 COLUMNS = {
     "name": "run",
@@ -21,13 +21,11 @@ def part(record: Path) -> PagePart:
     """What a page says of a cost.json."""
     stored = parsed_json(record)
     reference = stored["reference"]
-    values: list[tuple[Cell, ...]] = [
+    values: Rows = [
         (name.replace("_", " "), value, reference["uncertainty"].get(name))
         for name, value in reference["values"].items()
     ]
-    runs: list[tuple[Cell, ...]] = [
-        (*(one[key] for key in COLUMNS), bool(one["on_front"])) for one in stored["runs"]
-    ]
+    runs: Rows = [(*(one[key] for key in COLUMNS), bool(one["on_front"])) for one in stored["runs"]]
     return PagePart(
         kind="What accuracy costs",
         title=stored["title"] or "What accuracy costs",

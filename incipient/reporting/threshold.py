@@ -11,7 +11,7 @@ from ..pictures.verdict.threshold import critical_sentence, with_motion
 from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions
-from .page import Cell, Erring, PagePart, PageSection, picture_beside, section, table, words
+from .page import Erring, PagePart, PageSection, Rows, picture_beside, section, table, words
 from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
 from .view import of_grain
@@ -56,7 +56,7 @@ def part(record: Path) -> PagePart:
     )
 
 
-def _numbers(stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
+def _numbers(stored: dict[str, Any]) -> Rows:
     errors = stored["errors"]
     return [
         (name, stored[key] if errors.get(key) is None else Erring(stored[key], errors[key]))

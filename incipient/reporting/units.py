@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..results.si import FLOW
-from .page import Cell, PageSection, section, table
+from .page import PageSection, Rows, section, table
 from .verdict import components, turning
 
 OF_SCENE = {"length": "m", "time": "s", "velocity": "m/s", "stress": "Pa"}
@@ -16,7 +16,7 @@ def of_si(found: dict[str, Any] | None) -> tuple[PageSection, ...]:
     if found is None:
         return ()
     planar = found["dimension"] == 2
-    rows: list[tuple[Cell, ...]] = [("nominal diameter", found["nominal_diameter"], "m")]
+    rows: Rows = [("nominal diameter", found["nominal_diameter"], "m")]
     rows += [(name, found[key], unit) for key, (unit, name) in FLOW.items() if key in found]
     if "force" in found:
         rows.append(("force of the flow", components(found["force"], planar), "N/m" if planar else "N"))

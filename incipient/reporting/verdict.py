@@ -9,7 +9,7 @@ import numpy as np
 
 from ..pictures.style import STATES
 from ..pictures.verdict.judged import Judged, pressed, sentence
-from .page import Cell, PageSection, section, table, words
+from .page import Cell, PageSection, Rows, section, table, words
 
 AXES = ("x", "y", "z")
 
@@ -28,7 +28,7 @@ def of_contacts(case: Judged) -> tuple[PageSection, ...]:
     """Where the grain touches, and with what force."""
     contacts, planar = case.contacts, case.planar
     normal, along = pressed(case.forces, contacts.normals)
-    rows: list[tuple[Cell, ...]] = []
+    rows: Rows = []
     for index, state in enumerate(case.states):
         place, outwards = (components(one[index], planar) for one in (contacts.points, contacts.normals))
         by = float(normal[index]), float(along[index])
@@ -41,7 +41,7 @@ def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[PageSection, ...]:
     """What exact mechanics and the paper's criteria say, and whether they agree."""
     paper = verdict["judges"]["criteria"]
     planar = case.planar
-    exact: list[tuple[Cell, ...]] = [
+    exact: Rows = [
         ("mode", case.mode),
         ("safety factor on the flow's load", case.safety_factor),
         ("coefficient of static friction", case.friction),
@@ -50,7 +50,7 @@ def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[PageSection, ...]:
         exact.append(("acceleration of the centre", components(case.motion.acceleration, planar)))
         exact.append(("angular acceleration", turning(case.motion.angular, planar)))
     force, couple = case.left
-    printed: list[tuple[Cell, ...]] = [
+    printed: Rows = [
         ("row of its table", case.outcome),
         ("moves", bool(paper["moves"])),
         ("force left over", components(force, planar)),
@@ -69,7 +69,7 @@ def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[PageSection, ...]:
 def of_load(case: Judged) -> tuple[PageSection, ...]:
     """The load that is judged."""
     planar = case.planar
-    rows: list[tuple[Cell, ...]] = [(name, components(force, planar)) for name, force in case.acting.items()]
+    rows: Rows = [(name, components(force, planar)) for name, force in case.acting.items()]
     rows.append(("couple about the centre of mass", turning(case.load.flow_couple, planar)))
     rows.append(("centre of mass", components(case.load.centre, planar)))
     return section("Load on the grain", table(("", "components"), rows))

@@ -99,10 +99,8 @@ def with_rests(run: Run, result: Result) -> Result:
     assert result.force is not None and result.couple is not None
     run.voice.begin("rests")
     with run.stage("contact"):
-        first, load = (
-            result.verdict["safety_factor"],
-            load_of(run.scene.placement, result.force, result.couple),
-        )
+        first = result.verdict["safety_factor"]
+        load = load_of(run.scene.placement, result.force, result.couple)
         # The last digits of loads, and so the steps taken, may differ from rank to rank.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):

@@ -165,10 +165,10 @@ class March:
             transient.continue_on(fluid, interface, past)
             grain.remeshings.append(done)
             run.take_mesh(fluid, parts)
-        run.voice.say(
-            f"t = {done.time:.6g}: remeshed with {done.cells} cells; the projection onto divergence-free velocities "
-            f"changed the velocity by {done.change:.1e}"
+        projected = (
+            f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
         )
+        run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
 
 
 def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:

@@ -304,10 +304,12 @@ class SweepRefinement:
 
     def lines(self) -> list[str]:
         """Lines for a reader on how well the changes of mode are known."""
-        cells = (
-            (family, sorted(family.cells.items(), key=lambda one: one[0].low)) for family in self._families
-        )
-        mixed = [(family, cell) for family, found in cells for cell, modes in found if len(modes) > 1]
+        mixed = [
+            (family, cell)
+            for family in self._families
+            for cell in sorted(family.cells, key=lambda one: one.low)
+            if len(family.cells[cell]) > 1
+        ]
         worst = max((max(family.lengths(cell)) for family, cell in mixed), default=0.0)
         within = f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
         lines = [f"{'changes of mode':<20}{within}"]

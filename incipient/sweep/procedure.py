@@ -241,8 +241,5 @@ class Sweep:
         self._watcher.finished(case, outcome, self._progress)
 
     def _left(self, why: str) -> str:
-        progress = self._progress
-        return (
-            f"{why}: {progress.finished} of {progress.total} cases are finished and kept in {self._store.path}; "
-            "repeat the command to resume"
-        )
+        finished = f"{self._progress.finished} of {self._progress.total} cases are finished"
+        return f"{why}: {finished} and kept in {self._store.path}; repeat the command to resume"

@@ -150,9 +150,8 @@ def requested(
     if task not in TASKS:
         raise SceneError(f'{sources[0].name}: sweep.do: "{task}" is not known; use {", ".join(TASKS)}')
     if not over and table is None and len(sources) == 1:
-        raise SceneError(
-            "nothing is varied; give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
-        )
+        remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
+        raise SceneError(f"nothing is varied; {remedy}")
     aim = refined.aim(section, sources[0].name)
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 

@@ -85,9 +85,8 @@ def computed_by_group(task: str, text: str) -> CaseOutcome:
 def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
     began, processor = time.perf_counter(), _processor_time()
-    with suppress(
-        OSError
-    ):  # the kernel counts the largest memory from here, or it is that of all cases so far
+    # The kernel counts the largest memory from here, or it is that of all cases so far.
+    with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
     result, reason, versions = None, "", {name: version(name) for name in names}
