@@ -21,7 +21,7 @@ from ..results.errorbars import Term
 from ..results.result import Result
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
-from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from ..simulation.state import Accounts
 from .balance import AIM, MOST_RUNS, WORK_POWER, Powers, Refined, finer, first, halved, milder, refined
@@ -78,7 +78,7 @@ class Balancing(AccuracySearch):
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
-        keeping = self.recorder if recorded else Unrecorded()
+        keeping = self.recorder if recorded else Recorder()
         recorder = SearchRecorder(keeping, scene, self.adaptation_beside, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         accounts = Accounts(known=self.known, spent=self.spent)  # times of each run are its own

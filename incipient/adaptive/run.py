@@ -9,7 +9,7 @@ from ..parallel import Comm
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
-from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.recorder import Recorder
 from .balancing import Balancing
 from .refinement import Refinement
 from .uniform import UniformRefinement
@@ -28,7 +28,7 @@ def run_to_accuracy(
     """
     steady = UniformRefinement if scene.has_wall_layer else Refinement
     search = steady if scene.time is None else Balancing
-    recorder = recorder or Unrecorded()
+    recorder = recorder or Recorder()
     with Interruption(comm) if recorder.keeps else nullcontext():
         seeking = search(scene, comm, recorder, voice or Silent())
         seeking.choose_gap_and_domain()

@@ -86,11 +86,7 @@ def shipped() -> Calibration:
 
 
 def of_study(directory: Path) -> Calibration:
-    """Findings of the study in a directory.
-
-    Raises:
-        OutputError: there is none, or it is of another version.
-    """
+    """Findings of the study in a directory. Raises OutputError: there is none, or it is of another version."""
     path = directory / STUDY
     try:
         return _parsed(json.loads(path.read_text(encoding="utf-8"))["findings"])

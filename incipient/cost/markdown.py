@@ -15,11 +15,7 @@ from .study import Study, findings, to_dict
 
 
 def write(study: Study, directory: Path) -> None:
-    """Write cost.json and cost.md. Not collective.
-
-    Raises:
-        OutputError: they cannot be written.
-    """
+    """Write cost.json and cost.md. Not collective. Raises OutputError: they cannot be written."""
     stored = {**to_dict(study), "findings": calibration.plain(findings(study))}
     write_json(directory / calibration.STUDY, stored)
     write_text_atomically(directory / "cost.md", page(study))

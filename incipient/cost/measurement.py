@@ -20,7 +20,7 @@ from ..parallel import start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
-from ..simulation.recorder import Unrecorded
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from . import process
 from .quantities import ComparedNumbers
@@ -175,7 +175,7 @@ def _complaint(code: int, errors: str) -> str:
     return lines[-1].removeprefix("incipient: ")
 
 
-class _History(Unrecorded):
+class _History(Recorder):
     """Keeps the history of a run."""
 
     def __init__(self) -> None:

@@ -18,11 +18,7 @@ SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack
 
 
 def append(columns: Sequence[str], run: MeasuredRun, directory: Path) -> None:
-    """Add a run to the file in a directory. Not collective.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Add a run to the file in a directory. Not collective. Raises OutputError: it cannot be written."""
     append_row(directory / TABLE, row_of(columns, run))
 
 

@@ -19,7 +19,7 @@ from ..scene import Scene
 from ..scene.flows import Flow
 from ..scene.gust import Gust
 from ..scene.kinds import Bed, Body
-from ..simulation.recorder import Unrecorded
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from .gust_bracket import STRONGER, WITHIN
 from .threshold import find_threshold
@@ -146,7 +146,7 @@ class GustSearch:
     def leaves(self, strength: float, duration: float) -> bool:
         """Whether the grain leaves its pocket in a gust. Collective."""
         self.runs += 1
-        result = simulate(self._in_gust(strength, duration), self.comm, Unrecorded())
+        result = simulate(self._in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
         left = result.trajectory["on_bed"]["left_pocket"] is not None
         self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {'leaves' if left else 'stays'}")

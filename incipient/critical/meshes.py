@@ -27,7 +27,7 @@ from ..results.adaptation import Adaptation
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..simulation.build import prepared
-from ..simulation.recorder import Unrecorded
+from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
 from .bars import CriticalGoal
 from .loadpath import flow_of
@@ -66,7 +66,7 @@ class CriticalRefinement(Refinement):
         if scene.numerics.accuracy_includes == "all":
             remedy = "leave it out, and see the error bars of the threshold"
             raise SceneError(f'numerics.accuracy_includes: "all" is for runs; {remedy}')
-        super().__init__(scene, comm, Unrecorded(), voice)
+        super().__init__(scene, comm, Recorder(), voice)
         self._conclude, self._found = conclude, list[Found]()
 
     def _solved(self, run: Run) -> tuple[Forces, Couples]:

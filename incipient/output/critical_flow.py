@@ -10,8 +10,8 @@ from ..files import make_directory, write_json
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene, save
-from .earlier import CHECKPOINT, SCENE, make_room
 from .lock import locked
+from .ownership import CHECKPOINT, SCENE, make_room
 
 
 def threshold(

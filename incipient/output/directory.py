@@ -12,7 +12,8 @@ from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
 from ..scene import Scene, save
-from .earlier import CHECKPOINT, CONTACTS, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
+from ..simulation.recorder import Recorder
+from .ownership import CHECKPOINT, CONTACTS, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
     from .xdmf import FieldSeries
 
 
-class ResultDirectory:
+class ResultDirectory(Recorder):
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
-    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room, as `earlier` says.
+    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room (`ownership`).
     Given the checkpoint that a run resumes from, what the directory holds of later steps is dropped, and the rest
     continues; the result is the earlier one's until there is a new one.
 

@@ -12,8 +12,8 @@ from ..files import csv_text, write_json, write_text_atomically
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene, save
-from .earlier import SCENE
 from .lock import locked
+from .ownership import SCENE
 
 COLUMNS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
 

@@ -9,7 +9,7 @@ from ..parallel import Comm, world
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
-from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from .directory import ResultDirectory
 from .lock import locked
@@ -38,7 +38,7 @@ def run(
     """
     comm, simulated = comm or world(), _procedure(scene.numerics.accuracy)
     if directory is None:
-        return simulated(scene, comm, Unrecorded(), voice)
+        return simulated(scene, comm, Recorder(), voice)
     directory = Path(directory)
     with locked(directory, comm, make=True):
         return simulated(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)

@@ -1,12 +1,14 @@
-"""Which files of a directory are those of runs, by their contents: no other file is replaced or removed.
+"""Which files of a directory runs have written, as far as their contents tell, and how they make room for others.
 
-Nothing here is collective.
+No other file is replaced or removed. Nothing here is collective.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import re
+import shutil
 import tomllib
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -14,8 +16,25 @@ from pathlib import Path
 import tomli_w
 
 from ..errors import OutputError
-from .earlier import FILES, SCENE
+from ..files import numbered, reported
 
+log = logging.getLogger("incipient")
+
+SCENE, RESULT, CHECKPOINT, CONTACTS = "scene.toml", "result.json", "checkpoint.h5", "contacts.csv"
+SERIES = tuple(
+    f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
+)
+DATA = (RESULT, "history.csv", CONTACTS, *SERIES, "threshold.json")
+DRAWN = (
+    *("flow", "pressure", "vorticity", "traction", "verdict"),
+    *("profiles", "mesh", "trajectory", "walls", "elevation"),
+)
+PICTURES = (
+    *(f"{name}.png" for name in DRAWN),
+    *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
+    "report.html",
+)
+FILES = {*DATA, *PICTURES, "threshold.png", CHECKPOINT}
 REMEDY = "choose another directory, or move it away"
 # What the first lines, or the first keys, of a file of this name are.
 KEYS: dict[str, Collection[str]] = {
@@ -31,6 +50,81 @@ HEADS = {
     "series.csv": "time,safety_factor,mode",
 }
 SECTIONS = ("domain", "fluid", "flow", "effects", "numerics", "output")  # of a scene that a run has written
+
+
+def make_room(directory: Path, overwrite: bool) -> None:
+    """Remove an earlier run, or move it to a numbered neighbour if it can be resumed and is not to be overwritten.
+
+    Only files that runs write are touched; the scene stays, and a copy of it goes along.
+
+    Raises:
+        OutputError: when they cannot be removed or moved.
+    """
+    found = [path for path in directory.iterdir() if _is_of_a_run(path.name)]
+    if overwrite or not (directory / CHECKPOINT).exists():
+        _remove(found)
+    else:
+        neighbour = _move(found, directory)
+        log.warning("%s: the earlier run there, which can be resumed, is now in %s", directory, neighbour)
+
+
+def remove_pictures(directory: Path) -> None:
+    """Remove the pictures of a run: it has gone on since they were drawn.
+
+    Raises:
+        OutputError: when they cannot be removed.
+    """
+    _remove([directory / name for name in PICTURES])
+
+
+def keep_complete_result(directory: Path) -> None:
+    """Give the result of a run that had come to its end another name, as it is to be replaced by less.
+
+    Raises:
+        OutputError: when it cannot be renamed.
+    """
+    path = directory / RESULT
+    try:
+        complete = json.loads(path.read_text())["status"] == "complete"
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if complete:
+        put_aside(path)
+
+
+def put_aside(path: Path) -> Path:
+    """Rename a file to the next numbered name that is free, which is returned.
+
+    Raises:
+        OutputError: when it cannot be renamed.
+    """
+    aside = numbered(path)
+    with reported(aside):
+        path.rename(aside)
+    return aside
+
+
+def _is_of_a_run(name: str) -> bool:
+    """Whether runs write a file of this name, or put one aside that was called so."""
+    return re.sub(r"\.\d+$", "", name) in FILES
+
+
+def _remove(paths: list[Path]) -> None:
+    for path in paths:
+        with reported(path):
+            path.unlink(missing_ok=True)
+
+
+def _move(paths: list[Path], directory: Path) -> Path:
+    """Move files, the checkpoint last, and a copy of the scene to a new directory beside theirs."""
+    neighbour = numbered(directory.resolve())
+    with reported(neighbour):
+        neighbour.mkdir()
+        if (directory / SCENE).exists():
+            shutil.copy2(directory / SCENE, neighbour)
+        for path in sorted(paths, key=lambda path: path.name == CHECKPOINT):
+            shutil.move(path, neighbour)
+    return neighbour
 
 
 def refuse_foreign(directory: Path, names: Iterable[str] = ()) -> None:

@@ -18,8 +18,8 @@ from ..scene import Scene, Time, load
 from ..scene.file import loads
 from ..simulation.simulate import simulate
 from .directory import ResultDirectory
-from .earlier import CHECKPOINT, SCENE
 from .lock import locked
+from .ownership import CHECKPOINT, SCENE
 
 # What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.

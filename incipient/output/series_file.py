@@ -25,7 +25,7 @@ from ..files import cause_of, ends_with, insert_before_end, reported, write_text
 from ..parallel import Alone, Comm, collectively, from_first
 from ..tables.hdf5 import WriteAhead, complete, journal_of, reserve, write_rows
 from ..tables.rows import Rows
-from .earlier import put_aside
+from .ownership import put_aside
 from .vtkhdf import write_vtkhdf
 
 # The whole of a table, or this rank's rows of it.

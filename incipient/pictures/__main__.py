@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import IncipientError
 from .charts.sweep import draw as draw_sweep
 from .directory_pictures import draw
-from .motion.animation import animate
+from .motion.film import animate
 from .motion.turntable import turn
 
 parser = argparse.ArgumentParser()

@@ -40,7 +40,7 @@ def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """Path of the film of `animation.animate`, made in another process; raises OutputError as it does."""
+    """Path of the film of `film.animate`, made in another process; raises OutputError as it does."""
     return _film_apart(directory, target, "--animate", f"--field={field}")
 
 

@@ -129,11 +129,7 @@ class StoredRun:
 
 
 def read(directory: Path) -> StoredRun:
-    """Read a run's directory.
-
-    Raises:
-        OutputError: naming the file that is missing or damaged.
-    """
+    """Read a run's directory. Raises OutputError: naming the file that is missing or damaged."""
     result = parsed_json(directory / "result.json")
     scene = read_scene(directory)
     surface = read_step(directory / "surface") if scene.get("body") else None
@@ -143,11 +139,7 @@ def read(directory: Path) -> StoredRun:
 
 
 def read_scene(directory: Path) -> dict[str, Any]:
-    """The resolved scene that a run has left, section by section.
-
-    Raises:
-        OutputError: when it is missing or damaged.
-    """
+    """The resolved scene that a run has left, section by section. Raises OutputError: when it is missing or damaged."""
     return _parsed(directory / "scene.toml", tomllib.loads)
 
 

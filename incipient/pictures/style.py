@@ -73,11 +73,7 @@ def applied() -> Iterator[None]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Write a picture. Raises OutputError: it cannot be written."""
     with reported(path):
         figure.savefig(path, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 

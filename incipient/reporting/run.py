@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..effects import known
-from ..output.earlier import DRAWN
+from ..output.ownership import DRAWN
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import Judged, judged, sentence
 from ..results.trajectory import trajectory_sentence

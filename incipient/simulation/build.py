@@ -20,7 +20,7 @@ from ..planning.layout import Layout
 from ..planning.plan import Estimate, Plan
 from ..progress import Silent
 from ..scene import Scene
-from .recorder import Recorder, Unrecorded
+from .recorder import Recorder
 from .state import Accounts, Run
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def prepared(
             from ..restart.resumption import domain_of
 
             made = domain_of(checkpoint, comm)
-    (recorder or Unrecorded()).begin(scene, plan, made)
+    (recorder or Recorder()).begin(scene, plan, made)
     with ExitStack() as stack:
         voice.begin("forms")
         with accounts.ledger.stage("forms"):

@@ -84,11 +84,7 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Refuse to continue from a state from which a part cannot.
-
-        Raises:
-            ConvergenceError: why, and a remedy.
-        """
+        """Refuse to continue from a state from which a part cannot. Raises ConvergenceError: why, and a remedy."""
         grain = self._run.grain
         for part in self._run.parts:
             part.check(step, None if grain is None else grain.state.placement)

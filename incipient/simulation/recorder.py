@@ -1,10 +1,10 @@
-"""Where a run leaves its results: what it hands over, and the recorder that keeps nothing."""
+"""Where a run leaves its results, and what it hands over."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ..planning.plan import Plan
 from ..results.result import Result
@@ -16,24 +16,23 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
 
-class Recorder(Protocol):
-    """Where a run leaves its results on the way. All methods are collective.
+class Recorder:
+    """Where a run leaves its results on the way; this one keeps nothing. All methods are collective.
 
     `keeps` says whether `keep` does anything.
     """
 
-    keeps: bool
+    keeps = False
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """The mesh is there; computation begins."""
-        return
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """Whether the fields of this step shall be handed over."""
+        return False
 
     def step(self, row: dict[str, Any]) -> None:
         """A time step was accepted."""
-        return
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
         """Take note of the contacts of a moving grain at the end of a step."""
@@ -41,37 +40,20 @@ class Recorder(Protocol):
 
     def remeshed(self, domain: Domain) -> None:
         """Take note that fields are on another mesh from now on."""
-        return
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
-        return
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
         """Keep what the run needs to resume; where, None if nowhere."""
+        return None
 
     def provisional(self, result: Result) -> Path | None:
         """The run is over but for its error bars; where this result is kept until `finish`, None if nowhere."""
+        return None
 
     def finish(self, result: Result) -> None:
         """The run is over, whether complete or not."""
-        return
-
-
-class Unrecorded(Recorder):
-    """Keeps nothing; the result object is all there is."""
-
-    keeps = False
-
-    def wants_fields(self, number: int, last: bool) -> bool:
-        """No."""
-        return False
-
-    def keep(self, checkpoint: Checkpoint) -> None:
-        """Nowhere."""
-
-    def provisional(self, result: Result) -> None:
-        """Nowhere."""
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:

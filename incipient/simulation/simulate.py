@@ -23,7 +23,7 @@ from ..scene import Scene
 from .assemble import outcome, with_estimates
 from .beside import Beside
 from .build import prepared
-from .recorder import Recorder, Unrecorded, record_fields
+from .recorder import Recorder, record_fields
 from .state import Accounts, Run
 from .steady import loads_at, solve_with_parts
 
@@ -47,7 +47,7 @@ def simulate(
     Raises:
         IncipientError: on all ranks; what was computed before it has been handed to the recorder.
     """
-    recorder, interruption = recorder or Unrecorded(), Interruption(comm)
+    recorder, interruption = recorder or Recorder(), Interruption(comm)
     with (
         interruption if recorder.keeps else nullcontext(),
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,

@@ -32,11 +32,7 @@ class Source:
 
     @classmethod
     def of(cls, given: Scene | Path | str) -> Source:
-        """A scene of Python, or a file.
-
-        Raises:
-            SceneError: the file cannot be read.
-        """
+        """A scene of Python, or a file. Raises SceneError: the file cannot be read."""
         if isinstance(given, Scene):
             return cls(given.title or "scene", dumps(given))
         path = Path(given)

@@ -133,11 +133,7 @@ class Processes:
         return future
 
     def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
-        """See `Workers`.
-
-        Raises:
-            OutputError: a process has ended by itself before it began.
-        """
+        """See `Workers`. Raises OutputError: a process has ended by itself before it began."""
         process = self._at_work.pop(future)
         if process.has_died() or (case.scene is not None and process.cases >= RENEWED):
             self._processes.remove(process)
@@ -221,11 +217,7 @@ def workers_of(comm: MPI.Comm, places: int, ranks: int) -> Iterator[Workers | No
 
 
 def groups(comm: MPI.Comm, ranks: int) -> int:
-    """Number of groups of so many ranks beside the first rank.
-
-    Raises:
-        SceneError: on all ranks, there is none.
-    """
+    """Number of groups of so many ranks beside the first rank. Raises SceneError: on all ranks, there is none."""
     number = (comm.size - 1) // ranks
     if number < 1:
         why = f"one rank distributes the cases, and {comm.size - 1} are left"

@@ -157,11 +157,7 @@ def requested(
 
 
 def parsed_seconds(text: str) -> float:
-    """A time such as 8h, 1h30m, 90s or 1.5d in seconds.
-
-    Raises:
-        SceneError: it is not one.
-    """
+    """A time such as 8h, 1h30m, 90s or 1.5d in seconds. Raises SceneError: it is not one."""
     found = _TIME.fullmatch(text.strip())
     parts = zip(found.groups() if found else (), _UNITS, strict=False)
     try:

@@ -17,7 +17,7 @@ from incipient.results.errorbars import Loads
 from incipient.scene import Scene
 from incipient.scene.file import loads
 from incipient.simulation.build import prepared
-from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.recorder import Recorder
 from incipient.simulation.time_loop import TimeLoop
 
 AMPLITUDE = 1e-6
@@ -59,7 +59,7 @@ def started(mode: Mode, made: Scene) -> Loads:
         parts = along.real * np.sin(mode.k * x), upwards.real * np.cos(mode.k * x)
         places = space.velocity_map.reshape(-1, 2)
         run.fluid.state.x.array[places] = AMPLITUDE * np.column_stack(parts)
-        TimeLoop(run, Unrecorded(), Interruption(comm), None).to_the_end()
+        TimeLoop(run, Recorder(), Interruption(comm), None).to_the_end()
         return Loads.at_the_end(None, None, None, run.elevations)
 
 

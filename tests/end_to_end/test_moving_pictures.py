@@ -24,7 +24,8 @@ from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile
 from incipient.pictures import style
 from incipient.pictures.apart import animate_apart, draw_apart
-from incipient.pictures.motion import animation, trajectory
+from incipient.pictures.motion import film as films
+from incipient.pictures.motion import trajectory
 from incipient.pictures.motion.history import read_history
 from incipient.scene import loads
 
@@ -225,8 +226,8 @@ def test_a_gif_has_a_frame_for_each_step(run):
 
 
 def test_the_grain_is_where_its_mesh_is(run):
-    indices, moments = animation._frames(run / "fields")
-    film = animation._film(run, animation.FIELDS["velocity"], indices, moments)
+    indices, moments = films._frames(run / "fields")
+    film = films.FilmInPlane(run, films.FIELDS["velocity"], indices, moments)
     for number in (0, STEPS // 2, STEPS - 1):
         film.show(number)
         (axes, *_) = film.figure.axes
@@ -256,10 +257,10 @@ def write_series(directory, times):
 
 
 def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, "_MOST_FRAMES", 20)
+    monkeypatch.setattr(films, "_MOST_FRAMES", 20)
     times = np.concatenate([np.linspace(0, 0.01, 10), np.linspace(0.04, 1.0, 25)])
     write_series(tmp_path, times)
-    indices, moments = animation._frames(tmp_path / "fields")
+    indices, moments = films._frames(tmp_path / "fields")
     assert 15 < len(indices) <= 20
     assert (moments[0], moments[-1]) == (0.0, 1.0)
     assert np.diff(moments).max() < 0.1
@@ -269,8 +270,8 @@ def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypat
 def test_fluid_at_rest_is_animated(texts):
     """Of a flow without any difference there is no range of colours to choose."""
     write_series(texts, [0.0, 1.0])
-    for field in animation.FIELDS:
-        assert Image.open(animation.animate(texts, None, field)).n_frames == 2
+    for field in films.FIELDS:
+        assert Image.open(films.animate(texts, None, field)).n_frames == 2
 
 
 def test_an_mp4_is_written_with_ffmpeg(run, tmp_path):
@@ -322,7 +323,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
     }
     for (directory, name), complaint in cases.items():
         with pytest.raises(OutputError, match=re.escape(complaint)):
-            animation.animate(directory, name and tmp_path / name)
+            films.animate(directory, name and tmp_path / name)
     assert {path.name for path in tmp_path.iterdir()} == {"single", "folder.gif"}
 
 

@@ -27,7 +27,7 @@ from incipient.pictures.flow.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.flow.streamlines import Sampled, sample, streamlines
 from incipient.pictures.record import read
 from incipient.pictures.verdict import grain
-from incipient.pictures.verdict.surface import GrainSurface
+from incipient.pictures.verdict.grain import GrainSurface
 
 RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]

@@ -29,7 +29,7 @@ from incipient.progress import Silent
 from incipient.results.adaptation import Trial
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.recorder import Recorder
 
 IN_TIME = "time={end=10.0, step=0.1, start='steady'}"
 
@@ -156,7 +156,7 @@ def test_what_is_not_known_is_halved() -> None:
 
 def test_a_budget_is_spent_on_what_it_allows() -> None:
     """Error 100 times what is wanted: ten times the steps. A budget of seven runs allows a part of the way there."""
-    search = Balancing(in_time("numerics.budget_seconds=700"), MPI.COMM_SELF, Unrecorded(), Silent())
+    search = Balancing(in_time("numerics.budget_seconds=700"), MPI.COMM_SELF, Recorder(), Silent())
     search.report(tried(0.7, 0.0, seconds=100.0))
     allowed = search._following(in_time())
     assert allowed is not None and not allowed.enough
@@ -171,7 +171,7 @@ def test_a_budget_is_spent_on_what_it_allows() -> None:
 
 
 def test_runs_are_few() -> None:
-    search = Balancing(in_time(), MPI.COMM_SELF, Unrecorded(), Silent())
+    search = Balancing(in_time(), MPI.COMM_SELF, Recorder(), Silent())
     for _ in range(6):
         search.report(tried(0.02, 0.0))
     assert search._following(in_time()) is None

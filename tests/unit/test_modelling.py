@@ -24,7 +24,7 @@ from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.loads import Couples, Forces
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
 
 POCKET = """
@@ -66,7 +66,7 @@ def narrow(**numerics: Any) -> Scene:
 
 
 def seeking(scene: Scene) -> Refinement:
-    return Refinement(scene, MPI.COMM_SELF, Unrecorded(), Silent())
+    return Refinement(scene, MPI.COMM_SELF, Recorder(), Silent())
 
 
 def solved(scene: Scene) -> Loads:

@@ -1,4 +1,4 @@
-"""A figure that shows one stored step of a run after the other, in the plane and in space.
+"""A run in motion: one field of the flow at the steps that were stored, in the plane and in space.
 
 Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
 """
@@ -30,17 +30,21 @@ from scipy.spatial import KDTree
 
 from ...errors import OutputError
 from ...geometry.placement import Placement
-from ...output.series_file import read_step
+from ...output.series_file import read_step, times
 from ...scene import Scene
+from .. import style
 from ..flow.mesh import curve, triangles_of
 from ..flow.section import VerticalSection, draw_outlines, section_of, views_of
 from ..record import StoredRun, parsed_json, read_scene
 from ..style import GRAIN, GROUND, INK, View
+from . import film_file
 from .contact_forces import MARKS, ContactForces, contact_forces
 from .film_file import DOTS, Frames
 from .history import History, read_history
 from .trajectory import spoke
 
+_MOST_FRAMES = 200
+_SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per second
 ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
@@ -326,3 +330,40 @@ class FilmInSpace(Film):
         places = np.column_stack([section.x[chosen[1]][columns], section.z[chosen[0]][rows]])
         velocities = section.fields["velocity"][chosen][rows, columns][:, [0, 2]]
         return self.arrows(places, velocities, apart * section.spacing)
+
+
+def animate(directory: Path, target: Path | None = None, field: str = "velocity") -> Path:
+    """Show a field of a run in motion; returns the file written. Not collective.
+
+    A run in space is shown in the vertical plane through the grain.
+
+    `target` ends in .gif or .mp4; by default it is DIRECTORY/FIELD.gif. Every stored step is a frame, or 200 of
+    them, evenly spaced in time. The result need not be there: a run may be watched while it goes on.
+
+    Raises:
+        OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
+    """
+    path = target or directory / f"{field}.gif"
+    film_file.check(path)
+    indices, moments = _frames(directory / "fields")
+    rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
+    first = StoredRun(directory, {}, {}, read_step(directory / "fields", int(indices[0])), None)
+    with style.applied():
+        film = (FilmInSpace if first.in_space else FilmInPlane)(directory, FIELDS[field], indices, moments)
+        film_file.write(film, path, rate)
+    return path
+
+
+def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Indices and times of the steps to show: those closest to evenly spaced times."""
+    stored = np.array(times(stem))
+    if len(stored) < 2:
+        remedy = "run the scene with [time] and --set output.every=1"
+        raise OutputError(f"{stem}.h5: holds a single step; {remedy}")
+    wanted = np.linspace(stored[0], stored[-1], min(len(stored), _MOST_FRAMES))
+    after = np.clip(np.searchsorted(stored, wanted), 1, len(stored) - 1)
+    nearest = np.where(wanted - stored[after - 1] < stored[after] - wanted, after - 1, after)
+    if len(stored) <= _MOST_FRAMES:
+        nearest = np.arange(len(stored))
+    indices = np.unique(nearest)
+    return indices, stored[indices]
