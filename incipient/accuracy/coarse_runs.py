@@ -132,10 +132,7 @@ def _longer_steps(time: Time, longer: float) -> dict[str, float]:
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene with some keys of some sections changed, checked again.
-
-    Raises SceneError if the changed scene contradicts itself.
-    """
+    """The scene with some keys of some sections changed, checked again; raises SceneError if it contradicts itself."""
     plain = scene.model_dump()
     following = {"body", "fluid", "flow", "gravity"} | ({"domain"} if scene.fluid.scale == "flow" else set())
     if following & sections.keys():

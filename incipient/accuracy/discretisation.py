@@ -44,7 +44,7 @@ SETTLED = 0.5
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 UNSETTLED = (
-    "upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
+    "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
 )
 NOT_COARSER = "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
@@ -89,13 +89,15 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     _require_coarser(scene)
     scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
-    return _by_two_meshes(scene, computed, solve, SLOWEST, SCATTERING if scatters else FASTEST)
+    return _by_two_meshes(
+        on_coarser_mesh(scene), computed, solve, SLOWEST, SCATTERING if scatters else FASTEST
+    )
 
 
-def _by_two_meshes(scene: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
+def _by_two_meshes(coarser: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
     """The term by runs on two coarser meshes, for an order; what these differ by falls at no more than another one."""
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
-    share, coarser = 1.0 / (COARSER_MESH**order - 1.0), on_coarser_mesh(scene)
+    share = 1.0 / (COARSER_MESH**order - 1.0)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**fastest, how)
@@ -114,7 +116,7 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
     most = Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.numerics.mesh_size > most:
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
-    return _by_two_meshes(scene, computed, solve, OF_DRIVEN_BOXES, OF_DRIVEN_BOXES)
+    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, OF_DRIVEN_BOXES, OF_DRIVEN_BOXES)
 
 
 def _require_coarser(scene: Scene) -> None:

@@ -119,11 +119,7 @@ class AccuracySearch(ABC):
         self._best: Attempt | None = None  # the last one that was solved and estimated
 
     def result(self) -> Any:
-        """Try meshes until the accuracy is reached or cannot be; the result on the last of them. Collective.
-
-        Raises:
-            IncipientError: on all ranks, if no mesh could be solved on.
-        """
+        """Try meshes until the accuracy is reached or cannot be; the last result. Collective; raises IncipientError."""
         attempt = self._first()
         while isinstance(attempt, Attempt):
             try:

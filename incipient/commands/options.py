@@ -92,9 +92,7 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
-    text = (
-        "of incipient cost, to go by (default: the last of this scene on this machine, else those of others)"
-    )
+    text = "study of incipient cost to predict by (default: the last of this scene on this machine, else of others)"
     parser.add_argument("--study", type=named, metavar="DIRECTORY", help=text)
 
 
@@ -111,7 +109,7 @@ def of_cost(parser: argparse.ArgumentParser) -> None:
         "solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
         "three coarse meshes)"
     )
-    add("--solvers", nargs="+", metavar="WAY", help=text)
+    add("--solvers", nargs="+", metavar="OPTION", help=text)
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:
@@ -119,12 +117,12 @@ def of_show(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("directory", type=Path, help="directory of the results, or the file of a sweep")
     add("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
-    add("--against", metavar="COLUMN", help="of a sweep: against what (default: what it varies first)")
-    add("--by", metavar="COLUMN", help="of a sweep: a curve for each value of this")
+    add("--against", metavar="COLUMN", help="of a sweep: the abscissa (default: the first varied key)")
+    add("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
     films = parser.add_mutually_exclusive_group()
-    films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
-    films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
-    add("--out", type=named, metavar="FILE", help="the film, .gif or .mp4")
+    films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
+    films.add_argument("--turntable", action="store_true", help="write a film round a grain in space instead")
+    add("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     add("--field", choices=fields, help="what to animate (default: velocity)")
 
@@ -141,22 +139,22 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient sweep`."""
     add = parser.add_argument
     add("scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)")
-    text = "such as fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; several: every combination"
+    text = "as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations"
     add("--over", action="append", default=[], metavar="KEY=VALUES", help=text)
     add("--zip", action="store_true", help="take the values of several keys side by side instead")
-    add("--cases", type=Path, metavar="FILE.csv", help="a case a row, under the keys of the first row")
+    add("--cases", type=Path, metavar="FILE.csv", help="keys in the first row, a case in each other row")
     text = "add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)"
     add("--refine", type=_share, nargs="?", const=True, metavar="SHARE", help=text)
     add("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
     text = "with --refine: the column whose curve is to be known (see table)"
     add("--quantity", metavar="COLUMN", help=text)
     overrides(parser, "numerics.mesh_size=2")
-    add("--do", choices=("run", "threshold", "gust", "judge"), help="(default: run)")
+    add("--do", choices=("run", "threshold", "gust", "judge"), help="for each case (default: run)")
     add("--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)")
     add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
     add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
-    add("--memory", type=float, metavar="MIB", help="of all cases at a time (default: what is free)")
-    add("--wall", metavar="TIME", help="stop in time, such as 8h or 1h30m; the same call resumes")
+    add("--memory", type=float, metavar="MIB", help="of all cases at a time (default: 4/5 of what is free)")
+    add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
     add("--retry", action="store_true", help="compute cases again that have failed")
     add("--dry-run", action="store_true", help="say how many cases there are, and what they take")
 

@@ -106,11 +106,7 @@ def plain(calibration: Calibration) -> dict[str, Any]:
 
 
 def add(found: Calibration) -> None:
-    """Add what a study has found to the calibration of this machine, in place of older; those of others stay.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Add findings to the calibration of this machine, in place of older ones of their scenes; raises OutputError."""
     target, known = path(), read()
     make_directory(target.parent, target)
     kept = {digest: older for digest, older in known.items() if digest not in found}

@@ -29,7 +29,7 @@ from .study import Say, Study, findings, run_ladder
 BUILTIN = Path(__file__).with_name("builtin")
 OF_EACH_KIND = (
     *("driven cavity", "turbulent channel"),
-    *("grain held in a started stream", "grain carried by shear"),
+    *("grain held in a starting flow", "grain carried by shear"),
 )
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
 WITH_BARS = 1.3, 5.3
@@ -50,11 +50,7 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
 
 
 def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
-    """The ladder of a scene with the orders, sizes, steps and solver options of the command line.
-
-    Raises:
-        SceneError: a list is of no use.
-    """
+    """The ladder of a scene with the lists of the command line; raises SceneError for one of no use."""
     usual = spread(scene, quick)
     if lists.get("steps") and scene.time is None:
         raise SceneError("--steps: the scene is steady; leave it out")

@@ -129,10 +129,7 @@ class JudgedRun:
 
 
 def measure(scene: Scene, variant: Variant) -> MeasuredRun:
-    """Run a scene at a variant in a process of its own; a run that compiled forms is made again. Not collective.
-
-    A run that fails is not an error: `failed` says why.
-    """
+    """Run a variant in its own process, again if it compiled forms; `failed` says why a run fails. Not collective."""
     try:
         text = dumps(variant.of(scene))
     except SceneError as error:
@@ -142,10 +139,7 @@ def measure(scene: Scene, variant: Variant) -> MeasuredRun:
 
 
 def quicker(scene: Scene, variant: Variant) -> MeasuredRun:
-    """The quicker of two runs, so that chance counts less where times are compared; of a long run the only one.
-
-    As `measure` else. Not collective.
-    """
+    """The quicker of two runs by `measure`, so that chance counts less; of a long run the only one. Not collective."""
     first = measure(scene, variant)
     if first.failed or first.cpu > ENOUGH:
         return first

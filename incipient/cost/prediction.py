@@ -245,11 +245,7 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory on the mesh of a run, the first one to an accuracy, by making it. Not collective.
-
-    Raises:
-        MeshError: it cannot be made.
-    """
+    """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
     if scene.numerics.accuracy is None or scene.has_wall_layer:
         as_is = scene.numerics.accuracy is None
         return estimate(scene if as_is else _sized(scene, COARSEST)).counted

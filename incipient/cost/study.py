@@ -205,11 +205,7 @@ def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, 
 
 
 def prepare(scene: Scene, directory: Path) -> None:
-    """Make the directory of a scene's ladder, or check that it is.
-
-    Raises:
-        OutputError: it is that of another scene, or cannot be made.
-    """
+    """Make the directory of a scene's ladder, or check that it is; raises OutputError."""
     stored = directory / "scene.toml"
     refuse_foreign(directory, (TABLE, stored.name))
     if (directory / TABLE).exists() and stored.exists():

@@ -1,4 +1,4 @@
-"""Which files of a directory runs have written, as far as their contents tell, and how they make room for others.
+"""Which files of a directory are those of runs, by their contents, and how they make room for others.
 
 No other file is replaced or removed. Nothing here is collective.
 """
@@ -69,20 +69,12 @@ def make_room(directory: Path, overwrite: bool) -> None:
 
 
 def remove_pictures(directory: Path) -> None:
-    """Remove the pictures of a run: it has gone on since they were drawn.
-
-    Raises:
-        OutputError: when they cannot be removed.
-    """
+    """Remove the pictures of a run, which has gone on since they were drawn; raises OutputError."""
     _remove([directory / name for name in PICTURES])
 
 
 def keep_complete_result(directory: Path) -> None:
-    """Give the result of a run that had come to its end another name, as it is to be replaced by less.
-
-    Raises:
-        OutputError: when it cannot be renamed.
-    """
+    """Give the result of a run that had come to its end another name, before less replaces it; raises OutputError."""
     path = directory / RESULT
     try:
         complete = json.loads(path.read_text())["status"] == "complete"
@@ -93,11 +85,7 @@ def keep_complete_result(directory: Path) -> None:
 
 
 def put_aside(path: Path) -> Path:
-    """Rename a file to the next numbered name that is free, which is returned.
-
-    Raises:
-        OutputError: when it cannot be renamed.
-    """
+    """Rename a file to the next numbered name that is free, which is returned; raises OutputError."""
     aside = numbered(path)
     with reported(aside):
         path.rename(aside)

@@ -264,22 +264,14 @@ class SeriesFile:
 
 
 def times(stem: Path) -> list[float]:
-    """The times of the steps of a pair written by `SeriesFile`, in the order written. Not collective.
-
-    Raises:
-        Unreadable: when the file is missing, damaged, or holds no step.
-    """
+    """Times of the steps of a pair, in order; raises Unreadable for a bad pair or no step. Not collective."""
     path = _pair(stem)[1]
     with _opened(path, "r") as file:
         return [float(file[f"step{index}"].attrs["time"]) for index in range(_some(file, path))]
 
 
 def read_step(stem: Path, index: int = -1) -> StoredStep:
-    """Read one step (the last by default) of a pair written by `SeriesFile`. Not collective.
-
-    Raises:
-        Unreadable: when the file is missing, damaged, or has no such step.
-    """
+    """One step (default: the last) of a pair; raises Unreadable for a bad pair or no such step. Not collective."""
     path = _pair(stem)[1]
     with _opened(path, "r") as file:
         group = file[f"step{range(_some(file, path))[index]}"]

@@ -144,11 +144,7 @@ def read_scene(directory: Path) -> dict[str, Any]:
 
 
 def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file that a run, a threshold or a judgement has left.
-
-    Raises:
-        OutputError: naming the file if it is missing or damaged.
-    """
+    """The content of a JSON file that results are in; raises OutputError where it is missing or damaged."""
     return _parsed(path, json.loads)
 
 

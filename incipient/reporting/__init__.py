@@ -51,11 +51,7 @@ def write(path: Path, target: Path | None = None) -> Path:
 
 
 def of_directory(directory: Path) -> Page:
-    """The page of all results that a directory holds; pictures are drawn where they are missing. Not collective.
-
-    Raises:
-        SceneError, OutputError: as `write`.
-    """
+    """The page of all results in a directory; missing pictures are drawn. Not collective; raises as `write`."""
     records = [directory / name for name in RECORDS if (directory / name).is_file()]
     if not records:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
@@ -73,11 +69,7 @@ def of_directory(directory: Path) -> Page:
 
 
 def of_sweep(file: Path) -> Page:
-    """The page of the file of a sweep; its pictures are drawn again. Not collective.
-
-    Raises:
-        OutputError: it is not the file of a sweep.
-    """
+    """The page of the file of a sweep, drawn again. Not collective; raises OutputError for another file."""
     made = sweep.part(file)
     return Page(made.title, (made,), closing(None, [made]))
 

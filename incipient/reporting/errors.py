@@ -66,7 +66,7 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
     if len(stored["terms"]) > 1:
         together = {**stored, "how": "the sum: an error bar is not a standard deviation"}
         rows.append(_row(together, "all", whole, told))
-    head = ("error", *(column.head for column in told), "share", "how it was found", "what makes it smaller")
+    head = ("error", *(column.head for column in told), "share", "estimated by", "what makes it smaller")
     others = [(name, "does not count", why) for name, why in stored["left_out"].items()]
     others += [(name, "not computed", why) for name, why in stored["failed"].items()]
     modelled = {"gap", "domain"} & {term["name"] for term in stored["terms"]}

@@ -72,7 +72,7 @@ class Settings:
 
     @property
     def compact(self) -> str:
-        """The same settings with short lists on one line each."""
+        """The settings with short lists on one line each."""
         spread = r"\[\s+([^][]{1,80}?),?\s+\]"
         return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", self.text)
 

@@ -43,11 +43,7 @@ Row = Mapping[str, Any]
 
 
 def part(file: Path) -> PagePart:
-    """What a page says of a sweep; its pictures are drawn. Not collective.
-
-    Raises:
-        OutputError: it is not the file of a sweep, or holds no case.
-    """
+    """What a page says of a sweep, with new pictures. Not collective; raises OutputError for a bad or empty file."""
     found = rows(file)
     if not found:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")

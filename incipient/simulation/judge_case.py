@@ -247,11 +247,7 @@ def judge_case(case: Case) -> dict[str, Any]:
 
 
 def save(judgement: dict[str, Any], directory: Path) -> None:
-    """Write judgement.json into a directory, which is made if need be. Not collective.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Write judgement.json into a directory, which is made if need be; raises OutputError. Not collective."""
     path = directory / "judgement.json"
     make_directory(directory, path)
     write_json(path, judgement)

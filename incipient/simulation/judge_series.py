@@ -203,11 +203,7 @@ def _parquet(path: Path) -> dict[str, Floats]:
 
 
 def save_series(found: Series, directory: Path) -> None:
-    """Write series.csv (time, safety factor, mode) and series.json into a directory, which is made if need be.
-
-    Raises:
-        OutputError: they cannot be written.
-    """
+    """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
     path, labels = directory / SAMPLES, found.batch.labels
     with reported(path):
         directory.mkdir(parents=True, exist_ok=True)

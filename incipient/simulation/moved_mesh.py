@@ -57,11 +57,7 @@ class MovedMesh:
     centre: Floats
 
     def loads(self, speed: float) -> Loads:
-        """Force and couple there, of a flow `speed` times the scene's. Collective.
-
-        Raises:
-            ConvergenceError: the flow was not found.
-        """
+        """Force and couple there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
         run, places = self.run, self.run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
         places[:] = self.places

@@ -57,10 +57,7 @@ def simulate(
 
 
 def hand_over(run: Run, recorder: Recorder) -> Path | None:
-    """Hand a steady flow that has been solved over to a recorder, with all but the error bars; where it is kept.
-
-    Collective.
-    """
+    """Hand a solved steady flow over to a recorder, with all but the error bars; where it is kept. Collective."""
     recorder.begin(run.scene, run.plan, run.domain)
     record_fields(recorder, run, 0, last=True)
     return recorder.provisional(outcome(run))

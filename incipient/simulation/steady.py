@@ -48,11 +48,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
 
 
 def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-    """Find the steady flow of a fluid together with the parts that it depends on. Collective.
-
-    Raises:
-        ConvergenceError: there is none that could be found.
-    """
+    """Find the steady flow of a fluid with the parts that it depends on. Collective; raises ConvergenceError."""
     if not any(part.solve(run) for part in parts):
         solve_steadily(run, fluid)
 

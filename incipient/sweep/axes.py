@@ -39,11 +39,7 @@ class VariedKey:
 
 
 def parsed(text: str) -> VariedKey:
-    """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes.
-
-    Raises:
-        SceneError: it cannot be understood.
-    """
+    """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes; raises SceneError."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
@@ -118,11 +114,7 @@ def _split(text: str) -> list[str]:
 
 
 def table_of_cases(path: Path) -> list[Settings]:
-    """The cases of a CSV file, a row each, under the keys of its first row; an empty cell leaves the scene's value.
-
-    Raises:
-        SceneError: it cannot be read or has no cases.
-    """
+    """Cases of a CSV file, a row each, under keys; empty cells leave the scene's value. Raises SceneError."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream))

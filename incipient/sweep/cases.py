@@ -80,11 +80,7 @@ class SweepCase:
 
 
 def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> SweepCase:
-    """The case that settings make of a source; `common` are settings of all cases.
-
-    Raises:
-        SceneError: it contradicts itself, or has an unknown key.
-    """
+    """The case that settings make of a source; `common` are settings of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
         return _judged(source, settings, overrides)

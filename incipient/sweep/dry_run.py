@@ -35,11 +35,7 @@ class Sample:
 
 
 def sampled(request: Request, voice: Silent | None = None, longest: float = LONGEST) -> Sample:
-    """Cases drawn at random, the same at each call, until all are there or `longest` seconds have passed.
-
-    Raises:
-        SceneError: one of them contradicts itself.
-    """
+    """Cases drawn at random, always the same, until all are there or `longest` seconds passed. Raises SceneError."""
     settings, foresight, began = request.settings(), Foresight(), time.monotonic()
     voice, every = voice or Silent(), len(settings) * len(request.sources)
     cases: dict[str, SweepCase] = {}

@@ -73,11 +73,7 @@ class Request:
     aim: Aim | None = None
 
     def cases(self, voice: Silent | None = None) -> tuple[list[SweepCase], list[str]]:
-        """The cases, each once, and the keys that they vary; `voice` reports how many have been checked.
-
-        Raises:
-            SceneError: one of them contradicts itself; it says which.
-        """
+        """The cases, each once, and the keys that they vary; `voice` counts those checked. Raises SceneError."""
         settings = self.settings()
         voice, found = voice or Silent(), dict[str, SweepCase]()
         total = len(self.sources) * len(settings)

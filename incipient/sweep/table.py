@@ -66,12 +66,7 @@ def as_csv(found: Sequence[Mapping[str, Any]]) -> str:
 
 
 def write_parquet(source: Path, target: Path) -> None:
-    """Write the table as a Parquet file.
-
-    Raises:
-        MissingError: pandas or pyarrow is not installed.
-        OutputError: it cannot be written.
-    """
+    """Write the table as a Parquet file; raises MissingError without pandas or pyarrow, and OutputError."""
     try:
         import pyarrow  # noqa: F401
     except ImportError as error:

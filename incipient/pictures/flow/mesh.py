@@ -26,10 +26,7 @@ class QuadraticMesh:
 
     @cached_property
     def loops(self) -> list[np.ndarray]:
-        """Closed boundary curves as edges (n, 3): start, end, mid-side node; the fluid lies on the left.
-
-        The outer boundary runs counter-clockwise and comes first.
-        """
+        """Closed boundary curves as edges (n, 3): start, end, mid-side node; fluid on the left, the outer one first."""
         loops = chained(self._boundary())
         return sorted(loops, key=lambda edges: -enclosed_area(self.points, edges))
 

@@ -49,11 +49,7 @@ class Frames(ABC):
 
 
 def write(film: Frames, path: Path, rate: int) -> None:
-    """Write a film at so many frames per second, in the format that the path ends in.
-
-    Raises:
-        OutputError: when it cannot be written.
-    """
+    """Write a film at so many frames per second in the format that the path ends in; raises OutputError."""
     with _finished(path) as part:
         (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(film, part, rate)
 

@@ -83,11 +83,7 @@ class History:
 
 
 def read_history(path: Path) -> History:
-    """Read the history of a run with a moving grain.
-
-    Raises:
-        OutputError: naming the file that is missing, damaged, or of a run without a moving grain.
-    """
+    """The history of a run with a moving grain; raises OutputError for a file that is missing, damaged or another's."""
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             header, *rows = list(csv.reader(stream)) or [[]]
