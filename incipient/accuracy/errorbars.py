@@ -90,8 +90,7 @@ def error_terms(
         computed = _computed(run, force, couple)
         known = run.accounts.known.terms.get(OF_MESH)
         found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=known))
-    for name, reason in not_there(scene).items():
-        found.leave_out(name, reason)
+    found.left_out |= not_there(scene)
     at_hand = None if force is None else _computed(run, force, couple)
     for name, estimate in of_the_model(scene, speed, at_hand).items():
         found.add(name, estimate)
@@ -203,7 +202,7 @@ class _Found:
         self._known = run.accounts.known.terms
         self._solve = KeptRuns(run.accounts.known.loads, run.accounts.spent, solve)
         self._terms: list[Term] = []
-        self._left_out: dict[str, str] = {}
+        self.left_out: dict[str, str] = {}  # why there is no such term, by name
         self._failed: dict[str, str] = {}
 
     def add(self, name: str, estimate: Callable[[Solve], Term]) -> None:
@@ -215,13 +214,9 @@ class _Found:
         except IncipientError as error:
             self._failed[name] = str(error)
 
-    def leave_out(self, name: str, reason: str) -> None:
-        """Note why there is no such term. Not collective."""
-        self._left_out[name] = reason
-
     def bars(self) -> ErrorBars:
         """All that has been found. Not collective."""
-        return ErrorBars(tuple(self._terms), self._left_out, self._failed)
+        return ErrorBars(tuple(self._terms), self.left_out, self._failed)
 
 
 def of_interaction(bars: ErrorBars, computed: Loads) -> Term | None:

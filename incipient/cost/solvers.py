@@ -120,8 +120,9 @@ class SolverOptions:
 
     def settings(self, solver: str) -> list[str]:
         """Settings by which a user chooses a solver option: keys of the scene, and the environment."""
-        changed = self.sections(solver)
-        keys = [f"{name}.{key} = {_toml(value)}" for name in changed for key, value in changed[name].items()]
+        sections = self.sections(solver).items()
+        changed = [(f"{name}.{key}", value) for name, keys in sections for key, value in keys.items()]
+        keys = [f'{key} = "{one}"' if isinstance(one, str) else f"{key} = {one:g}" for key, one in changed]
         return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]
 
     @property
@@ -193,10 +194,6 @@ def said(solver: str) -> str:
 
 def _solvers(solver: str) -> list[Solver]:
     return [WORDS[word] for word in solver.split("+") if word]
-
-
-def _toml(value: Any) -> str:
-    return f'"{value}"' if isinstance(value, str) else f"{value:g}"
 
 
 def _has_umfpack() -> bool:

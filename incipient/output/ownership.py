@@ -60,7 +60,8 @@ def make_room(directory: Path, overwrite: bool) -> None:
     Raises:
         OutputError: when they cannot be removed or moved.
     """
-    found = [path for path in directory.iterdir() if _is_of_a_run(path.name)]
+    # Files that runs write, or have put aside.
+    found = [path for path in directory.iterdir() if re.sub(r"\.\d+$", "", path.name) in FILES]
     if overwrite or not (directory / CHECKPOINT).exists():
         _remove(found)
     else:
@@ -90,11 +91,6 @@ def put_aside(path: Path) -> Path:
     with reported(aside):
         path.rename(aside)
     return aside
-
-
-def _is_of_a_run(name: str) -> bool:
-    """Whether runs write a file of this name, or put one aside that was called so."""
-    return re.sub(r"\.\d+$", "", name) in FILES
 
 
 def _remove(paths: list[Path]) -> None:

@@ -165,7 +165,8 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
     borders = _borders(comm, stored.values[:, 0])
     numbers = np.arange(stored.first, stored.first + len(stored.values))
     owners = np.searchsorted(borders, stored.values[:, 0], side="right")
-    here = _sent_to(comm, owners, np.column_stack([stored.values, numbers]))
+    by_owner, table = np.argsort(owners, kind="stable"), np.column_stack([stored.values, numbers])
+    here = exchanged(comm, table[by_owner], np.bincount(owners, minlength=comm.size))
     # A point so near to a border that rounding may have taken it across asks on both sides.
     first, last = (np.searchsorted(borders, points[:, 0] + d, side="right") for d in (-tolerance, tolerance))
     times = last - first + 1
@@ -183,12 +184,6 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
         if distances.max(initial=0.0) > tolerance or len(np.unique(found)) < len(points):
             raise OutputError("the stored flow has other nodes than the stored mesh")
     return found.astype(np.int64)
-
-
-def _sent_to(comm: MPI.Comm, owners: Integers, values: np.ndarray) -> np.ndarray:
-    """The rows of all ranks that go to this one. Collective."""
-    order = np.argsort(owners, kind="stable")
-    return exchanged(comm, values[order], np.bincount(owners, minlength=comm.size))
 
 
 def _extent(comm: MPI.Comm, places: Floats) -> float:

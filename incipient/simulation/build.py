@@ -92,9 +92,10 @@ def prepared(
             probe = probe_of(newest[0], layout)
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
-            from .checkpointing import put_back_costs
-
-            put_back_costs(checkpoint.progress, run)
+            kept = checkpoint.progress  # of sessions before
+            run.would_move(kept.first_motion)
+            accounts.count(**kept.iterations)
+            accounts.ledger.count(kept.wall_time, kept.total)
         try:
             yield run
         finally:

@@ -48,10 +48,3 @@ def _progress(run: Run, transient: Transient) -> Progress:
         wall_time=dict(run.accounts.ledger.wall_time),
         total=run.accounts.ledger.total(),
     )
-
-
-def put_back_costs(kept: Progress, run: Run) -> None:
-    """Let the run count on from what the sessions before have cost. Not collective."""
-    run.would_move(kept.first_motion)
-    run.accounts.count(**kept.iterations)
-    run.accounts.ledger.count(kept.wall_time, kept.total)

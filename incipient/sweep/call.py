@@ -14,11 +14,12 @@ from ..installed import required
 from ..parallel import Comm, collectively, ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
+from .axes import of_mapping
 from .case_refinement import SweepRefinement
-from .cases import SweepCase
+from .cases import Source, SweepCase
 from .expectation import Foresight, cores, free_memory_mib
 from .procedure import Limits, Sweep, SweepProgress, Watcher
-from .request import RefinementOptions, Request, of_python, parsed_seconds
+from .request import RefinementOptions, Request, parsed_seconds, requested
 from .store import Store
 
 log = logging.getLogger("incipient")
@@ -112,8 +113,9 @@ def run(
     with collectively(comm):
         if comm.rank == 0:
             table, refined = None if cases is None else Path(cases), RefinementOptions(refine, most, quantity)
-            asked = {"together": zip, "table": table, "task": do, "common": settings, "refined": refined}
-            prepared = Prepared.of(of_python(scenes, over, **asked))
+            several = scenes if isinstance(scenes, list | tuple) else [scenes]
+            sources, axes = [Source.of(one) for one in several], of_mapping(over or {})
+            prepared = Prepared.of(requested(sources, axes, zip, table, do, settings, refined))
     return computed(prepared, Path(file), means, watcher, comm)
 
 

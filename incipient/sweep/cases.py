@@ -115,8 +115,3 @@ def _forms(setup: Setup, task: str) -> str:
     numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)
     steadied = (plan.stabilisation.present, plan.stabilisation.upwind)
     return " ".join(map(str, (task, *elements, *numerics, *steadied, *present)))
-
-
-def keys_of(settings: Sequence[Settings]) -> list[str]:
-    """The keys that settings set, in the order in which they come."""
-    return list(dict.fromkeys(one.partition("=")[0].strip() for each in settings for one in each))

@@ -43,7 +43,7 @@ class _Process:
     def __init__(self, ranks: int):
         self.cases, self._ready = 0, False
         self._complaints = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed with the process)
-        self._popen = subprocess.Popen(
+        self.popen = subprocess.Popen(
             [*_on_ranks(ranks), sys.executable, "-P", "-m", "incipient.sweep.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -60,50 +60,46 @@ class _Process:
         Raises:
             OutputError: it ended by itself before it began: that is not the case's fault, and all would.
         """
-        began, answers = time.perf_counter(), cast("IO[str]", self._popen.stdout)
+        began, answers = time.perf_counter(), cast("IO[str]", self.popen.stdout)
         self.cases += 1
         with suppress(BrokenPipeError):
-            print(json.dumps([case.task, case.text]), file=self._popen.stdin, flush=True)
+            print(json.dumps([case.task, case.text]), file=self.popen.stdin, flush=True)
         self._ready = self._ready or answers.readline() == worker.READY
         # MPICH's mpirun writes of the end of a rank where the answer is expected.
         answer = next((line for line in iter(answers.readline, "") if line.startswith("{")), "")
         if answer.endswith("\n"):
             return CaseOutcome(**json.loads(answer))
         reason = self._epitaph()
-        if not self._ready and self._popen.returncode >= 0:
+        if not self._ready and self.popen.returncode >= 0:
             remedy = "remove the cause and repeat the command to resume"
             raise OutputError(f"no worker process starts: {reason}; {remedy}")
         return CaseOutcome(reason=reason, wall=time.perf_counter() - began)
 
-    def has_died(self) -> bool:
-        """Whether it has ended."""
-        return self._popen.poll() is not None
-
     def dismiss(self) -> None:
         """Let it end by itself, which `mpirun` needs to clean up, but not for long."""
-        assert self._popen.stdin is not None
+        assert self.popen.stdin is not None
         with suppress(BrokenPipeError, subprocess.TimeoutExpired):
-            self._popen.stdin.close()
-            self._popen.wait(LEAVE)
+            self.popen.stdin.close()
+            self.popen.wait(LEAVE)
 
     def kill(self) -> None:
         """Kill it with all that it has started."""
         with suppress(ProcessLookupError):
-            os.killpg(self._popen.pid, signal.SIGKILL)
-        self._popen.wait()
+            os.killpg(self.popen.pid, signal.SIGKILL)
+        self.popen.wait()
 
     def end(self) -> None:
         """Kill it, and close its files."""
         self.kill()
-        for stream in (self._popen.stdin, self._popen.stdout, self._complaints):
+        for stream in (self.popen.stdin, self.popen.stdout, self._complaints):
             with suppress(BrokenPipeError):
                 cast("IO[str]", stream).close()
 
     def _epitaph(self) -> str:
         """Reason of its end, in one line."""
         with suppress(subprocess.TimeoutExpired):
-            self._popen.wait(LEAVE)
-        code = self._popen.poll()
+            self.popen.wait(LEAVE)
+        code = self.popen.poll()
         self.kill()
         self._complaints.seek(0)
         lines = [line for line in self._complaints if re.search(r"\w", line)]
@@ -135,7 +131,7 @@ class Processes:
     def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
         """See `Workers`. Raises OutputError: a process has ended by itself before it began."""
         process = self._at_work.pop(future)
-        if process.has_died() or (case.scene is not None and process.cases >= RENEWED):
+        if process.popen.poll() is not None or (case.scene is not None and process.cases >= RENEWED):
             self._processes.remove(process)
             process.end()
         return future.result()

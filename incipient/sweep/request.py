@@ -13,7 +13,7 @@ from ..progress import Silent
 from . import axes
 from .axes import VariedKey
 from .case_refinement import MOST, USUAL, Aim, Family, SweepRefinement
-from .cases import TASKS, Source, SweepCase, keys_of, resolved
+from .cases import TASKS, Source, SweepCase, resolved
 from .lattice import directions
 
 ENDING = ".sqlite"
@@ -81,7 +81,8 @@ class Request:
             voice.count(CHECKING, number, total)
             case = self.case(number, settings)
             found.setdefault(case.identity, case)
-        return list(found.values()), keys_of(settings)
+        keys = dict.fromkeys(one.partition("=")[0].strip() for each in settings for one in each)
+        return list(found.values()), list(keys)
 
     def settings(self) -> list[axes.Settings]:
         """Settings of each case of a source."""
@@ -165,12 +166,6 @@ def parsed_seconds(text: str) -> float:
     return total
 
 
-def usual_file(request: Request, directory: Path | str = "results") -> Path:
+def usual_file(request: Request) -> Path:
     """Usual file of a sweep."""
-    return Path(directory) / f"{request.sources[0].name}_{request.task}{ENDING}"
-
-
-def of_python(scenes: Any, over: Any, **others: Any) -> Request:
-    """The request of a call from Python: one or several scenes, axes as a mapping. Raises as `requested`."""
-    several = scenes if isinstance(scenes, list | tuple) else [scenes]
-    return requested([Source.of(one) for one in several], axes.of_mapping(over or {}), **others)
+    return Path("results") / f"{request.sources[0].name}_{request.task}{ENDING}"
