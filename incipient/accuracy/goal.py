@@ -18,6 +18,7 @@ from ..contact.loads.error_box import shifted
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
+from ..results.result import Result
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from .safetybar import bar_of_scene
@@ -33,24 +34,17 @@ LEAST_COUPLE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
-class Computed(Protocol):
-    """What a run has come to, as its result has it."""
+@dataclass(frozen=True)
+class LoadsOnMesh:
+    """Loads, elevations and walls that a run on a mesh has come to, as a result has them."""
 
-    @property
-    def force(self) -> Forces | None:
-        """The force on a grain."""
+    force: Forces | None
+    couple: Couples | None
+    elevations: Elevations | None
+    turbulence: WallReport | None = None
 
-    @property
-    def couple(self) -> Couples | None:
-        """The couple on a grain."""
 
-    @property
-    def elevations(self) -> Elevations | None:
-        """The elevations of a free surface."""
-
-    @property
-    def turbulence(self) -> WallReport | None:
-        """The walls of a turbulent flow."""
+Computed = Result | LoadsOnMesh
 
 
 class Quantity(Protocol):

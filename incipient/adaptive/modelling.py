@@ -10,25 +10,20 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..accuracy.coarse_runs import changed, coarse, farther
-from ..accuracy.goal import Computed, Quantity, relative
+from ..accuracy.goal import Computed, LoadsOnMesh, Quantity, relative
 from ..accuracy.kept_runs import Solve
 from ..accuracy.model_terms import DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
-from ..results.elevations import Elevations
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
 from ..scene import Domain, Scene
 from ..scene.flows import Flow
 from ..simulation.loads import weights
-
-if TYPE_CHECKING:
-    from ..results.wall_report import WallReport
 
 SHARE = 0.5  # of the accuracy, for gap and domain together
 AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have it does
@@ -223,16 +218,6 @@ def _computed(scene: Scene, loads: Loads) -> LoadsOnMesh:
     force = Forces(loads.force, loads.force, *weights(scene))
     couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
     return LoadsOnMesh(force, couple, loads.elevations)
-
-
-@dataclass(frozen=True)
-class LoadsOnMesh:
-    """Loads, elevations and walls computed on a mesh: a `goal.Computed`."""
-
-    force: Forces | None
-    couple: Couples | None
-    elevations: Elevations | None
-    turbulence: WallReport | None = None
 
 
 def _words(domain: Domain) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
 from ..accuracy.discretisation import by_coarser_mesh
-from ..accuracy.goal import relative
+from ..accuracy.goal import LoadsOnMesh, relative
 from ..errors import MeshError
 from ..planning.flow_setup import Setup
 from ..planning.order import order_of
@@ -22,7 +22,6 @@ from ..scene import Scene
 from ..simulation.loads import loads
 from ..simulation.state import Run
 from ..simulation.steady import solve_with_parts
-from .modelling import LoadsOnMesh
 from .orders import COARSEST
 from .refinement import Refinement
 from .search import Attempt
