@@ -18,13 +18,8 @@ class Spent(IncipientError):
 class KeptRuns:
     """Loads of coarse runs, each made once and kept by the JSON of its scene. Calling is collective.
 
-    Args:
-        known: loads that are known already; those of runs are added.
-        spent: why no run shall be begun any more, or nothing.
-        solve: runs a scene for its loads.
-
-    Raises:
-        Spent: when called, if nothing may be begun.
+    `known` are loads that are known already; those of runs are added. `spent` says why no run shall be begun any more,
+    or nothing: then calling raises Spent.
     """
 
     def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):

@@ -20,11 +20,7 @@ def run_to_accuracy(
 ) -> Result:
     """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
 
-    Args:
-        recorder: what the last run is handed to; it may begin again.
-
-    Raises:
-        IncipientError: on all ranks, if no mesh could be solved on.
+    The recorder is handed the last run; it may begin again. Raises IncipientError if no mesh could be solved on.
     """
     steady = UniformRefinement if scene.has_wall_layer else Refinement
     search = steady if scene.time is None else Balancing

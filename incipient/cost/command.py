@@ -104,14 +104,8 @@ class PredictedPlan:
 def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan:
     """The plan with what the run needs and will come to, by making its mesh, the first one if there are several.
 
-    Without gmsh there is a plan all the same, with the reason why the rest is not known.
-
-    Args:
-        directory: of a study to go by; None: by what this machine's calibration knows.
-
-    Raises:
-        MeshError: a mesh cannot be made.
-        OutputError: the directory holds no study.
+    Without gmsh there is a plan all the same, with the reason why the rest is not known. The directory is that of a
+    study to predict by; None: this machine's calibration. Raises MeshError, and OutputError where there is no study.
     """
     plan = make_plan(scene)
     known = known_laws(scene, directory)
@@ -142,9 +136,7 @@ def price_of_bars(scene: Scene) -> str:
 def calibrate(say: Say) -> str:
     """Measure small built-in scenes of each kind; returns the findings in a line. Resumes if interrupted.
 
-    Raises:
-        OutputError: the cache directory cannot be written.
-        ConvergenceError: no scene could be run.
+    Raises OutputError if the cache directory cannot be written, ConvergenceError if no scene could be run.
     """
     directory, failed = calibration.path().parent / "calibration", []
     scenes = builtin()

@@ -93,10 +93,7 @@ def spread(scene: Scene, quick: bool) -> Spread:
 def ladder(scene: Scene, spread: Spread) -> Ladder:
     """All variants of a spread that the scene can be computed with; the reference is finer than all of them.
 
-    Variants to be compared stand together, so that their times are taken one soon after the other.
-
-    Raises:
-        SceneError: a solver option does not suit the scene.
+    Variants to be compared stand together, so that their times are taken one soon after the other. Raises SceneError.
     """
     plain = _solved_as_is(scene, spread)
     at, ways = plain.variants, SolverOptions(scene).named(spread.solvers or ())

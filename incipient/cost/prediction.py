@@ -111,10 +111,7 @@ class KnownLaws:
 def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
     """Laws known for a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
 
-    None where no scene of its kind is known.
-
-    Raises:
-        OutputError: the directory holds no study.
+    None where no scene of its kind is known. Raises OutputError where the directory holds no study.
     """
     places = (
         (f"in {study}", {} if study is None else calibration.of_study(study), FOREIGN),
@@ -209,14 +206,9 @@ class _Run:
 
 
 def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
-    """Prediction of the run of a scene, or in words why it is not known. Not collective.
+    """Prediction of the run of a scene, or in words why it is not known. Not collective; raises MeshError.
 
-    Args:
-        known: the laws known for the scene.
-        first: cells and unknowns on its mesh, the first one where an accuracy is asked for.
-
-    Raises:
-        MeshError: a mesh cannot be made.
+    `first`: cells and unknowns on its mesh, the first one where an accuracy is asked for.
     """
     scene, last, path = known.scene, None, [_Run(known.scene, first.unknowns)]
     if scene.numerics.accuracy is not None:

@@ -43,13 +43,10 @@ def row_of(columns: Sequence[str], run: MeasuredRun) -> dict[str, float | int | 
 
 
 def known_runs(columns: Sequence[str], directory: Path) -> dict[Key, MeasuredRun]:
-    """The runs in the file of a directory, by the keys of their variants. Not collective.
+    """The runs in the file of a directory, by the keys of their variants. Not collective; raises OutputError.
 
     Half a row at its end, of a writer that was killed, is cut off. In a file of an earlier version all runs were
     solved as the scene says.
-
-    Raises:
-        OutputError: the file is damaged, or cannot be written.
     """
     path = directory / TABLE
     if not path.exists():
@@ -86,13 +83,10 @@ def _run_of(columns: Sequence[str], row: Mapping[str, str]) -> MeasuredRun:
 
 
 def completed(directory: Path, compared: Collection[Variant]) -> bool:
-    """Add the column that a file of an earlier version lacks; returns whether it was one. Not collective.
+    """Add the column that a file of an earlier version lacks; whether it was one. Not collective; raises OutputError.
 
     It loses the runs `compared` with others that are still to be made: times of another day would not do. Read it
     with `known_runs` before, which tells whether it is damaged.
-
-    Raises:
-        OutputError: it cannot be written.
     """
     path = directory / TABLE
     table = csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.exists() else [])

@@ -97,13 +97,9 @@ class GustSearch:
     def critical(
         self, durations: Sequence[float], keep: Callable[[CriticalGust], object] = lambda found: None
     ) -> list[CriticalGust]:
-        """Find the critical strength for each duration, the longest first. Collective.
+        """Find the critical strength for each duration, the longest first; `keep` is given each at once. Collective.
 
-        `keep` is given each as soon as it is found.
-
-        Raises:
-            SceneError: the grain leaves without a gust, or withstands all.
-            IncipientError: a run failed.
+        Raises SceneError: the grain leaves without a gust, or withstands all.
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):

@@ -47,12 +47,9 @@ def threshold(
 
 
 def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) -> None:
-    """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
+    """Write threshold.json and the resolved scene into a directory, made if need be. Collective; raises OutputError.
 
     A run there that can be resumed makes room: it could not with another scene.
-
-    Raises:
-        OutputError: on all ranks, when something cannot be written.
     """
     with collectively(comm):
         if comm.rank == 0:

@@ -24,17 +24,10 @@ if TYPE_CHECKING:
 class ResultDirectory(Recorder):
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
-    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room (`ownership`).
-    Given the checkpoint that a run resumes from, what the directory holds of later steps is dropped, and the rest
-    continues; the result is the earlier one's until there is a new one.
-
-    Args:
-        path: the directory, made if it is not there.
-        resumed: the checkpoint.
-        overwrite: whether to remove an earlier run that could be resumed, rather than to move it.
-
-    Raises:
-        OutputError: on all ranks, when something cannot be written.
+    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room (`ownership`): with
+    `overwrite` it is removed even if it could be resumed. Given the checkpoint that a run resumes from, what the
+    directory holds of later steps is dropped, and the rest continues; the result is the earlier one's until there is a
+    new one. Raises OutputError on all ranks when something cannot be written.
     """
 
     keeps = True

@@ -58,17 +58,12 @@ class Holder:
 
 @contextmanager
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
-    """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
+    """Keep other runs out of a directory, made if that is asked for, during the block. Entering alone is collective.
 
     The lock of a process that has ended without giving it back is taken over. The lock is a file made only if it is
     not there, which network file systems do rightly, too; their locks on files are not relied upon.
 
-    Args:
-        make: whether to make the directory if it is not there.
-
-    Raises:
-        OutputError: on all ranks, when another run is at work there, a file there is not of a run, or the lock cannot
-            be written.
+    Raises OutputError on all ranks: another run is at work there, a file is not of a run, or the lock is not writable.
     """
     mine = Holder.here()
     with collectively(comm):

@@ -55,10 +55,7 @@ SECTIONS = ("domain", "fluid", "flow", "effects", "numerics", "output")  # of a 
 def make_room(directory: Path, overwrite: bool) -> None:
     """Remove an earlier run, or move it to a numbered neighbour if it can be resumed and is not to be overwritten.
 
-    Only files that runs write are touched; the scene stays, and a copy of it goes along.
-
-    Raises:
-        OutputError: when they cannot be removed or moved.
+    Only files that runs write are touched; the scene stays, and a copy of it goes along. Raises OutputError.
     """
     # Files that runs write, or have put aside.
     found = [path for path in directory.iterdir() if re.sub(r"\.\d+$", "", path.name) in FILES]
@@ -114,11 +111,7 @@ def _move(paths: list[Path], directory: Path) -> Path:
 def refuse_foreign(directory: Path, names: Iterable[str] = ()) -> None:
     """Refuse a directory in which a file has a name that a run writes but was not written by one, or is a link.
 
-    Args:
-        names: of the files that are to be written; none: those of a run.
-
-    Raises:
-        OutputError: names the file.
+    `names` are those of the files to be written; none: those of a run. Raises OutputError, which names the file.
     """
     wanted = set(names) or {*FILES, SCENE}
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():

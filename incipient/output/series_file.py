@@ -90,12 +90,8 @@ class SeriesFile:
 
     A mesh or a geometry is written with the first step on it; one that no step is on is not written. What a step
     costs does not grow with the number of those before it. Of tables each rank gives its rows, or an array that is
-    the whole, and writes them at the same time as the others; all else is done by rank 0.
-
-    Args:
-        stem: the path without ending.
-        cell_type: XDMF's name of the cells, such as "Triangle_6".
-        steady: there is one step, and its time means nothing.
+    the whole, and writes them at the same time as the others; all else is done by rank 0. The cell type is XDMF's name,
+    such as "Triangle_6". Of a steady series there is one step, whose time means nothing.
     """
 
     def __init__(self, stem: Path, cell_type: str, steady: bool = False):
@@ -123,9 +119,7 @@ class SeriesFile:
 
         A mesh must be added before the next step. The XDMF file is rewritten, whatever its state.
 
-        Raises:
-            Unreadable: when there is no such pair, or its HDF5 file is damaged.
-            OutputError: when the XDMF file cannot be written.
+        Raises Unreadable for a pair that is missing or damaged, OutputError when the XDMF file cannot be written.
         """
         self._forget_vtk()
         with _opened(self._hdf5, "r+") as file:

@@ -39,13 +39,7 @@ class _Piece:
 def write_vtkhdf(hdf5: Path, cell_type: str, steady: bool) -> Path:
     """Write the VTKHDF file beside the HDF5 file of a series, in place of an earlier one; its path. Not collective.
 
-    Args:
-        hdf5: the file that `SeriesFile` writes; it has a step.
-        cell_type: XDMF's name of the cells.
-        steady: there is one step, and its time means nothing.
-
-    Raises:
-        OutputError: when it cannot be written, or the HDF5 file cannot be read.
+    The series has a step, whose time means nothing if it is steady; the cell type is XDMF's name. Raises OutputError.
     """
     import h5py
 

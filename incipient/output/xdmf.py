@@ -27,16 +27,12 @@ class FieldSeries:
     mesh has moved.
 
     Args:
-        stem: path of the files without ending.
-        mesh: dolfinx mesh, straight or curved.
-        comm: its communicator.
         after: None starts new files; a time resumes those that are there, after dropping later steps.
         steady: there will be one step, written as a grid without a time.
         facets: (n,) local indices of boundary facets, on whose nodes values are written; those owned by another rank
             are ignored. None: on all of the mesh.
 
-    Raises:
-        OutputError: on all ranks, when the files cannot be written; steps written before stay readable.
+    Raises OutputError on all ranks when the files cannot be written; steps written before stay readable.
     """
 
     def __init__(

@@ -32,10 +32,7 @@ def write(path: Path, target: Path | None = None) -> Path:
     """Write the page of a directory of results, or of the file of a sweep; return its path. Not collective.
 
     Pictures that are missing, or older than the numbers, are drawn, in a process of their own. One that fails is
-    named on the page.
-
-    Args:
-        target: the page; default: DIRECTORY/report.html, and SWEEP_report.html beside the file of a sweep.
+    named on the page. `target` is the page, by default DIRECTORY/report.html or, beside the sweep, SWEEP_report.html.
 
     Raises:
         SceneError: there is no such directory or file, or no result in it.

@@ -157,9 +157,7 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
     """The number of the stored point (rows of three) at the place of each point (n, 3). Collective.
 
     Stored points are dealt out by their first coordinate, so that a rank that has a point knows whom to ask for it.
-
-    Raises:
-        OutputError: on all ranks, when there is none, or the same one for several points.
+    Raises OutputError on all ranks where there is none, or the same one for several points.
     """
     tolerance = SAME_PLACE * _extent(comm, stored.values)
     borders = _borders(comm, stored.values[:, 0])

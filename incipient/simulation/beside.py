@@ -60,10 +60,7 @@ class InTurn:
     """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
 
     In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
-
-    Args:
-        comm: of all runs.
-        by_itself: runs a scene on a mesh of its own, at a speed.
+    `by_itself` runs a scene on a mesh of its own, at a speed.
     """
 
     def __init__(self, comm: Comm, by_itself: Callable[[Scene, Comm, float], Loads]):

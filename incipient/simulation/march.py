@@ -28,17 +28,11 @@ if TYPE_CHECKING:
 
 
 class March:
-    """Integrates a run in time. Every method is collective.
+    """Integrates a run in time, from its start or from a checkpoint. Every method is collective.
 
     The run gets its parts in time: what moves first, then what it has already.
 
-    Args:
-        run: whose flow is at its start.
-        checkpoint: where to resume from; None: from the start.
-
-    Attributes:
-        coupling: of flow and moving boundaries; None: nothing moves.
-        transient: the steps.
+    coupling: of flow and moving boundaries; None: nothing moves; transient: the steps
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):

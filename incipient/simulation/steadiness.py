@@ -18,15 +18,9 @@ if TYPE_CHECKING:
 class Steadiness:
     """Watches how fast a flow changes, from the state at hand on. Every method is collective.
 
-    Args:
-        fluid: on a mesh that stays, or moves with the surface alone.
-        parts: solved with the flow, such as a surface above it.
-        depth: to which elevations are compared.
-        asked: relative change per unit of time at which the flow counts as steady.
-
-    Attributes:
-        change: from the state before to the present one, per unit of time: the larger of that of the velocities over
-            the velocities, and that of the elevations over the depth, each in the root mean square over the nodes.
+    The mesh of the fluid stays, or moves with the surface alone. `change` is from the state before to the present one,
+    per unit of time: the larger of that of the velocities over the velocities, and that of the elevations over the
+    `depth`, each in the root mean square over the nodes. The flow counts as steady where it is at most `asked`.
     """
 
     def __init__(self, fluid: Fluid, parts: Sequence[RunPart], depth: float, asked: float):

@@ -26,12 +26,9 @@ SMALLEST_SHARE = 0.02
 
 
 def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
-    """Find the steady flow of a fluid, the run's own or another one for its scene. Collective.
+    """Find the steady flow of a fluid, the run's own or another one for its scene. Collective; raises ConvergenceError.
 
     `way` may name what `fluid.solve_steady` takes besides.
-
-    Raises:
-        ConvergenceError: there is none that could be found.
     """
     from ..fluid import solve_steady
 

@@ -35,11 +35,7 @@ NOT_STEADY = 'time.start: no steady flow to begin with was found; use "rest", or
 class TimeLoop:
     """Takes a run from its start, or from its checkpoint, to the end of its time. Every method is collective.
 
-    Args:
-        run: the run of a scene in time. It gets the time integration, and its parts in time.
-        recorder: receives every step.
-        interruption: asked between steps whether to stop.
-        checkpoint: where to resume from; None: from the start.
+    The run gets the time integration, and its parts in time; the interruption is asked between steps whether to stop.
     """
 
     def __init__(

@@ -186,11 +186,9 @@ class _Wanted:
 
 
 class SweepRefinement:
-    """The refinement of a sweep's families; `following` says which cases come next.
+    """The refinement of a sweep's families; `following` says which cases come next, `known` are there already.
 
-    Args:
-        resolve: the case that settings make of a source; raises SceneError.
-        known:   cases that are there already.
+    `resolve` gives the case that settings make of a source; it raises SceneError.
     """
 
     def __init__(
@@ -213,11 +211,7 @@ class SweepRefinement:
     def following(self, results: Results) -> list[SweepCase]:
         """The next cases; none where the aim is reached or the budget is spent.
 
-        Args:
-            results: the task and the result of those of some cases that are done, by identity.
-
-        Raises:
-            SceneError: no case has the quantity.
+        `results`: task and result of those of some cases that are done, by identity. Raises SceneError: no quantity.
         """
         self._look(results)
         new: list[SweepCase] = []

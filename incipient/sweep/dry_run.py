@@ -54,12 +54,7 @@ def sampled(request: Request, voice: Silent | None = None, longest: float = LONG
 
 
 def foretold(request: Request, file: Path, means: Means, places: int, voice: Silent | None = None) -> str:
-    """Forecast of a sweep in words: the number of cases to compute, time and memory, without computing any.
-
-    Raises:
-        SceneError: one of those looked at contradicts itself.
-        OutputError: the file is not that of a sweep.
-    """
+    """Forecast of a sweep in words: how many cases to compute, time and memory. Raises SceneError and OutputError."""
     sample, states = sampled(request, voice), dict[str, str]()
     if file.is_file():
         with Store(file) as store:

@@ -67,11 +67,8 @@ def block(total: int, rank: int, ranks: int) -> slice:
 class Numbered:
     """Rows that ranks have by global numbers, several of them the same ones, and the same rows in equal blocks.
 
-    Making it is collective, and so is every method.
-
-    Args:
-        numbers: (n,) of this rank's rows, in any order.
-        total: how many numbers there are, on all ranks together.
+    Making it is collective, and so is every method. `numbers` (n,) are those of this rank's rows, in any order, of
+    `total` on all ranks together.
     """
 
     def __init__(self, comm: MPI.Comm, numbers: Integers, total: int):
