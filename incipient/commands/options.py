@@ -78,14 +78,9 @@ def of_threshold(parser: argparse.ArgumentParser) -> None:
 def of_gust(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient gust`."""
     _scene_to(parser, "_gusts")
-    parser.add_argument(
-        "--durations",
-        type=float,
-        nargs="+",
-        default=[0.5, 1.0, 2.0, 4.0, 8.0],
-        metavar="TIME",
-        help="durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
-    )
+    text = "durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)"
+    usual = [0.5, 1.0, 2.0, 4.0, 8.0]
+    parser.add_argument("--durations", type=float, nargs="+", default=usual, metavar="TIME", help=text)
 
 
 def of_plan(parser: argparse.ArgumentParser) -> None:

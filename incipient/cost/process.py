@@ -9,6 +9,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 # What would make a new process take part in a parallel run.
 PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
@@ -64,14 +65,9 @@ def run(
         text.write(given)
         text.seek(0)
         began = time.perf_counter()
+        streams: dict[str, Any] = {"stdin": text, "stdout": output, "stderr": errors}
         process = subprocess.Popen(
-            command,
-            stdin=text,
-            stdout=output,
-            stderr=errors,
-            cwd=directory,
-            env=environment,
-            start_new_session=apart,
+            command, cwd=directory, env=environment, start_new_session=apart, **streams
         )
         try:
             _, status, used = os.wait4(process.pid, 0)

@@ -61,13 +61,8 @@ def _film_apart(directory: Path, target: Path | None, *what: str) -> Path:
 def _apart(nothing: str, *arguments: str) -> Drawn:
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
-    child = subprocess.run(
-        [sys.executable, "-P", "-m", "incipient.pictures", *arguments],
-        capture_output=True,
-        text=True,
-        env=surroundings,
-        check=False,
-    )
+    command = [sys.executable, "-P", "-m", "incipient.pictures", *arguments]
+    child = subprocess.run(command, capture_output=True, text=True, env=surroundings, check=False)
     paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
     if child.returncode:
         lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]

@@ -20,16 +20,8 @@ from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
 
 # Columns that say what came out, where there are any.
 FOUND = (
-    *(
-        "mode",
-        "safety_factor",
-        "certain",
-        "factor",
-        "shields",
-        "shields_nominal",
-        "reynolds",
-        "shear_reynolds",
-    ),
+    *("mode", "safety_factor", "certain", "factor"),
+    *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
     *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
 LAST = ("wall", "cpu", "peak_mib")
