@@ -88,19 +88,24 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
     """Write content of any kind as `write_text_atomically` writes text."""
-    part = part_of(path)
-    with reported(path):
+    with replaced(path, part_of(path)) as part:
+        part.unlink(missing_ok=True)
+        with part.open("xb") as stream:  # never through a link
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+
+
+@contextmanager
+def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
+    """A file to write, which takes the place of `path` if nothing goes wrong; errors as of `reported`."""
+    with reported(path, also):
         try:
-            part.unlink(missing_ok=True)
-            with part.open("xb") as stream:  # never through a link
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+            yield part
             part.replace(path)
-        except OSError:
+        finally:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
-            raise
 
 
 def write_json(path: Path, data: Any) -> None:

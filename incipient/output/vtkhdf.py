@@ -8,14 +8,13 @@ Source: VTK's file format VTKHDF, version 2.0, of unstructured grids in time (Pa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..files import part_of, reported
+from ..files import part_of, replaced
 
 CELL_TYPES = {"Edge_3": 21, "Triangle_6": 22, "Tetrahedron_10": 24}  # VTK's numbers of XDMF's names
 _VERSION = (2, 0)
@@ -44,15 +43,12 @@ def write_vtkhdf(hdf5: Path, cell_type: str, steady: bool) -> Path:
     import h5py
 
     path = hdf5.with_suffix(".vtkhdf")
-    part = part_of(path)
-    with reported(path, (RuntimeError, KeyError, ValueError)):
-        try:
-            with h5py.File(hdf5, "r", locking=False) as series, h5py.File(part, "w", locking=False) as file:
-                _Writer(series, hdf5.name, file, CELL_TYPES[cell_type]).write(steady)
-            part.replace(path)
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
+    with (
+        replaced(path, part_of(path), (RuntimeError, KeyError, ValueError)) as part,
+        h5py.File(hdf5, "r", locking=False) as series,
+        h5py.File(part, "w", locking=False) as file,
+    ):
+        _Writer(series, hdf5.name, file, CELL_TYPES[cell_type]).write(steady)
     return path
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ...errors import OutputError
-from ...files import reported
+from ...files import replaced
 
 DOTS = 100  # per inch
 _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
@@ -50,7 +48,9 @@ class Frames(ABC):
 
 def write(film: Frames, path: Path, rate: int) -> None:
     """Write a film at so many frames per second in the format that the path ends in; raises OutputError."""
-    with _finished(path) as part:
+    unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
+    with replaced(path, unfinished, (subprocess.CalledProcessError, RuntimeError, ValueError)) as part:
+        part.touch()
         (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(film, part, rate)
 
 
@@ -60,20 +60,6 @@ def check(path: Path) -> None:
         raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
     if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
         raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif")
-
-
-@contextmanager
-def _finished(path: Path) -> Iterator[Path]:
-    """A name to write to, which becomes `path` if nothing goes wrong."""
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
-    with reported(path, (subprocess.CalledProcessError, RuntimeError, ValueError)):
-        try:
-            part.touch()
-            yield part
-            part.replace(path)
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
 
 
 def _write_gif(film: Frames, path: Path, rate: int) -> None:
