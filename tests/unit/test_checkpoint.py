@@ -212,7 +212,7 @@ def test_no_file(tmp_path: Path) -> None:
 def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
-    with pytest.raises(OutputError, match=r"of version 99, .* reads version 6; .* \(incipient 9\.9\)"):
+    with pytest.raises(OutputError, match=r"of version 99, .* reads version 7; .* \(incipient 9\.9\)"):
         read(path, COMM)
 
 
