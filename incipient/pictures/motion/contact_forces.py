@@ -14,7 +14,7 @@ from matplotlib.patches import FancyArrowPatch, Wedge
 from matplotlib.patheffects import Normal, Stroke
 
 from ...errors import OutputError
-from ...output.earlier import CONTACTS
+from ...output.ownership import CONTACTS
 from ...scene import Contact
 from ..style import STATES
 
