@@ -1,7 +1,5 @@
 """Graded grids of tetrahedra in a box between walls, as gmsh models with the boundaries named."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import permutations

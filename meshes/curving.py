@@ -1,7 +1,5 @@
 """The nodes of a mesh in space carried onto the exact surfaces, as far as no cell folds over."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The surfaces that bound a region in space, in its frame: first triangles of them, and what lies on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

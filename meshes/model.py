@@ -1,7 +1,5 @@
 """gmsh models of regions and grids, meshed and with their boundaries named."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager

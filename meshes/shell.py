@@ -1,7 +1,5 @@
 """The whole boundary of a region in space as triangles: grains and bed exactly, the plane sides as gmsh meshes them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verdict of both judges on the grain's load and contacts, in plain data and in a sentence."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Flow and loads of scenes that say what their units are, in SI units."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Coarser copies of outlines, of surfaces of triangles and of heights on a raster: scans of less resolution."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

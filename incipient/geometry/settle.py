@@ -6,8 +6,6 @@ then it is lowered vertically onto the bed. A step that does not bring its centr
 equilibrium Newton's method closes the contacts and removes the rest of the unbalanced couple.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum

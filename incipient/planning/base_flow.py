@@ -1,7 +1,5 @@
 """The base flow: what the flow would be without grain and bed forms, and what of it enters."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

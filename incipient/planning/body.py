@@ -1,7 +1,5 @@
 """A scene's moving grain as a rigid body: mass, moments, freedom, and its state at time zero."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

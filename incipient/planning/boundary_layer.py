@@ -1,7 +1,5 @@
 """Cells at a grain in space, which follow its boundary layer."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .flow_setup import Setup

@@ -1,7 +1,5 @@
 """Sizes of the cells away from everything, and where cells are graded."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The datum of the base flow: the height at which its profile starts, and why there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from .flow_setup import Setup

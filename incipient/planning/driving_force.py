@@ -6,8 +6,6 @@ acts on the volume of a grain, too: the force of the undisturbed flow on the flu
 Fluids 26, 883).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

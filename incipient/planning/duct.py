@@ -1,7 +1,5 @@
 """Laminar flow along a duct of rectangular section, or along half of one below a surface without shear."""
 
-from __future__ import annotations
-
 import numpy as np
 
 TERMS = 50  # of the series: it errs by less than 1e-5 of the mean velocity

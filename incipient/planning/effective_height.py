@@ -1,7 +1,5 @@
 """The effective height of a bed with forms: that of the level plane that it acts as on the flow far above."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The names of the physical effects, what a plan decides on each, and the accuracy that decisions go by."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

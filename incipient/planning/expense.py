@@ -1,7 +1,5 @@
 """What a computation takes: cells and unknowns, counted on the mesh that will be used, and memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Where everything of a scene is and how finely it is meshed, ready for gmsh."""
 
-from __future__ import annotations
-
 import logging
 import math
 from contextlib import AbstractContextManager

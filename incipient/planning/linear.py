@@ -1,7 +1,5 @@
 """The method for the flow's linear systems, and why: decided from the scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from .flow_setup import Setup

@@ -1,7 +1,5 @@
 """The force that keeps a given mean profile against its viscous stress (see `mean_profile`)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import dolfinx

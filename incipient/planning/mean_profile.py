@@ -9,8 +9,6 @@ k being the equivalent sand roughness: u = y within the viscous sublayer of a sm
 70 to 500 that is within 0.3 of Nikuradse's law of rough beds, u = ln(y/k)/kappa + 8.5.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

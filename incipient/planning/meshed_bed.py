@@ -1,7 +1,5 @@
 """Where a bed in space is meshed as it is, and where level ground takes its place."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..geometry.placement import Placement

@@ -1,7 +1,5 @@
 """The region that gmsh meshes, from the geometry of a scene: where everything is, and how finely it is meshed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The region in space that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..geometry.placement import Placement

@@ -1,7 +1,5 @@
 """The dimensionless numbers of a scene, by which effects are decided."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The order of the velocity where the scene leaves it open: what the program's own measurements recommend."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..scene import Scene

@@ -1,7 +1,5 @@
 """The names of the sides of a scene's domain, by which mesh, conditions and results speak of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..scene import Domain

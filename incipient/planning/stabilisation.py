@@ -7,8 +7,6 @@ Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the b
 where cells are coarse.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

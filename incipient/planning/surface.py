@@ -1,7 +1,5 @@
 """The free surface of a scene: where it is pinned, and how deep the fluid below it is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .flow_setup import Setup

@@ -1,7 +1,5 @@
 """How well the algebraic equations of a steady flow are solved, where the scene leaves it open."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 # What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.

@@ -1,7 +1,5 @@
 """Cells at walls with wall functions: rows of a channel, and sizes along other walls."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise, takewhile

@@ -1,7 +1,5 @@
 """The law of the wall, smooth or rough, and from which distances to which it holds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The wall-function layer of a flow: where walls are, and how far from them the mesh ends."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Stokes's wave of second order on a current: what a wave maker lets in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

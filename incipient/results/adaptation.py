@@ -1,7 +1,5 @@
 """The accuracy that a run was to reach, what was reached, and the meshes tried, as data."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

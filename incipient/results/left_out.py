@@ -1,7 +1,5 @@
 """An effect that was left out and what it would have changed, as data."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

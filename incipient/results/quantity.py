@@ -1,7 +1,5 @@
 """One number of a run's outcome, described once: read alike by history, result.json, text, page and tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Results in SI units for a reader, of scenes that say what their units are."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .loads import couple_words, force_words

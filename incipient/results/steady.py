@@ -1,7 +1,5 @@
 """Whether a flow in time became steady, as a part of the result."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -4,8 +4,6 @@ Stages follow each other and nest. Each moment counts for one stage only, the in
 the stage, unless it is transferred to another (`incipient.results.cost_of_effects`).
 """
 
-from __future__ import annotations
-
 import resource
 import time
 from collections.abc import Iterator

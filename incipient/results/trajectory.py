@@ -1,7 +1,5 @@
 """The way of a grain that moves, for a reader."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

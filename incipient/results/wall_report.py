@@ -1,7 +1,5 @@
 """What a run says of the turbulence at its walls, as data."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field

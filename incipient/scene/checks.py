@@ -1,7 +1,5 @@
 """Contradictions between the sections of a scene, each with the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any

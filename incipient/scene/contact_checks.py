@@ -1,7 +1,5 @@
 """Contradictions of a grain that moves on its bed, and of keys that only it reads."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The region that the fluid may fill, in the plane or in space."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator

@@ -1,7 +1,5 @@
 """Which effects a scene asks for: left to the plan, forced on, or forced off."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field

@@ -1,7 +1,5 @@
 """Effects that a scene forces on or off and that contradict the rest of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

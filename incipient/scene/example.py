@@ -1,7 +1,5 @@
 """The example scene, and the comments that explain a scene's keys."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin

@@ -1,7 +1,5 @@
 """Formulas in x, y, z and t from a scene, evaluated on arrays without running anything the scene says."""
 
-from __future__ import annotations
-
 import ast
 import math
 import warnings

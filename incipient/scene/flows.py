@@ -1,7 +1,5 @@
 """The flows of a scene: what a user writes about what drives the fluid."""
 
-from __future__ import annotations
-
 import sys
 from typing import Annotated, Any, Literal
 

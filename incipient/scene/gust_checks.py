@@ -1,7 +1,5 @@
 """What a gust cannot go with, each with the remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .flows import Flow

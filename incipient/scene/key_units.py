@@ -1,7 +1,5 @@
 """The units of keys, as their descriptions have them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """All grains and all beds that a scene, or a case, may have, in the plane and in space."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Mass and moments of the grain of a scene, which have one source."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Floats

@@ -1,7 +1,5 @@
 """One line for everything that can be wrong with a scene: which key, why, and what to write instead."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re

@@ -1,7 +1,5 @@
 """How the equations of a scene are solved: orders, mesh, tolerances, accuracy and budget."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 from pydantic import Field, field_validator

@@ -1,7 +1,5 @@
 """What contradicts a channel whose top is a free surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .domain import Domain

@@ -1,7 +1,5 @@
 """Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

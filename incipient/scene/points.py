@@ -1,7 +1,5 @@
 """Files that a scene names in place of what stands in them, points x, y above all; their size is limited."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import math

@@ -1,7 +1,5 @@
 """Kinds of grains and beds from outside the package, which scenes may have once they are registered."""
 
-from __future__ import annotations
-
 from typing import Annotated, Union
 
 from pydantic import Field

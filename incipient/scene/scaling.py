@@ -10,8 +10,6 @@ V and L being those of the Reynolds number in SI units. Forces are in units of r
 rho_f V0^2 L0 per unit depth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

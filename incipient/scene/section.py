@@ -1,7 +1,5 @@
 """What all sections of a scene share: immutability, strictness, and one-line errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Where the grain of a scene comes to rest when it is let go."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any

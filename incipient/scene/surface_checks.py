@@ -1,7 +1,5 @@
 """What contradicts the free surface that a scene asks for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

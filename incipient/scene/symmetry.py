@@ -3,8 +3,6 @@
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

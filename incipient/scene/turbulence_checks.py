@@ -1,7 +1,5 @@
 """What contradicts the turbulence that a scene asks for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .domain import Domain

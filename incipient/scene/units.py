@@ -1,7 +1,5 @@
 """SI units: the section [units] of a scene, and what one of the scene's units is (see `scaling`)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -10,8 +10,6 @@ The flow's load is frozen: force and couple about the centre of mass are those o
 has turned and moved. `drift` says by how much that may be wrong.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

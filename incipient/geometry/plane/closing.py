@@ -4,8 +4,6 @@ In the plane a grain that touches closes the way below it. The space next to a c
 than some width it is left out, up to a straight line across it on either side of all contacts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

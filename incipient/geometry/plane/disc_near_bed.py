@@ -3,8 +3,6 @@
 What `distance.approaches` finds for any grain and bed by sampling takes milliseconds; a disc in motion asks often.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

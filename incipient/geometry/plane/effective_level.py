@@ -5,8 +5,6 @@ protrusion height of Luchini, Manzo & Pozzi 1991). The flow over one period is t
 bed (Pozrikidis 1992, Boundary Integral and Singularity Methods, chapter 3), with the fluid below at rest.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

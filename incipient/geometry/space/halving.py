@@ -1,7 +1,5 @@
 """The half of a triangulated surface on one side of a plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from incipient.arrays import Floats

@@ -1,7 +1,5 @@
 """Triangulations of level surfaces: a grid's cells cut into tetrahedra, and these by the surface."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import permutations
 

@@ -4,8 +4,6 @@ After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exa
 each other are done together; what is longer or better is told to a few digits, so that round-off decides nothing.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Faults of scanned surfaces: points twice, triangles twice and mixed senses are put right, crossings are found."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from incipient.arrays import Floats

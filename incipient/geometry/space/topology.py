@@ -1,7 +1,5 @@
 """The edges of triangles, and their neighbours."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

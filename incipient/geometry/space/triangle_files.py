@@ -1,7 +1,5 @@
 """Surfaces of triangles in STL, PLY and OBJ files, with what is wrong with them said in one line."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
