@@ -41,19 +41,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class Region:
-    """The plane region above `bottom` and below `height_top`, less its holes.
+    """The plane region above `bottom` and below `height_top`, less its holes."""
 
-    bottom:   curves from left to right; their ends are the lower corners
-    standing: curves by name, of what stands on the bottom and bounds the region where the bottom has a gap
-    top:      vertical coordinate of the straight upper side
-    holes:    closed outlines, counter-clockwise, by name
-    sides:    names of the bottom, right, top and left boundary
-    """
-
-    bottom: tuple[Curve, ...]
-    top: float
+    bottom: tuple[Curve, ...]  # curves from left to right; their ends are the lower corners
+    top: float  # vertical coordinate of the straight upper side
+    # Closed outlines, counter-clockwise, by name
     holes: dict[str, tuple[Curve, ...]] = field(default_factory=dict)
+    # Names of the bottom, right, top and left boundary
     sides: tuple[str, str, str, str] = ("bed", "outflow", "top", "inflow")
+    # Curves by name, of what stands on the bottom and bounds the region where the bottom has a gap
     standing: dict[str, tuple[Curve, ...]] = field(default_factory=dict)
 
     @property
@@ -73,19 +69,15 @@ class Away:
 
 @dataclass(frozen=True)
 class Near:
-    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them.
-
-    needed: without cells of this size the geometry is not resolved; they are not coarsened
-    away:   where along a boundary the cells may be larger; None: nowhere
-    most:   the largest cells that follow the boundary's shape: by no factor do they become larger
-    """
+    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them."""
 
     size: float
     growth: float
     points: tuple[Place, ...] = ()
     boundary: str = ""
-    needed: bool = False
-    away: Away | None = None
+    needed: bool = False  # without cells of this size the geometry is not resolved; they are not coarsened
+    away: Away | None = None  # where along a boundary the cells may be larger; None: nowhere
+    # The largest cells that follow the boundary's shape: by no factor do they become larger
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
@@ -122,14 +114,12 @@ class SizeField:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The size of cells: `far` at most, less near features, and where a field says so; scene units.
-
-    gap_part: in space, cells are at most this part of the width between the bed and a grain, or two grains
-    """
+    """The size of cells: `far` at most, less near features, and where a field says so; scene units."""
 
     far: float
     near: tuple[Near, ...] = ()
     field: SizeField | None = None
+    # In space, cells are at most this part of the width between the bed and a grain, or two grains
     gap_part: float = float("inf")
 
     def scaled(self, factor: float) -> Sizes:
@@ -163,17 +153,13 @@ class Grid:
 
 @dataclass(frozen=True)
 class SolidGrid:
-    """A grid of the plane of x and z extruded along y: each triangle of each layer into three tetrahedra.
-
-    across: the least and the largest y
-    ends:   where each layer ends, as ascending parts of the way across, the last of them one
-    sides:  names of the boundaries at the least and the largest y
-    """
+    """A grid of the plane of x and z extruded along y: each triangle of each layer into three tetrahedra."""
 
     grid: Grid
-    across: tuple[float, float]
+    across: tuple[float, float]  # the least and the largest y
+    # Where each layer ends, as ascending parts of the way across, the last of them one
     ends: tuple[float, ...]
-    sides: tuple[str, str] = ("right", "left")
+    sides: tuple[str, str] = ("right", "left")  # names of the boundaries at the least and the largest y
 
     @property
     def layers(self) -> int:
@@ -183,18 +169,14 @@ class SolidGrid:
 
 @dataclass(frozen=True)
 class BoxGrid:
-    """A box in space cut into graded cells, each into six tetrahedra.
+    """A box in space cut into graded cells, each into six tetrahedra."""
 
-    extents: the least and the largest x, y and z
-    ends:    where the cells along each of the three axes end, as ascending parts of the extent, the last of them one
-    sides:   names of the boundaries at the least and the largest x, y and z; names may occur twice
-    half:    the least y is a plane of symmetry, in the middle of the whole box
-    """
-
-    extents: tuple[Point, Point, Point]
+    extents: tuple[Point, Point, Point]  # the least and the largest x, y and z
+    # Where the cells along each of the three axes end, as ascending parts of the extent, the last of them one
     ends: tuple[tuple[float, ...], ...]
+    # Names of the boundaries at the least and the largest x, y and z; names may occur twice
     sides: tuple[str, str, str, str, str, str]
-    half: bool = False
+    half: bool = False  # the least y is a plane of symmetry, in the middle of the whole box
 
     @property
     def cells(self) -> int:

@@ -28,12 +28,12 @@ class Resolved:
     """Where a bed is meshed as it is: within `radius` of `centre`, horizontally.
 
     Over the length `passage` it goes over smoothly to its mean level.
-    level: that level; None: the bed's mean height within radius + passage (a plane keeps its slope in any case)
     """
 
     centre: Point
     radius: float
     passage: float
+    # That level; None: the bed's mean height within radius + passage (a plane keeps its slope in any case)
     level: float | None = None
 
     def share(self, x: Floats) -> Floats:
@@ -45,26 +45,22 @@ class Resolved:
 
 @dataclass(frozen=True, eq=False)
 class SolidRegion:
-    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes; z points up.
-
-    holes:     closed surfaces by name
-    sides:     names of the boundary at x[0], x[1], y[0], y[1], at the ceiling and at the bed; names may occur twice
-    symmetric: only the half above the middle of `y` is meshed; the cut is called "symmetry" and sides[2] does not
-               occur. Grains and bed are taken to be mirror images of themselves in that plane.
-    resolved:  where the bed is meshed as it is; None: everywhere
-    fillet:    radius with which the valleys between the balls and the base of a bed, and between the spheres of a
-               clump, are rounded: touching balls are bridged. The surface changes only where two pieces are nearer
-               than this. 0: a fifth of the smallest radius.
-    """
+    """The box over `x` and `y`, above a bed and below `ceiling`, less its holes; z points up."""
 
     x: tuple[float, float]
     y: tuple[float, float]
     ceiling: float
     bed: Terrain
-    holes: dict[str, PlacedSolid] = field(default_factory=dict)
+    holes: dict[str, PlacedSolid] = field(default_factory=dict)  # closed surfaces by name
+    # Names of the boundary at x[0], x[1], y[0], y[1], at the ceiling and at the bed; names may occur twice
     sides: tuple[str, str, str, str, str, str] = ("inflow", "outflow", "right", "left", "top", "bed")
+    # Only the half above the middle of `y` is meshed; the cut is called "symmetry" and sides[2] does not occur. Grains
+    # and bed are taken to be mirror images of themselves in that plane.
     symmetric: bool = False
-    resolved: Resolved | None = None
+    resolved: Resolved | None = None  # where the bed is meshed as it is; None: everywhere
+    # Radius with which the valleys between the balls and the base of a bed, and between the spheres of a clump, are
+    # rounded: touching balls are bridged. The surface changes only where two pieces are nearer than this. 0: a fifth of
+    # the smallest radius.
     fillet: float = 0.0
 
     @property

@@ -160,17 +160,13 @@ class SizeMap:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8).
-
-    uncut:  which (n,) are larger, because they would become too many
-    growth: by what factor the last cut made larger the number of those to be cut on
-    """
+    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8)."""
 
     centres: Floats
     sides: Floats
     sizes: Floats
-    uncut: np.ndarray
-    growth: float = 1.0
+    uncut: np.ndarray  # which (n,) are larger, because they would become too many
+    growth: float = 1.0  # by what factor the last cut made larger the number of those to be cut on
 
     @property
     def corners(self) -> Floats:

@@ -24,18 +24,13 @@ CHUNK = 100_000  # loads at a time
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What the exact judge says of n loads.
+    """What the exact judge says of n loads."""
 
-    factors: (n,) safety factors; held: (n,) whether the load as it is is balanced
-    modes: (n,) places in `labels`, which are as of `exact.Exact.label`
-    alone:  how many loads were judged one by one
-    """
-
-    factors: Floats
-    held: Booleans
-    modes: Integers
+    factors: Floats  # (n,) safety factors
+    held: Booleans  # (n,) whether the load as it is is balanced
+    modes: Integers  # (n,) places in `labels`, which are as of `exact.Exact.label`
     labels: tuple[str, ...]
-    alone: int
+    alone: int  # how many loads were judged one by one
 
 
 def judge_batch(

@@ -52,21 +52,14 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where a grain came to rest, or how it did not.
+    """Where a grain came to rest, or how it did not."""
 
-    placement: the last one; the grain touches the bed there
-    contacts:  where it touches the bed, None unless it rests or balances
-    outcome:   how settling ended; `stable` is true if the grain rests
-    steps:     number of steps of the descent
-    gap:       largest gap of the contacts that carry the grain [grain sizes]
-    imbalance: unbalanced force [weights] or couple [weight times grain size] about the centre, the larger
-    """
-
-    placement: Placement
-    contacts: Contacts | None
-    outcome: SettlingOutcome
-    steps: int
-    gap: float
+    placement: Placement  # the last one; the grain touches the bed there
+    contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
+    outcome: SettlingOutcome  # how settling ended; `stable` is true if the grain rests
+    steps: int  # number of steps of the descent
+    gap: float  # largest gap of the contacts that carry the grain [grain sizes]
+    # Unbalanced force [weights] or couple [weight times grain size] about the centre, the larger
     imbalance: float
 
     @property

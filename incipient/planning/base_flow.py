@@ -25,24 +25,16 @@ STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum
 
 @dataclass(frozen=True, eq=False)
 class BaseFlow:
-    """The flow without grain and bed forms, in units of the scene.
+    """The flow without grain and bed forms, in units of the scene."""
 
-    flow:      the section of the scene that gives it
-    bed:       shape on which what enters comes to rest; None without a bed
-    reference: velocity of the Reynolds number; viscosity: kinematic
-    walled:    whether the fluid sticks to the sides across the width
-    creeping:  whether inertia is left out, by which a computed datum is another one
-    speed:     of the flow for which the datum is computed, over this one's
-    """
-
-    flow: Any
+    flow: Any  # the section of the scene that gives it
     domain: Domain
-    bed: Any
-    reference: float
-    viscosity: float
-    walled: bool = False
-    creeping: bool = False
-    speed: float = 1.0
+    bed: Any  # shape on which what enters comes to rest; None without a bed
+    reference: float  # velocity of the Reynolds number
+    viscosity: float  # kinematic
+    walled: bool = False  # whether the fluid sticks to the sides across the width
+    creeping: bool = False  # whether inertia is left out, by which a computed datum is another one
+    speed: float = 1.0  # of the flow for which the datum is computed, over this one's
 
     @property
     def over_forms(self) -> bool:

@@ -22,14 +22,11 @@ FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the
 
 @dataclass(frozen=True)
 class FarCells:
-    """The cells away from everything, for mesh_size = 1.
+    """The cells away from everything, for mesh_size = 1."""
 
-    extents:      of the domain; order: of the velocity
-    box_reynolds: Reynolds number in an empty box, which has a grid; None in other scenes
-    """
-
-    extents: tuple[float, ...]
-    order: int
+    extents: tuple[float, ...]  # of the domain
+    order: int  # of the velocity
+    # Reynolds number in an empty box, which has a grid; None in other scenes
     box_reynolds: float | None = None
 
     @property

@@ -7,14 +7,10 @@ from .flow_setup import Setup
 
 @dataclass(frozen=True)
 class Datum:
-    """Where the profile of a scene's flow starts; it is the same over the whole bed.
+    """Where the profile of a scene's flow starts; it is the same over the whole bed."""
 
-    height: y, in space z, in the scene [length]
-    reason: what the height is of the bed, in words
-    """
-
-    height: float
-    reason: str
+    height: float  # y, in space z, in the scene [length]
+    reason: str  # what the height is of the bed, in words
 
     def text(self, axis: str) -> str:
         """One line of the plan; `axis` is the name of the coordinate that counts heights."""

@@ -16,15 +16,11 @@ UNSURE = 0.5  # of what inertia changes; those measurements are within it where 
 
 @dataclass(frozen=True)
 class EffectiveHeight:
-    """The height above the base line of the level plane that a bed with forms acts as on the flow far above.
+    """The height above the base line of the level plane that a bed with forms acts as on the flow far above."""
 
-    height:    in the base flow at its speed; uncertainty: how far it may be off
-    creeping:  without inertia
-    """
-
-    height: float
-    uncertainty: float
-    creeping: float
+    height: float  # in the base flow at its speed
+    uncertainty: float  # how far it may be off
+    creeping: float  # without inertia
 
 
 def repeats(flow: Any, domain: Domain, bed: Any) -> bool:

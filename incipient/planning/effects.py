@@ -27,16 +27,13 @@ class EffectName(StrEnum):
 
 @dataclass(frozen=True)
 class Decision:
-    """Whether one physical effect is simulated, and the reason.
-
-    forced:   the scene says so, not the plan
-    expected: relative change of the drag that the effect makes, by its leading term; None: no estimate
-    """
+    """Whether one physical effect is simulated, and the reason."""
 
     name: EffectName
     present: bool
     reason: str
-    forced: bool = False
+    forced: bool = False  # the scene says so, not the plan
+    # Relative change of the drag that the effect makes, by its leading term; None: no estimate
     expected: float | None = None
 
 

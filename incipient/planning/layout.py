@@ -27,24 +27,18 @@ STEEPEST = 0.35  # growth of coarse cells with distance
 
 @dataclass(frozen=True)
 class Layout:
-    """The scene's geometry in place, ready to be drawn.
-
-    resting:   the grain where it touches the bed (or is held), None without a grain
-    placement: the grain where the flow is computed: lifted by the gap
-    gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
-    gap_ends:  the two points between which the gap is measured
-    closing:   of a grain about whose contacts the space is closed where it is narrower than the gap; None: it is open
-    max_cells: triangles, in space tetrahedra, expected above which no mesh is made
-    """
+    """The scene's geometry in place, ready to be drawn."""
 
     shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid
     sizes: Sizes
     geometry_order: int
-    resting: Placement | None = None
-    placement: Placement | None = None
+    resting: Placement | None = None  # the grain where it touches the bed (or is held), None without a grain
+    placement: Placement | None = None  # the grain where the flow is computed: lifted by the gap
+    # Smallest distance of grain and bed in the computed flow [length], inf without contact
     gap: float = np.inf
-    gap_ends: tuple[Place, Place] | None = None
-    max_cells: float = np.inf
+    gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
+    max_cells: float = np.inf  # triangles, in space tetrahedra, expected above which no mesh is made
+    # Of a grain about whose contacts the space is closed where it is narrower than the gap; None: it is open
     closing: Closing | None = None
 
     def gmsh_model(self) -> AbstractContextManager[Any]:

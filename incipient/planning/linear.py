@@ -18,14 +18,10 @@ RESOLVED = 25.0
 
 @dataclass(frozen=True)
 class Method:
-    """How the linear systems are solved.
+    """How the linear systems are solved."""
 
-    name:   one of `fluid.solvers.SOLVERS`, or "two-level"
-    reason: in words
-    """
-
-    name: str
-    reason: str
+    name: str  # one of `fluid.solvers.SOLVERS`, or "two-level"
+    reason: str  # in words
 
     def text(self) -> str:
         """One line of the plan."""

@@ -25,15 +25,12 @@ NODES = 400
 
 @dataclass(frozen=True)
 class MeanProfile:
-    """The mean velocity over its datum, in scene units.
-
-    roughness: equivalent sand roughness [length]; depth: of the flow above its datum, up to which it is tabulated
-    """
+    """The mean velocity over its datum, in scene units."""
 
     shear_velocity: float
     viscosity: float
-    roughness: float
-    depth: float
+    roughness: float  # equivalent sand roughness [length]
+    depth: float  # of the flow above its datum, up to which it is tabulated
 
     @property
     def roughness_reynolds(self) -> float:

@@ -16,27 +16,20 @@ SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
 @dataclass(frozen=True)
 class Numbers:
-    """A scene's dimensionless numbers; None where the scene has nothing of the kind.
+    """A scene's dimensionless numbers; None where the scene has nothing of the kind."""
 
-    grain_reynolds: speed of the flow past the grain times its largest diameter over the viscosity
-    flow_reynolds:  reference velocity times height of the domain over the viscosity
-    bed_reynolds:   speed at the height of the bed's relief above the datum times that height over the viscosity
-    reach:          how far the grain's disturbance goes before a wall stops it, in grain sizes
-    strouhal:       grain size over speed times the time in which the flow changes
-    density_ratio:  density of a free or weighing grain over the fluid's
-    stokes:         density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
-    froude:         reference velocity over sqrt(g height)
-    shear_reynolds: shear velocity of a log-law flow times the grain's largest diameter over the viscosity
-    """
-
+    # Speed of the flow past the grain times its largest diameter over the viscosity
     grain_reynolds: float | None
-    flow_reynolds: float
+    flow_reynolds: float  # reference velocity times height of the domain over the viscosity
+    # Speed at the height of the bed's relief above the datum times that height over the viscosity
     bed_reynolds: float | None
-    reach: float
-    strouhal: float | None
-    density_ratio: float | None
+    reach: float  # how far the grain's disturbance goes before a wall stops it, in grain sizes
+    strouhal: float | None  # grain size over speed times the time in which the flow changes
+    density_ratio: float | None  # density of a free or weighing grain over the fluid's
+    # Density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
     stokes: float | None
-    froude: float | None
+    froude: float | None  # reference velocity over sqrt(g height)
+    # Shear velocity of a log-law flow times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
 
     def text(self) -> str:

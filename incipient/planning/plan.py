@@ -27,14 +27,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Plan:
-    """Effects, discretisation and (where it has been counted) expense of a scene's computation.
-
-    why_order: what the order of the velocity follows from, in words; empty where the scene gives it
-    sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
-    warnings: what in the scene makes the result less sure, in words
-    solver:   method for the linear systems
-    datum:    where the profile of the flow starts, None without a profile or a bed
-    """
+    """Effects, discretisation and (where it has been counted) expense of a scene's computation."""
 
     effects: tuple[Decision, ...]
     order: int
@@ -43,14 +36,16 @@ class Plan:
     convection: str
     scheme: str
     reynolds: float
-    solver: Method
+    solver: Method  # method for the linear systems
     numbers: Numbers | None = None
     stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
+    # What the order of the velocity follows from, in words; empty where the scene gives it
     why_order: str = ""
+    # What mesh and order are chosen for by the run, in words; empty where the scene chooses them
     sought: str = ""
-    warnings: tuple[str, ...] = ()
-    datum: Datum | None = None
+    warnings: tuple[str, ...] = ()  # what in the scene makes the result less sure, in words
+    datum: Datum | None = None  # where the profile of the flow starts, None without a profile or a bed
 
     def has(self, name: EffectName) -> bool:
         """Whether an effect is simulated."""

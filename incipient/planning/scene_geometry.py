@@ -26,48 +26,31 @@ Place = Any  # a point (gdim,) as a tuple of numbers
 
 @dataclass(frozen=True)
 class Stance:
-    """Where a grain is.
+    """Where a grain is."""
 
-    resting:   where it touches the bed or is held; None without a grain
-    placement: where the flow is computed: lifted by the gap
-    gap:       smallest distance from the bed in the computed flow [length], inf without contact
-    gap_ends:  the two points between which the gap is measured
-    """
-
-    resting: Placement | None = None
-    placement: Placement | None = None
-    gap: float = np.inf
-    gap_ends: tuple[Place, Place] | None = None
+    resting: Placement | None = None  # where it touches the bed or is held; None without a grain
+    placement: Placement | None = None  # where the flow is computed: lifted by the gap
+    gap: float = np.inf  # smallest distance from the bed in the computed flow [length], inf without contact
+    gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Grain and bed in the domain.
-
-    grain:     shape in its body frame, a Grain of the plane or a Solid; None without a grain
-    bed:       shape, a Bed of the plane or a Terrain; None without a bed
-    placement: the grain where it touches the bed or is held; None without a grain
-    rests:     whether it rests on the bed; moves: whether it moves while the flow is computed
-    touches:   whether it goes on moving where it touches the bed
-    gap:       that stands for contact while the flow is computed; tolerance: distance that counts as touching [length]
-    top:       what the upper side is; sides: what both sides across the width of a domain in space are
-    symmetric: whether half of the domain is computed
-    meshed_bed: numerics.meshed_bed
-    """
+    """Grain and bed in the domain."""
 
     domain: Domain
-    grain: Any
-    bed: Any
-    placement: Placement | None
-    rests: bool
-    moves: bool
-    touches: bool
-    gap: float
-    tolerance: float
-    top: str
-    sides: str
-    symmetric: bool
-    meshed_bed: float
+    grain: Any  # shape in its body frame, a Grain of the plane or a Solid; None without a grain
+    bed: Any  # shape, a Bed of the plane or a Terrain; None without a bed
+    placement: Placement | None  # the grain where it touches the bed or is held; None without a grain
+    rests: bool  # whether it rests on the bed
+    moves: bool  # whether it moves while the flow is computed
+    touches: bool  # whether it goes on moving where it touches the bed
+    gap: float  # that stands for contact while the flow is computed
+    tolerance: float  # distance that counts as touching [length]
+    top: str  # what the upper side is
+    sides: str  # what both sides across the width of a domain in space are
+    symmetric: bool  # whether half of the domain is computed
+    meshed_bed: float  # numerics.meshed_bed
 
     @property
     def gdim(self) -> int:

@@ -7,18 +7,13 @@ from ..scene import Domain
 
 @dataclass(frozen=True)
 class SideNames:
-    """Names of the sides of a domain.
+    """Names of the sides of a domain."""
 
-    bottom, top: of the lower side, "bed" where there is one, and of the upper one
-    left, right: of the ends of the base flow
-    across:      in space, of the sides at least and largest y; of half a domain only the latter
-    """
-
-    bottom: str
-    right: str
+    bottom: str  # "bed" where there is one
+    right: str  # like `left` an end of the base flow
     top: str
     left: str
-    across: tuple[str, ...] = ()
+    across: tuple[str, ...] = ()  # in space, at least and largest y; of half a domain only the latter
 
     @property
     def around(self) -> tuple[str, str, str, str]:

@@ -30,11 +30,9 @@ class WallLaw:
 
     w is 0 on smooth walls, 1 on rough ones, and sin(pi/2 ln(k+/2.25)/ln(40)) between. Functions take numbers, arrays,
     or UFL expressions with the functions `log`, `larger`, `sin` and `cos` of UFL.
-
-    roughness: equivalent sand roughness k, 0: smooth [length]
     """
 
-    roughness: float = 0.0
+    roughness: float = 0.0  # equivalent sand roughness k, 0: smooth [length]
     kappa: float = 0.41
     offset: float = 5.2
 

@@ -14,34 +14,24 @@ from .wall_law import LEAST, SAMPLES, WallLaw
 
 @dataclass(frozen=True)
 class LayeredWalls:
-    """The walls that a flow feels by a law of the wall, as estimated before it is computed.
-
-    depth:          over which a wall is felt: that of an open channel, half of that between two walls
-    distance:       of the mesh's boundary from the wall
-    shear_velocity: estimated
-    number:         of walls, one or two
-    floor, top:     heights at the inflow of the wall below, and of what is above
-    beside:         how many of these the mesh stands off from; the others are where the mesh ends, `distance` being one
-                    of the law's alone
-    sides:          y of side walls with friction; none in the plane
-    mean:           reference velocity of the flow; viscosity: kinematic
-    plane:          whether all walls are planes, from which the mesh stands off: no bed forms, no grain
-    names:          of the boundaries that have a wall beyond them
-    """
+    """The walls that a flow feels by a law of the wall, as estimated before it is computed."""
 
     law: WallLaw
-    depth: float
-    distance: float
-    shear_velocity: float
-    number: int
+    depth: float  # over which a wall is felt: that of an open channel, half of that between two walls
+    distance: float  # of the mesh's boundary from the wall
+    shear_velocity: float  # estimated
+    number: int  # of walls, one or two
+    # floor, top: heights at the inflow of the wall below, and of what is above
     floor: float
     top: float
+    # How many of these the mesh stands off from; the others are where the mesh ends, `distance` being one of the law's
+    # alone
     beside: int
-    sides: tuple[float, ...]
-    mean: float
-    viscosity: float
-    plane: bool
-    names: tuple[str, ...]
+    sides: tuple[float, ...]  # y of side walls with friction; none in the plane
+    mean: float  # reference velocity of the flow
+    viscosity: float  # kinematic
+    plane: bool  # whether all walls are planes, from which the mesh stands off: no bed forms, no grain
+    names: tuple[str, ...]  # of the boundaries that have a wall beyond them
 
     @property
     def reach(self) -> float:

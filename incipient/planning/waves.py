@@ -24,22 +24,15 @@ class StokesWave:
     uniform current takes back what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
     Nearshore Hydrodynamics, chapter 8, in a frame that moves with the stream. Where the stream has shear the first
     harmonic is that of the current with its shear (see `stokes_wave`), the second that of the mean current.
-
-    amplitude: of the first harmonic of the elevation
-    frequency: in the frame of the bed, 2 pi over the period
-    number:    of waves, 2 pi over the length
-    depth:     of the still layer
-    stream:    speed as the wave feels it in the mean
-    surface:   speed of the stream on the surface
-    rise:      the first harmonic's velocity upwards over that on the surface, by the height above the bottom
     """
 
-    amplitude: float
-    frequency: float
-    number: float
-    depth: float
-    stream: float
-    surface: float
+    amplitude: float  # of the first harmonic of the elevation
+    frequency: float  # in the frame of the bed, 2 pi over the period
+    number: float  # of waves, 2 pi over the length
+    depth: float  # of the still layer
+    stream: float  # speed as the wave feels it in the mean
+    surface: float  # speed of the stream on the surface
+    # The first harmonic's velocity upwards over that on the surface, by the height above the bottom
     rise: Any
 
     def begun(self, t: float) -> float:

@@ -6,24 +6,18 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Trial:
-    """One mesh tried.
-
-    estimate: relative error of the quantity asked for; None where the flow could not be solved, or not compared yet
-    seconds:  wall time, mesh, solution and estimate together
-    step:     the time step, None for steady flow
-    note:     what was changed besides the mesh, or why there is no solution or no estimate
-    of_step:  what the time step contributes to the estimate, of_mesh: what the mesh does; None for steady flow
-    """
+    """One mesh tried."""
 
     order: int
     cells: int
     unknowns: int
+    # Relative error of the quantity asked for; None where the flow could not be solved, or not compared yet
     estimate: float | None
-    seconds: float
-    step: float | None = None
-    note: str = ""
-    of_step: float | None = None
-    of_mesh: float | None = None
+    seconds: float  # wall time, mesh, solution and estimate together
+    step: float | None = None  # the time step, None for steady flow
+    note: str = ""  # what was changed besides the mesh, or why there is no solution or no estimate
+    of_step: float | None = None  # what the time step contributes to the estimate; None for steady flow
+    of_mesh: float | None = None  # what the mesh contributes to it
 
     @property
     def parts(self) -> str:
@@ -35,22 +29,17 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """The accuracy to reach, what has been reached, and the meshes tried on the way.
+    """The accuracy to reach, what has been reached, and the meshes tried on the way."""
 
-    asked:    the relative error, or "verdict"; reached: its estimate, None if there is none
-    includes: the errors that are in it
-    changes:  what has been changed of the scene for it, in words
-    beside:   what is to be known of errors that are not in it, and what would make them smaller
-    """
-
-    asked: float | str
+    asked: float | str  # the relative error, or "verdict"
     of: str
-    reached: float | None
+    reached: float | None  # its estimate, None if there is none
     met: bool
     reason: str
     trials: tuple[Trial, ...]
-    includes: tuple[str, ...] = ("discretisation",)
-    changes: tuple[str, ...] = ()
+    includes: tuple[str, ...] = ("discretisation",)  # the errors that are in it
+    changes: tuple[str, ...] = ()  # what has been changed of the scene for it, in words
+    # What is to be known of errors that are not in it, and what would make them smaller
     beside: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

@@ -11,16 +11,11 @@ from ..arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class Elevations:
-    """Elevations at the stations in the course of a run.
+    """Elevations at the stations in the course of a run."""
 
-    times:   (n,), ascending; that of the start is the first, of a resumed run that of its checkpoint
-    values:  (n, stations)
-    largest: the largest size of an elevation anywhere on the surface within these times
-    """
-
-    times: Floats
-    values: Floats
-    largest: float
+    times: Floats  # (n,), ascending; that of the start is the first, of a resumed run that of its checkpoint
+    values: Floats  # (n, stations)
+    largest: float  # the largest size of an elevation anywhere on the surface within these times
 
     @classmethod
     def of(cls, readings: list[ElevationReading]) -> Elevations:

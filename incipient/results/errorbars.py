@@ -23,23 +23,18 @@ NO_GRAIN: Floats = np.zeros(0)
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and couple (3,) of the flow on a grain, and what else errors are estimated of.
+    """Force and couple (3,) of the flow on a grain, and what else errors are estimated of."""
 
-    force, couple: (0,) without a grain
-    place:         of a grain that moves, with its angle or quaternion: (3 or 7,)
-    elevations:    of a free surface
-    shear:         (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
-    centreline:    (3,) extreme velocities on the centrelines of a lid-driven box without a grain
-    moved:         whether they were computed on the mesh of another run, moved
-    """
-
+    # force, couple: (0,) without a grain
     force: Floats
     couple: Floats
-    place: Floats | None = None
-    elevations: Elevations | None = None
+    place: Floats | None = None  # of a grain that moves, with its angle or quaternion: (3 or 7,)
+    elevations: Elevations | None = None  # of a free surface
+    # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
+    # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
-    moved: bool = False
+    moved: bool = False  # whether they were computed on the mesh of another run, moved
 
     @classmethod
     def at_the_end(
@@ -66,36 +61,26 @@ class Correction:
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force and couple (3,), of what else there is, and how they were found.
-
-    force, couple: what a correction leaves of them, if there is one; (0,) without a grain
-    place:     of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
-    elevation: (stations,) of a free surface, the largest ones within the run
-    level:     (stations,) of these at the end
-    shear:     (2,) of u* at the outflow, and of its mean along the walls
-    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
-    power:     exponent of the gap with which its error is expected to fall
-    parts:     terms that this one is the sum of, if any
-    ratio:     factor by which the safety factor may be larger or smaller at the same load, for another reason
-    modes:     what the grain does where it is
-    doubt:     why the errors may be more than twice as large; nothing where they are not known to be
-    correction: of force and couple for this error; None where they are not corrected
-    """
+    """One source of error: absolute errors of force and couple (3,), of what else there is, and how they were found."""
 
     name: str
+    # force, couple: what a correction leaves of them, if there is one; (0,) without a grain
     force: Floats
     couple: Floats
     how: str
+    # Of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
     place: Floats | None = None
-    power: float = 1.0
-    parts: tuple[Term, ...] = ()
-    elevation: Floats | None = None
-    level: Floats | None = None
-    shear: Floats | None = None
-    centreline: Floats | None = None
+    power: float = 1.0  # exponent of the gap with which its error is expected to fall
+    parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
+    elevation: Floats | None = None  # (stations,) of a free surface, the largest ones within the run
+    level: Floats | None = None  # (stations,) of these at the end
+    shear: Floats | None = None  # (2,) of u* at the outflow, and of its mean along the walls
+    centreline: Floats | None = None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
+    # Factor by which the safety factor may be larger or smaller at the same load, for another reason
     ratio: float = 1.0
-    modes: tuple[str, ...] = ()
-    doubt: str = ""
+    modes: tuple[str, ...] = ()  # what the grain does where it is
+    doubt: str = ""  # why the errors may be more than twice as large; nothing where they are not known to be
+    # Of force and couple for this error; None where they are not corrected
     correction: Correction | None = None
 
     def corrected(self, change: Floats, left: Floats) -> Term:
@@ -173,14 +158,12 @@ class Term:
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The error terms of a run, and what they mean for the verdict.
-
-    left_out: terms that do not apply or are not estimated, with the reason
-    failed:   terms that should be there, with what kept them from being computed
-    """
+    """The error terms of a run, and what they mean for the verdict."""
 
     terms: tuple[Term, ...]
+    # Terms that do not apply or are not estimated, with the reason
     left_out: dict[str, str] = field(default_factory=dict)
+    # Terms that should be there, with what kept them from being computed
     failed: dict[str, str] = field(default_factory=dict)
     safety: SafetyBar | None = None
 

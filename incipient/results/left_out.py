@@ -9,19 +9,14 @@ from ..planning.effects import percent
 
 @dataclass(frozen=True)
 class Omission:
-    """An effect left out.
-
-    relative: change that it would have made, relative to the load; None: not known
-    force:    change of the force (3,), and `couple` (3,) of the couple; None: not known
-    exceeds:  whether it may be more than the accuracy asked for
-    """
+    """An effect left out."""
 
     name: str
-    relative: float | None
+    relative: float | None  # change that it would have made, relative to the load; None: not known
     how: str
-    exceeds: bool
+    exceeds: bool  # whether it may be more than the accuracy asked for
     remedy: str = ""
-    force: Floats | None = None
+    force: Floats | None = None  # change of the force (3,), and `couple` (3,) of the couple; None: not known
     couple: Floats | None = None
 
     def to_dict(self) -> dict[str, Any]:

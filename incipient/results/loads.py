@@ -9,21 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces on the grain (3,), scene units with fluid density one.
+    """Forces on the grain (3,), scene units with fluid density one."""
 
-    flow:             force of the flow, without buoyancy: as computed, corrected where its errors are known
-    surface_integral: computed force of the flow by integrating sigma n over the surface (cross-check)
-    buoyancy:         force of the hydrostatic pressure, exact
-    weight:           weight of the grain
-    repulsion:        from what a grain that is repelled has come close to; zero for others
-    computed:         force of the flow by the residual method, without corrections; None: `flow` is not corrected
-    """
-
-    flow: np.ndarray
+    flow: np.ndarray  # force of the flow, without buoyancy: as computed, corrected where its errors are known
+    # Computed force of the flow by integrating sigma n over the surface (cross-check)
     surface_integral: np.ndarray
-    buoyancy: np.ndarray
-    weight: np.ndarray
+    buoyancy: np.ndarray  # force of the hydrostatic pressure, exact
+    weight: np.ndarray  # weight of the grain
+    # From what a grain that is repelled has come close to; zero for others
     repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    # Force of the flow by the residual method, without corrections; None: `flow` is not corrected
     computed: np.ndarray | None = None
 
     @property
@@ -79,12 +74,12 @@ class Coefficients:
 class Gap:
     """The gap between grain and bed in the computed flow.
 
-    closed:   the grain touches the bed, and the space next to contacts is closed where it is narrower than the width
     resolved: at least two cells lie across it, so that the flow in it is computed and not guessed; closed, one
     """
 
     width: float
     cells: int
+    # The grain touches the bed, and the space next to contacts is closed where it is narrower than the width
     closed: bool = False
 
     @property

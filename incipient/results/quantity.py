@@ -10,30 +10,20 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class OutputQuantity:
-    """A number, or a vector of three, of a run's outcome.
+    """A number, or a vector of three, of a run's outcome."""
 
-    key:      where result.json has it, such as "coefficients.drag"
-    words:    its name for a reader
-    unit:     in units of the scene, such as "velocity"; empty: it has none
-    column:   its name in history.csv and in tables of sweeps; empty: it is in neither
-    error:    where result.json has its absolute error; empty: there is none
-    ends:     low and high end of its error bar by result.json as plain data, where these are not value -+ error
-    heading:  of the table of the page in which it stands; empty: in none
-    measure:  its value in a run, which result.json then has under the key; None: it is part of something else there
-    at_steps: whether it is measured after each step for history.csv
-    in_text:  whether a line of the text says it
-    """
-
-    key: str
-    words: str
-    unit: str = ""
-    column: str = ""
-    error: str = ""
+    key: str  # where result.json has it, such as "coefficients.drag"
+    words: str  # its name for a reader
+    unit: str = ""  # in units of the scene, such as "velocity"; empty: it has none
+    column: str = ""  # its name in history.csv and in tables of sweeps; empty: it is in neither
+    error: str = ""  # where result.json has its absolute error; empty: there is none
+    # Low and high end of its error bar by result.json as plain data, where these are not value -+ error
     ends: Callable[[Mapping[str, Any]], tuple[float, float] | None] | None = None
-    heading: str = ""
+    heading: str = ""  # of the table of the page in which it stands; empty: in none
+    # Its value in a run, which result.json then has under the key; None: it is part of something else there
     measure: Callable[[Any], Any] | None = None
-    at_steps: bool = False
-    in_text: bool = False
+    at_steps: bool = False  # whether it is measured after each step for history.csv
+    in_text: bool = False  # whether a line of the text says it
 
     @property
     def label(self) -> str:

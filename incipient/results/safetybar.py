@@ -12,31 +12,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SafetyBar:
-    """The safety factor over all loads within the error bars, what is certain of them, and what to improve.
-
-    low, high: the smallest and the largest safety factor of a load within the bars
-    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion; with
-               wall layers only where the law of the wall holds
-    modes:     what loads within the bars do, with `complete`; otherwise what those that were asked do
-    complete:  whether it is proved that no load within the bars does anything else; one mode is then certain
-    decisive:  the term without which the range of safety factors would shrink most
-    some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
-               and with which all are; None where there is none
-    frozen:    of a grain that rocks, how much its flow's load may change as it does, relative: low and high are about
-               so far away, and nothing is proved
-    unknown:   terms that should be there but could not be computed, and the model of the mean flow
-    """
+    """The safety factor over all loads within the error bars, what is certain of them, and what to improve."""
 
     value: float
+    # low, high: the smallest and the largest safety factor of a load within the bars
     low: float
     high: float
+    # Whether it is proved that all of these loads are held, or that none is: rest, or motion; with wall layers only
+    # where the law of the wall holds
     certain: bool
+    # What loads within the bars do, with `complete`; otherwise what those that were asked do
     modes: tuple[str, ...]
+    # Whether it is proved that no load within the bars does anything else; one mode is then certain
     complete: bool
-    decisive: str
+    decisive: str  # the term without which the range of safety factors would shrink most
+    # some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
+    # and with which all are; None where there is none
     some: Interval | None
     every: Interval | None
+    # Terms that should be there but could not be computed, and the model of the mean flow
     unknown: tuple[str, ...] = ()
+    # Of a grain that rocks, how much its flow's load may change as it does, relative: low and high are about so far
+    # away, and nothing is proved
     frozen: float | None = None
 
     @property

@@ -5,18 +5,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Steadied:
-    """How a run ended that was to end when its flow is steady.
+    """How a run ended that was to end when its flow is steady."""
 
-    reached: whether it was
-    time:    at the end of the run
-    change:  of the flow in the last step, relative, per unit of time
-    asked:   the change at which the flow counts as steady
-    """
-
-    reached: bool
-    time: float
-    change: float
-    asked: float
+    reached: bool  # whether it was
+    time: float  # at the end of the run
+    change: float  # of the flow in the last step, relative, per unit of time
+    asked: float  # the change at which the flow counts as steady
 
     def line(self) -> str:
         """The line for a reader."""

@@ -17,35 +17,27 @@ MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some a
 
 @dataclass(frozen=True)
 class WallReport:
-    """The walls of a turbulent flow.
+    """The walls of a turbulent flow."""
 
-    distance:       of the mesh's boundary from the walls
-    least, largest: of y+, that distance in nu/u*, along the walls
-    shear_velocity: u*, its mean along the walls; at_outflow: that at the downstream end
-    friction:       C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
-    outside:        share of the walls' length, in space of their area, where the law does not hold at that distance
-    plane:          whether all walls are planes; else the flow may separate, where y+ may be small
-    backward:       in the plane from where to where along the bed the flow runs upstream next to it
-    along:          of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where
-                    the flow runs upstream, at nodes of ascending x
-    roughness:      equivalent sand roughness of the walls
-    reach:          depth over which a wall is felt
-    """
-
-    distance: float
+    distance: float  # of the mesh's boundary from the walls
+    # least, largest: of y+, that distance in nu/u*, along the walls
     least: float
     largest: float
-    shear_velocity: float
-    at_outflow: float
-    friction: float
+    shear_velocity: float  # u*, its mean along the walls
+    at_outflow: float  # that at the downstream end
+    friction: float  # C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
     viscosity: float
     c_mu: float
+    # Share of the walls' length, in space of their area, where the law does not hold at that distance
     outside: float = 0.0
-    plane: bool = True
+    plane: bool = True  # whether all walls are planes; else the flow may separate, where y+ may be small
+    # In the plane from where to where along the bed the flow runs upstream next to it
     backward: tuple[tuple[float, float], ...] = ()
+    # Of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs
+    # upstream, at nodes of ascending x
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
-    roughness: float = 0.0
-    reach: float = math.inf
+    roughness: float = 0.0  # equivalent sand roughness of the walls
+    reach: float = math.inf  # depth over which a wall is felt
 
     @property
     def applicable(self) -> bool:

@@ -38,15 +38,12 @@ _SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong at one key of a scene, why, and the remedy.
-
-    between: whether keys of other sections have a part in it
-    """
+    """What is wrong at one key of a scene, why, and the remedy."""
 
     key: Key
     why: str
     remedy: str
-    between: bool = False
+    between: bool = False  # whether keys of other sections have a part in it
 
     def __str__(self) -> str:
         path = key_text(self.key)

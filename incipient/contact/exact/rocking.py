@@ -55,19 +55,13 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Rocking:
-    """The rests of a grain as the load of the flow, frozen, grows.
+    """The rests of a grain as the load of the flow, frozen, grows."""
 
-    rests:    in the order of factors, the first under the weight alone
-    critical: the largest factor with a rest in the pocket; inf: every one has one
-    mode:     how the grain leaves the last rest, by the exact judge; "rest" if it does not
-    size:     the grain's largest diameter; round: whether turning leaves its shape as it is
-    """
-
-    rests: tuple[Rest, ...]
-    critical: float
-    mode: str
-    size: float
-    round: bool
+    rests: tuple[Rest, ...]  # in the order of factors, the first under the weight alone
+    critical: float  # the largest factor with a rest in the pocket; inf: every one has one
+    mode: str  # how the grain leaves the last rest, by the exact judge; "rest" if it does not
+    size: float  # the grain's largest diameter
+    round: bool  # whether turning leaves its shape as it is
 
     @property
     def leaves(self) -> bool:

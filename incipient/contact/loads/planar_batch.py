@@ -35,30 +35,24 @@ CLEAR = 1e-7  # of unit vectors: what is nearer to a boundary than that is judge
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Loads that begin to move in one way: those w (3,) with rows w > 0, and the mode's place among the labels.
-
-    turning: (3,) row of the angular acceleration where the mode is one with rotation; None: it is told by itself
-    """
+    """Loads that begin to move in one way: those w (3,) with rows w > 0, and the mode's place among the labels."""
 
     rows: Floats
     mode: int
+    # (3,) row of the angular acceleration where the mode is one with rotation; None: it is told by itself
     turning: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Planar:
-    """A case in the plane: `basis` (3, 6) takes wrenches there, couples over `reach`.
-
-    facets: (f, 3) rows that are not positive for loads that are held
-    motions: the ways to move; None: without mass and inertia, or where they are judged one by one
-    tells: whether the mode of a load that moves is to be told
-    """
+    """A case in the plane: `basis` (3, 6) takes wrenches there, couples over `reach`."""
 
     basis: Floats
     reach: float
-    facets: Floats
+    facets: Floats  # (f, 3) rows that are not positive for loads that are held
+    # The ways to move; None: without mass and inertia, or where they are judged one by one
     motions: tuple[_Motion, ...] | None
-    tells: bool
+    tells: bool  # whether the mode of a load that moves is to be told
 
     @classmethod
     def of(

@@ -34,13 +34,11 @@ SAME_ENERGY = 1e-6  # relative: motions whose energies are nearer than that are 
 
 @dataclass(frozen=True, eq=False)
 class Spatial:
-    """A case in space: what its contacts carry, and its release under one of the loads, None without inertia.
-
-    largest_shares: that of `compiled_shares`, which takes numba
-    """
+    """A case in space: what its contacts carry, and its release under one of the loads, None without inertia."""
 
     carried: Circular
     case: Release | None
+    # That of `compiled_shares`, which takes numba
     largest_shares: Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
 
     @classmethod

@@ -21,19 +21,14 @@ CRUMB = 0.02  # of the width: shorter ends of curves are left out
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """A resting grain whose surroundings are closed next to its contacts.
+    """A resting grain whose surroundings are closed next to its contacts."""
 
-    width:    of the space where it is closed: the length of both lines
-    left:     the line from the bed up to the grain, left of all contacts
-    right:    the one right of them
-    outline:  the rest of the grain's outline, counter-clockwise from the right line to the left one
-    contacts: (k, 2) where the grain touches, in the order in which its outline passes from the left line to the right
-    """
-
-    width: float
-    left: Line
-    right: Line
+    width: float  # of the space where it is closed: the length of both lines
+    left: Line  # the line from the bed up to the grain, left of all contacts
+    right: Line  # the one right of them
+    # The rest of the grain's outline, counter-clockwise from the right line to the left one
     outline: tuple[Curve, ...]
+    # (k, 2) where the grain touches, in the order in which its outline passes from the left line to the right
     contacts: Floats
 
 

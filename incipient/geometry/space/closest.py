@@ -25,19 +25,14 @@ STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 
 @dataclass(frozen=True, eq=False)
 class DistanceMinima:
-    """Places where the distance of a placed grain from the bed is least, k of them.
+    """Places where the distance of a placed grain from the bed is least, k of them."""
 
-    gaps:    distances (k,), negative where the grain is in the bed
-    points:  on the grain (k, 3); `normals` (k, 3) are the bed's there, into the fluid
-    anchors: the points of the core, or of the surface without a core, in the body frame (k, 3)
-    origin:  which core (-1: none), which triangle of it (negative: corner or edge, see `SpatialProximity`) and
-             which of the pieces of the bed, (k, 3)
-    """
-
-    gaps: Floats
-    points: Floats
+    gaps: Floats  # distances (k,), negative where the grain is in the bed
+    points: Floats  # on the grain (k, 3); `normals` (k, 3) are the bed's there, into the fluid
     normals: Floats
-    anchors: Floats
+    anchors: Floats  # the points of the core, or of the surface without a core, in the body frame (k, 3)
+    # Which core (-1: none), which triangle of it (negative: corner or edge, see `SpatialProximity`) and which of the
+    # pieces of the bed, (k, 3)
     origin: np.ndarray
     pieces: Pieces
 
