@@ -3,17 +3,5 @@
 from .region import Away, BoxGrid, Grid, Near, Region, SizeField, Sizes, SolidGrid
 from .solid_region import PlacedSolid, Resolved, SolidFrame, SolidRegion
 
-__all__ = [
-    "Away",
-    "BoxGrid",
-    "Grid",
-    "Near",
-    "PlacedSolid",
-    "Region",
-    "Resolved",
-    "SizeField",
-    "Sizes",
-    "SolidFrame",
-    "SolidGrid",
-    "SolidRegion",
-]
+__all__ = ["Away", "BoxGrid", "Grid", "Near", "PlacedSolid", "Region", "Resolved", "SizeField", "Sizes"]
+__all__ += ["SolidFrame", "SolidGrid", "SolidRegion"]

@@ -6,14 +6,5 @@ from incipient.contact.paper.criteria import Classification, Mode, classify
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.touching import exposed, require_on_grain, touching
 
-__all__ = [
-    "Classification",
-    "Contacts",
-    "Load",
-    "Mode",
-    "classify",
-    "criteria",
-    "exposed",
-    "require_on_grain",
-    "touching",
-]
+__all__ = ["Classification", "Contacts", "Load", "Mode", "classify", "criteria", "exposed"]
+__all__ += ["require_on_grain", "touching"]

@@ -10,18 +10,6 @@ from incipient.contact.exact.motion_modes import ContactState, Mode, Uniqueness
 from incipient.contact.exact.safety import ConeState, SafetyFactor, SafetyStatus, safety_factor
 from incipient.contact.loads.directions import Directed, SafetyOverDirection, safety_over_direction
 
-__all__ = [
-    "ConeState",
-    "ContactState",
-    "Directed",
-    "IncipientMotion",
-    "Mode",
-    "SafetyFactor",
-    "SafetyOverDirection",
-    "SafetyStatus",
-    "Solution",
-    "Uniqueness",
-    "incipient_motion",
-    "safety_factor",
-    "safety_over_direction",
-]
+__all__ = ["ConeState", "ContactState", "Directed", "IncipientMotion", "Mode", "SafetyFactor"]
+__all__ += ["SafetyOverDirection", "SafetyStatus", "Solution", "Uniqueness", "incipient_motion"]
+__all__ += ["safety_factor", "safety_over_direction"]

@@ -17,44 +17,8 @@ from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, Superquadri
 from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.terrain import Hemispheres, Plane, Ridges, Terrain
 
-__all__ = [
-    "Arc",
-    "Bed",
-    "Box",
-    "Curve",
-    "Cylinder",
-    "Disc",
-    "Discs",
-    "Ellipse",
-    "Ellipsoid",
-    "Flat",
-    "Grain",
-    "HalfDiscs",
-    "Harmonics",
-    "HeightMap",
-    "Hemispheres",
-    "Line",
-    "Placement",
-    "Plane",
-    "Polygon",
-    "Polyhedron",
-    "Polyline",
-    "Rectangle",
-    "Ridges",
-    "Settled",
-    "SettlingOutcome",
-    "Sinusoidal",
-    "Solid",
-    "Sphere",
-    "Spheres",
-    "Spline",
-    "Star",
-    "Superellipse",
-    "Superquadric",
-    "Terrain",
-    "Triangulated",
-    "clearance",
-    "lifted",
-    "rest",
-    "settle",
-]
+__all__ = ["Arc", "Bed", "Box", "Curve", "Cylinder", "Disc", "Discs", "Ellipse", "Ellipsoid", "Flat"]
+__all__ += ["Grain", "HalfDiscs", "Harmonics", "HeightMap", "Hemispheres", "Line", "Placement", "Plane"]
+__all__ += ["Polygon", "Polyhedron", "Polyline", "Rectangle", "Ridges", "Settled", "SettlingOutcome"]
+__all__ += ["Sinusoidal", "Solid", "Sphere", "Spheres", "Spline", "Star", "Superellipse", "Superquadric"]
+__all__ += ["Terrain", "Triangulated", "clearance", "lifted", "rest", "settle"]

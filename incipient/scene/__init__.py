@@ -29,59 +29,10 @@ from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
 from .units import Units
 
-__all__ = [
-    "Bed",
-    "Body",
-    "Box",
-    "Contact",
-    "Cylinder",
-    "Disc",
-    "Discs",
-    "Domain",
-    "Effects",
-    "Ellipse",
-    "Ellipsoid",
-    "ExpressionFlow",
-    "Flat",
-    "Flow",
-    "Fluid",
-    "Gravity",
-    "HalfDiscs",
-    "HeightMapBed",
-    "Inclined",
-    "Lid",
-    "LogLaw",
-    "Mesh",
-    "MeshBed",
-    "Numerics",
-    "OpenChannel",
-    "Output",
-    "Poiseuille",
-    "Polygon",
-    "Polyhedron",
-    "Polyline",
-    "Rectangle",
-    "RidgeBed",
-    "Scene",
-    "Shear",
-    "Sinusoidal",
-    "Sphere",
-    "SphereBed",
-    "Spheres",
-    "Star",
-    "Still",
-    "Superellipse",
-    "Superquadric",
-    "Surface",
-    "Time",
-    "Turbulence",
-    "Uniform",
-    "Units",
-    "dumps",
-    "example",
-    "load",
-    "loads",
-    "register",
-    "save",
-    "schema",
-]
+__all__ = ["Bed", "Body", "Box", "Contact", "Cylinder", "Disc", "Discs", "Domain", "Effects", "Ellipse"]
+__all__ += ["Ellipsoid", "ExpressionFlow", "Flat", "Flow", "Fluid", "Gravity", "HalfDiscs"]
+__all__ += ["HeightMapBed", "Inclined", "Lid", "LogLaw", "Mesh", "MeshBed", "Numerics", "OpenChannel"]
+__all__ += ["Output", "Poiseuille", "Polygon", "Polyhedron", "Polyline", "Rectangle", "RidgeBed"]
+__all__ += ["Scene", "Shear", "Sinusoidal", "Sphere", "SphereBed", "Spheres", "Star", "Still"]
+__all__ += ["Superellipse", "Superquadric", "Surface", "Time", "Turbulence", "Uniform", "Units", "dumps"]
+__all__ += ["example", "load", "loads", "register", "save", "schema"]
