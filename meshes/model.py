@@ -12,7 +12,7 @@ import numpy as np
 
 from incipient.arrays import Point
 from incipient.errors import MeshError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
+from incipient.geometry.plane.curves import Arc, Curve, Line
 from incipient.interrupt import handlers_kept
 
 from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes, SolidGrid
@@ -138,10 +138,8 @@ class _Pen:
             if curve.major is None:
                 return geo.addCircleArc(start, centre, end)
             return geo.addEllipseArc(start, centre, self._lone(curve.major), end)
-        if isinstance(curve, Spline):
-            inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
-            return geo.addSpline([start, *inner, end])
-        raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn")
+        inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
+        return geo.addSpline([start, *inner, end])
 
 
 def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:

@@ -1,8 +1,10 @@
-"""What contacts can carry: one interface to circular cones (programs) and to polyhedral ones (exact)."""
+"""What contacts can carry: one interface to circular cones (programs) and to polyhedral ones (exact).
+
+Local forces (k, 3) are in the friction cones, the wrenches that they balance are unit ones.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -15,31 +17,6 @@ SIDES = 16  # of pyramids inside and around a circular cone that answer nearly e
 ANGLES = np.arange(SIDES) * (2.0 * np.pi / SIDES)
 RING = np.stack([np.ones(SIDES), np.cos(ANGLES), np.sin(ANGLES)], axis=1)  # edges of the one inside
 RING_AROUND = RING / [1.0, np.cos(np.pi / SIDES), np.cos(np.pi / SIDES)]
-
-
-class Support(Protocol):
-    """Local forces (k, 3) in the friction cones, and the unit wrenches they balance."""
-
-    def holds(self, wrench: Floats) -> bool:
-        """Whether contact forces balance a wrench."""
-
-    def forces(self, wrench: Floats) -> Floats | None:
-        """Local forces that balance a wrench, or None."""
-
-    def has_share(self, flow: Floats, weight: Floats) -> bool:
-        """Whether some mixture of two wrenches can be held; False is certain."""
-
-    def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
-        """The largest a in [0, 1] such that a flow + (1 - a) weight is held, with local forces, or None."""
-
-    def can_jam(self) -> bool:
-        """Whether contact forces in the cones, not all zero, balance one another."""
-
-
-def support(grasp: Grasp) -> Support:
-    """The polyhedral cones of a case if it has them, else the circular ones."""
-    fan = grasp.fan
-    return Circular(grasp) if fan is None else Polyhedral(grasp, fan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +119,15 @@ class Circular:
 
     def _local(self, scaled: Floats) -> Floats:
         return np.asarray(scaled.reshape(-1, 3) * self.grasp.law.scaling)
+
+
+Support = Polyhedral | Circular
+
+
+def support(grasp: Grasp) -> Support:
+    """The polyhedral cones of a case if it has them, else the circular ones."""
+    fan = grasp.fan
+    return Circular(grasp) if fan is None else Polyhedral(grasp, fan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,43 +1,19 @@
 """Plane curves that outlines and beds are made of: straight lines, arcs of circles and ellipses, splines.
 
-A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units throughout.
+A curve runs from its start (s = 0) to its end (s = 1); `length` is an estimate for choosing numbers of samples, exact
+for lines and circles; `moved` is the curve turned and carried from the body frame to its place. Lengths are scene
+units.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, unit
 from incipient.geometry.placement import Placement
-
-
-class Curve(Protocol):
-    """What every curve can do; `s` is an array (n,) of parameters in [0, 1]."""
-
-    @property
-    def start(self) -> Point:
-        """The point at s = 0."""
-
-    @property
-    def end(self) -> Point:
-        """The point at s = 1."""
-
-    def point(self, s: ArrayLike) -> Floats:
-        """Points at the parameters, (n, 2)."""
-
-    def tangent(self, s: ArrayLike) -> Floats:
-        """Unit tangents in the direction of growing s, (n, 2)."""
-
-    def moved(self, placement: Placement) -> "Curve":
-        """The curve turned and carried from the body frame to its place in the scene."""
-
-    @property
-    def length(self) -> float:
-        """An estimate of the arc length (exact for lines and circles), for choosing numbers of samples."""
 
 
 @dataclass(frozen=True)
@@ -214,14 +190,15 @@ class Traced(Spline):
         return Traced(placement.to_scene(self.points), carried)
 
 
+Curve = Line | Arc | Spline
+
+
 def part(curve: Curve, first: float, last: float) -> Curve:
     """The part of a curve between two parameters; of a spline one through as many points as the whole has."""
     if isinstance(curve, Line | Arc):
         start, end = (_point(row) for row in curve.point([first, last]))
         return replace(curve, start=start, end=end)
-    if isinstance(curve, Spline):
-        return Spline(curve.point(np.linspace(first, last, len(curve.points))))
-    raise TypeError(f"a curve of kind {type(curve).__name__} cannot be cut")
+    return Spline(curve.point(np.linspace(first, last, len(curve.points))))
 
 
 def _column(s: ArrayLike) -> Floats:

@@ -1,9 +1,11 @@
 """What beds in space are made of: half-spaces and balls, or one smooth graph, each with its signed distance.
 
-The bed's solid is the union of its pieces, so that a grain is clear of the bed if it is clear of every piece.
+The bed's solid is the union of its pieces, so that a grain is clear of the bed if it is clear of every piece. Pieces
+are numbered from 0: `flat` (k,) says which are half-spaces, `rough` gives the distances (k, n) of all from points (n,
+3), exact or good near the bed, `sight` piece `which` (m,) from each of points (m, 3), of several nearest points that by
+`near` (m, 2).
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -27,25 +29,8 @@ class Sight:
     bends: Floats
 
 
-class Pieces(ABC):
-    """Pieces of a bed that a grain may touch, numbered from 0."""
-
-    @property
-    @abstractmethod
-    def flat(self) -> np.ndarray:
-        """Which pieces are half-spaces, (k,) of bool."""
-
-    @abstractmethod
-    def rough(self, points: Floats) -> Floats:
-        """Distances (k, n) of all pieces from points (n, 3): exact, or good near the bed."""
-
-    @abstractmethod
-    def sight(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
-        """Piece `which` (m,) from each of the points (m, 3); of several nearest points that by `near` (m, 2)."""
-
-
 @dataclass(frozen=True, eq=False)
-class HalfSpacesAndBalls(Pieces):
+class HalfSpacesAndBalls:
     """Half-spaces below planes through `origins` (p, 3) with unit normals (p, 3), then balls.
 
     Balls have `centres` (b, 3) and `radii` (b,).
@@ -85,7 +70,7 @@ class HalfSpacesAndBalls(Pieces):
 
 
 @dataclass(frozen=True, eq=False)
-class Graph(Pieces):
+class Graph:
     """A smooth bed z = b(x): `height`, `gradient` and `hessian` at points (n, 2); `feature` bounds the steps."""
 
     height: Callable[[Floats], Floats]
@@ -143,6 +128,9 @@ class Graph(Pieces):
         step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[..., 0]
         length = np.linalg.norm(step, axis=1, keepdims=True)
         return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
+
+
+Pieces = HalfSpacesAndBalls | Graph
 
 
 def _bends(gaps: Floats, slope: Floats, second: Floats) -> Floats:
