@@ -150,11 +150,7 @@ def _never_steady(
     """Why the flow of a scene in time cannot become steady, each with a remedy."""
     reasons = (
         (moves, "a flow but the grain moves", "hold the grain"),
-        (
-            effects.unsteadiness is False,
-            "a flow in time but effects.unsteadiness is false",
-            "leave that out",
-        ),
+        (effects.unsteadiness is False, "a flow in time but effects.unsteadiness is false", "leave that out"),
         (flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
         (unsteady, "a steady flow but flow.components depend on t", "leave t out"),
         (getattr(flow, "gust", None) is not None, "a steady flow but flow.gust changes it", "leave that out"),

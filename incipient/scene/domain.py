@@ -6,7 +6,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from .effects import one_of_three
 from .messages import counted
-from .section import Positive, Section, contradiction
+from .section import Positive, Section, contradiction, key
 
 Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]
@@ -17,33 +17,26 @@ Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_leng
 class Domain(Section):
     """The region the fluid may fill."""
 
-    kind: Literal["channel", "box"] = Field(
-        "channel", description="Channel: inflow left, open outflow right; box: closed"
+    kind: Literal["channel", "box"] = key("Channel: inflow left, open outflow right; box: closed", "channel")
+    length: Positive = key("Extent along the flow [length]")
+    height: Positive = key("Extent from the lower side to the top [length]")
+    width: Positive | None = key(
+        "Extent across, which makes the scene three-dimensional, z upwards [length]", None, examples=[20.0]
     )
-    length: Positive = Field(description="Extent along the flow [length]")
-    height: Positive = Field(description="Extent from the lower side to the top [length]")
-    width: Positive | None = Field(
+    origin: Corner = key(
+        "Lower left corner [length]; the bed's base line runs through it", (0.0, 0.0), validate_default=True
+    )
+    top: Top = key(
+        "Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]", "auto"
+    )
+    sides: Sides | None = key(
+        "Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
         None,
-        description="Extent across, which makes the scene three-dimensional, z upwards [length]",
-        examples=[20.0],
-    )
-    origin: Corner = Field(
-        (0.0, 0.0),
-        validate_default=True,
-        description="Lower left corner [length]; the bed's base line runs through it",
-    )
-    top: Top = Field(
-        "auto",
-        description="Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]",
-    )
-    sides: Sides | None = Field(
-        None,
-        description="Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
         examples=["slip"],
     )
-    symmetric: Symmetry | None = Field(
+    symmetric: Symmetry | None = key(
+        "With width: true computes half of a scene that is its own mirror image; by default by the scene",
         None,
-        description="With width: true computes half of a scene that is its own mirror image; by default by the scene",
         examples=["auto"],
     )
 

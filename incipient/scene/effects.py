@@ -2,9 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
-from .section import Section, contradiction
+from .section import Section, contradiction, key
 
 
 def one_of_three(value: Any) -> Any:
@@ -20,24 +20,22 @@ Choice = Annotated[Literal["auto", True, False], BeforeValidator(one_of_three)]
 class Effects(Section):
     """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
 
-    inertia: Choice = Field("auto", description="Convection; auto: where it matters for the accuracy asked")
-    unsteadiness: Choice = Field("auto", description="Rate of change; false with [time]: quasi-steady flow")
-    gravity: Choice = Field("auto", description="Weight and buoyancy; auto: with [gravity]")
-    contact: Choice = Field(
-        "auto", description="Contact forces and verdict; auto: where a grain rests on a bed"
+    inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
+    unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
+    gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
+    contact: Choice = key("Contact forces and verdict; auto: where a grain rests on a bed", "auto")
+    moving_mesh: Choice = key(
+        "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
     )
-    moving_mesh: Choice = Field(
-        "auto", description="A mesh that follows grain and surface; auto: with body.motion or a free surface"
+    free_body: Choice = key("A grain moved by flow and weight; auto: with body.motion", "auto")
+    free_surface: Choice = key(
+        'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
     )
-    free_body: Choice = Field("auto", description="A grain moved by flow and weight; auto: with body.motion")
-    free_surface: Choice = Field(
-        "auto", description='A top that moves with the fluid; auto: with domain.top = "free-surface"'
-    )
-    turbulence: Choice = Field(
+    turbulence: Choice = key(
+        "The k-epsilon model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
-        description="The k-epsilon model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
     )
-    third_dimension: Choice = Field("auto", description="Flow in space; auto: with domain.width")
+    third_dimension: Choice = key("Flow in space; auto: with domain.width", "auto")
 
 
 def section_of(value: Any) -> Any:

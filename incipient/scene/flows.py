@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, field_validator
 from .expression import Expression
 from .gust import Gust
 from .messages import counted, shown
-from .section import NotNegative, Positive, Section, contradiction, is_number, require_formula
+from .section import NotNegative, Positive, Section, contradiction, is_number, key, require_formula
 
 
 def _components(value: Any) -> Any:
@@ -28,10 +28,10 @@ _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
 class Profile(Section):
     """What flows of a given profile have in common."""
 
-    datum: float | Literal["auto", "effective", "crest", "mean"] = Field(
-        "auto",
-        description="Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
+    datum: float | Literal["auto", "effective", "crest", "mean"] = key(
+        "Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
         "base line [length]",
+        "auto",
     )
 
     @field_validator("datum", mode="before")
@@ -45,9 +45,9 @@ class Profile(Section):
 class Driven(Profile):
     """A flow of a given profile that a gust may multiply."""
 
-    gust: Gust | None = Field(
+    gust: Gust | None = key(
+        "A factor that multiplies the flow in time",
         None,
-        description="A factor that multiplies the flow in time",
         examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
     )
 
@@ -55,58 +55,58 @@ class Driven(Profile):
 class Shear(Driven):
     """Linear shear, u = rate (y - y of the datum); in space with z in place of y."""
 
-    kind: Literal["shear"] = Field("shear", description="Kind of flow")
-    rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
+    kind: Literal["shear"] = key("Kind of flow", "shear")
+    rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)
 
 
 class Poiseuille(Driven):
     """Parabolic flow between two walls."""
 
-    kind: Literal["poiseuille"] = Field("poiseuille", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+    kind: Literal["poiseuille"] = key("Kind of flow", "poiseuille")
+    velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
 
 class OpenChannel(Driven):
     """Half a parabola, without shear on top."""
 
-    kind: Literal["open-channel"] = Field("open-channel", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+    kind: Literal["open-channel"] = key("Kind of flow", "open-channel")
+    velocity: Positive = key("Mean velocity V [length/time]", 1.0)
 
 
 class Uniform(Driven):
     """A uniform flow above the datum."""
 
-    kind: Literal["uniform"] = Field("uniform", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V of the flow [length/time]")
+    kind: Literal["uniform"] = key("Kind of flow", "uniform")
+    velocity: Positive = key("Velocity V of the flow [length/time]", 1.0)
 
 
 class LogLaw(Profile):
     """The mean profile of a turbulent flow, in a flow that is computed as a laminar one."""
 
-    kind: Literal["log-law"] = Field("log-law", description="Kind of flow")
-    shear_velocity: Positive = Field(
-        1.0, description="V = u*, the root of the bed's shear stress over the density [length/time]"
+    kind: Literal["log-law"] = key("Kind of flow", "log-law")
+    shear_velocity: Positive = key(
+        "V = u*, the root of the bed's shear stress over the density [length/time]", 1.0
     )
-    roughness: NotNegative = Field(
-        0.0, description="Equivalent sand roughness k_s of the bed that the mean profile is over [length]"
+    roughness: NotNegative = key(
+        "Equivalent sand roughness k_s of the bed that the mean profile is over [length]", 0.0
     )
 
 
 class Lid(Section):
     """A box whose top slides."""
 
-    kind: Literal["lid"] = Field("lid", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V of the lid [length/time]")
+    kind: Literal["lid"] = key("Kind of flow", "lid")
+    velocity: Positive = key("Velocity V of the lid [length/time]", 1.0)
 
 
 class ExpressionFlow(Section):
     """A velocity given by formulas, on the inflow and on the top."""
 
-    kind: Literal["expression"] = Field("expression", description="Kind of flow")
-    components: Words = Field(
-        description="Two formulas in x, y and t for the velocity; in space three, in z as well [length/time]"
+    kind: Literal["expression"] = key("Kind of flow", "expression")
+    components: Words = key(
+        "Two formulas in x, y and t for the velocity; in space three, in z as well [length/time]"
     )
-    velocity: Positive = Field(1.0, description="Reference velocity V [length/time]")
+    velocity: Positive = key("Reference velocity V [length/time]", 1.0)
 
     @field_validator("components")
     @classmethod
@@ -126,8 +126,8 @@ class ExpressionFlow(Section):
 class Still(Section):
     """Fluid at rest."""
 
-    kind: Literal["still"] = Field("still", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V used for scaling only [length/time]")
+    kind: Literal["still"] = key("Kind of flow", "still")
+    velocity: Positive = key("Velocity V used for scaling only [length/time]", 1.0)
 
 
 Flow = Annotated[

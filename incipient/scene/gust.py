@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from .points import file_key, read_points, with_file_read
-from .section import NotNegative, Pair, Positive, Section
+from .section import NotNegative, Pair, Positive, Section, key
 
 RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, where none is given
 
@@ -19,26 +19,22 @@ RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, whe
 class Gust(Section):
     """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
 
-    shape: Literal["top-hat", "cosine", "points"] = Field(
-        "top-hat",
-        description="Course in time: a plateau with smooth sides, half a cosine wave, or given points",
+    shape: Literal["top-hat", "cosine", "points"] = key(
+        "Course in time: a plateau with smooth sides, half a cosine wave, or given points", "top-hat"
     )
-    start: NotNegative = Field(0.0, description="Time at which the gust begins [time]")
-    duration: Positive = Field(
-        1.0,
-        description="Duration; of a top-hat from the start of its rise to that of its fall [time]",
+    start: NotNegative = key("Time at which the gust begins [time]", 0.0)
+    duration: Positive = key(
+        "Duration; of a top-hat from the start of its rise to that of its fall [time]", 1.0
     )
-    strength: NotNegative = Field(
-        2.0, description="Largest factor of the flow, relative to the flow without [-]"
-    )
-    rise: Positive | None = Field(
+    strength: NotNegative = key("Largest factor of the flow, relative to the flow without [-]", 2.0)
+    rise: Positive | None = key(
+        "Time in which a top-hat rises, and in which it falls; by default a tenth of the duration [time]",
         None,
-        description="Time in which a top-hat rises, and in which it falls; by default a tenth of the duration [time]",
         examples=[0.1],
     )
     file: str | None = file_key("CSV file of time, factor,", "points", "gust.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = Field(
-        (), description='With shape = "points": time after the start and factor, straight between [time, -]'
+    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+        'With shape = "points": time after the start and factor, straight between [time, -]', ()
     )
 
     @model_validator(mode="before")

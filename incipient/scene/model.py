@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, field_validator, model_validator
 
 from ..geometry.placement import Placement
 from ..geometry.rest import rest
@@ -23,7 +23,7 @@ from .grains import FRICTIONLESS
 from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Section, contradiction
+from .section import NotNegative, Positive, Section, contradiction, key
 from .settling import rested
 from .surface import FREE, Surface
 from .turbulence import Turbulence
@@ -48,41 +48,37 @@ _DEFAULT_TOLERANCE = 1e-6
 class Fluid(Section):
     """The fluid, of density 1."""
 
-    reynolds: Positive = Field(description="Reynolds number V L / nu; V is the flow's velocity [-]")
-    scale: Literal["grain", "flow"] = Field(
-        description="L is the largest diameter of the grain, or the height of the domain"
+    reynolds: Positive = key("Reynolds number V L / nu; V is the flow's velocity [-]")
+    scale: Literal["grain", "flow"] = key(
+        "L is the largest diameter of the grain, or the height of the domain"
     )
-    inertia: bool = Field(True, description="false: Stokes flow, without convection; true: see [effects]")
+    inertia: bool = key("false: Stokes flow, without convection; true: see [effects]", True)
 
 
 class Gravity(Section):
     """Gravity, downwards; turned by the slope of an inclined bed."""
 
-    acceleration: NotNegative = Field(description="Gravitational acceleration [length/time^2]")
+    acceleration: NotNegative = key("Gravitational acceleration [length/time^2]")
 
 
 class Contact(Section):
     """The contact of grain and bed."""
 
-    friction: NotNegative = Field(description="Coefficient of static friction [-]")
-    gap: Positive = Field(
-        _DEFAULT_GAP,
-        description="Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
+    friction: NotNegative = key("Coefficient of static friction [-]")
+    gap: Positive = key(
+        "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
         "flow in the plane the width up to which the space next to contacts is closed [grain sizes]",
+        _DEFAULT_GAP,
     )
-    tolerance: Positive = Field(
-        _DEFAULT_TOLERANCE, description="Distance that counts as touching [grain sizes]"
+    tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
+    kinetic_friction: NotNegative | None = key(
+        "Coefficient of friction of a contact that slides; by default that of static friction [-]", None
     )
-    kinetic_friction: NotNegative | None = Field(
-        None,
-        description="Coefficient of friction of a contact that slides; by default that of static friction [-]",
+    restitution: NotNegative = key(
+        "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
     )
-    restitution: NotNegative = Field(
-        0.0, le=1.0, description="Normal velocity after an impact over that before it, reversed [-]"
-    )
-    rolling_resistance: NotNegative = Field(
-        0.0,
-        description="Couple that resists rolling, over the normal force and half of the grain's size, at most [-]",
+    rolling_resistance: NotNegative = key(
+        "Couple that resists rolling, over the normal force and half of the grain's size, at most [-]", 0.0
     )
 
     @field_validator("gap")
@@ -97,27 +93,22 @@ class Contact(Section):
 class Time(Section):
     """Time dependence; without this section the flow is steady."""
 
-    end: Positive = Field(description="Time at which to stop [time]", examples=[10.0])
-    step: Positive = Field(description="Time step, the first one if adaptive [time]", examples=[0.05])
-    first_step: Positive = Field(
-        1.0,
-        le=1.0,
-        description="Length of the first step over `step`, the next are each a quarter longer [-]",
+    end: Positive = key("Time at which to stop [time]", examples=[10.0])
+    step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
+    first_step: Positive = key(
+        "Length of the first step over `step`, the next are each a quarter longer [-]", 1.0, le=1.0
     )
-    scheme: Literal["bdf1", "bdf2"] = Field(
-        "bdf2", description="Backward differences of first or second order"
+    scheme: Literal["bdf1", "bdf2"] = key("Backward differences of first or second order", "bdf2")
+    start: Literal["rest", "stokes", "steady"] = key("Flow at time 0", "rest")
+    tolerance: Positive | None = key(
+        "Relative error of a step; given, the step adapts to it [-]", None, examples=[1e-4]
     )
-    start: Literal["rest", "stokes", "steady"] = Field("rest", description="Flow at time 0")
-    tolerance: Positive | None = Field(
-        None, description="Relative error of a step; given, the step adapts to it [-]", examples=[1e-4]
+    until: Literal["end", "out-of-pocket", "at-rest"] = key(
+        "What ends the run before `end`: a grain that has left its pocket or rests again", "end"
     )
-    until: Literal["end", "out-of-pocket", "at-rest"] = Field(
-        "end",
-        description="What ends the run before `end`: a grain that has left its pocket or rests again",
-    )
-    until_steady: Positive | None = Field(
+    until_steady: Positive | None = key(
+        "Relative change of the flow per unit of time at which the run ends before `end` [1/time]",
         None,
-        description="Relative change of the flow per unit of time at which the run ends before `end` [1/time]",
         examples=[1e-5],
     )
 
@@ -139,40 +130,38 @@ class Time(Section):
 class Output(Section):
     """What is written besides the result."""
 
-    fields: bool = Field(True, description="Write velocity, pressure and tractions for ParaView")
-    pictures: bool = Field(False, description="Draw pictures")
-    every: int = Field(0, ge=0, description="Write fields every so many time steps; 0: the last only")
-    checkpoint: int = Field(
+    fields: bool = key("Write velocity, pressure and tractions for ParaView", True)
+    pictures: bool = key("Draw pictures", False)
+    every: int = key("Write fields every so many time steps; 0: the last only", 0, ge=0)
+    checkpoint: int = key(
+        "Save all that a run needs to resume every so many steps; 0: only if it is cut short or at contact",
         0,
         ge=0,
-        description="Save all that a run needs to resume every so many steps; 0: only if it is cut short or at contact",
     )
 
 
 class SceneSections(Section):
     """The sections of a scene, each checked by itself, and what follows from them."""
 
-    title: str = Field("", description="What this scene is about")
-    domain: Domain = Field(description="The region the fluid may fill")
-    fluid: Fluid = Field(description="The fluid, of density 1")
-    flow: Flow = Field(description="What drives the fluid")
-    body: Body | None = Field(None, description="The grain")
-    bed: Bed | None = Field(None, description="The bed, in place of the domain's lower side")
-    gravity: Gravity | None = Field(
-        None, description="Gravity, downwards, turned by the slope of an inclined bed"
+    title: str = key("What this scene is about", "")
+    domain: Domain = key("The region the fluid may fill")
+    fluid: Fluid = key("The fluid, of density 1")
+    flow: Flow = key("What drives the fluid")
+    body: Body | None = key("The grain", None)
+    bed: Bed | None = key("The bed, in place of the domain's lower side", None)
+    gravity: Gravity | None = key("Gravity, downwards, turned by the slope of an inclined bed", None)
+    surface: Surface | None = key('The free surface, with domain.top = "free-surface"', None)
+    turbulence: Turbulence | None = key("Turbulence, with effects.turbulence = true", None)
+    contact: Contact | None = key("The contact of grain and bed", None)
+    units: Units | None = key(
+        "SI units: then fluid.reynolds, gravity and body.density follow, and are left out", None
     )
-    surface: Surface | None = Field(None, description='The free surface, with domain.top = "free-surface"')
-    turbulence: Turbulence | None = Field(None, description="Turbulence, with effects.turbulence = true")
-    contact: Contact | None = Field(None, description="The contact of grain and bed")
-    units: Units | None = Field(
-        None, description="SI units: then fluid.reynolds, gravity and body.density follow, and are left out"
+    time: Time | None = key("Time dependence; without this section the flow is steady", None)
+    effects: Annotated[Effects, BeforeValidator(section_of)] = key(
+        "What to simulate; auto: decided from the scene and its dimensionless numbers", Effects()
     )
-    time: Time | None = Field(None, description="Time dependence; without this section the flow is steady")
-    effects: Annotated[Effects, BeforeValidator(section_of)] = Field(
-        Effects(), description="What to simulate; auto: decided from the scene and its dimensionless numbers"
-    )
-    numerics: Numerics = Field(Numerics(), description="How the equations are solved")
-    output: Output = Field(Output(), description="What is written besides the result")
+    numerics: Numerics = key("How the equations are solved", Numerics())
+    output: Output = key("What is written besides the result", Output())
 
     @property
     def gdim(self) -> int:

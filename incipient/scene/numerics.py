@@ -2,10 +2,10 @@
 
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import field_validator
 
 from .messages import shown
-from .section import SMALLEST, Positive, Section, contradiction, is_number
+from .section import SMALLEST, Positive, Section, contradiction, is_number, key
 
 Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
@@ -23,84 +23,74 @@ FINEST = 1e-5
 class Numerics(Section):
     """How the equations are solved; every key may be left out."""
 
-    order: Order = Field(
-        "auto",
-        description="Order of the velocity, the pressure's less one; "
+    order: Order = key(
+        "Order of the velocity, the pressure's less one; "
         "auto: 3 if nothing moves, in space in creeping flow, else 2",
+        "auto",
     )
-    geometry_order: int | None = Field(
-        None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
+    geometry_order: int | None = key(
+        "Order of curved cells, 1 to 3; without it: chosen", None, ge=1, le=3, examples=[2]
     )
-    mesh_size: float = Field(
-        1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]"
+    mesh_size: float = key("Factor on the size of all cells; 0.5 halves them [-]", 1.0, ge=0.01, le=100.0)
+    max_cells: int = key("Triangles expected of a mesh above which it is not made", 1_000_000, ge=1)
+    convection: Literal["implicit", "extrapolated"] = key(
+        "Convection by Newton iteration, or linearised about earlier steps", "implicit"
     )
-    max_cells: int = Field(
-        1_000_000, ge=1, description="Triangles expected of a mesh above which it is not made"
+    form: Literal["printed", "energy-stable"] = key(
+        "Convective term as in the paper, or such that it cannot create energy", "printed"
     )
-    convection: Literal["implicit", "extrapolated"] = Field(
-        "implicit", description="Convection by Newton iteration, or linearised about earlier steps"
+    stabilisation: Literal["auto", "on", "off"] = key(
+        "Stabilised convection on coarse cells; auto: where their Reynolds number asks it", "auto"
     )
-    form: Literal["printed", "energy-stable"] = Field(
-        "printed", description="Convective term as in the paper, or such that it cannot create energy"
+    coupling: Literal["exact", "naive"] = key(
+        "Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains", "exact"
     )
-    stabilisation: Literal["auto", "on", "off"] = Field(
-        "auto", description="Stabilised convection on coarse cells; auto: where their Reynolds number asks it"
+    meshed_bed: Positive = key(
+        "Factor on the radius about the grain within which a bed in space is meshed as it is [-]", 1.0
     )
-    coupling: Literal["exact", "naive"] = Field(
-        "exact",
-        description="Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
-    )
-    meshed_bed: Positive = Field(
-        1.0,
-        description="Factor on the radius about the grain within which a bed in space is meshed as it is [-]",
-    )
-    error_bars: bool = Field(
-        True,
-        description="Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
+    error_bars: bool = key(
+        "Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
         "as long as the run",
-    )
-    correction: bool = Field(
         True,
-        description="Correct force and couple on a grain by those of their estimated errors that have a sign; the "
-        "error bars are of what remains",
     )
-    accuracy: Accuracy | None = Field(
+    correction: bool = key(
+        "Correct force and couple on a grain by those of their estimated errors that have a sign; the "
+        "error bars are of what remains",
+        True,
+    )
+    accuracy: Accuracy | None = key(
+        'Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         None,
-        description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         examples=[0.01],
     )
     accuracy_of: Literal[
         "auto", "force", "couple", "safety factor", "elevation", "level", "shear velocity"
-    ] = Field(
-        "auto",
-        description="The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
+    ] = key(
+        "The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
         "with turbulence shear velocity",
+        "auto",
     )
-    accuracy_includes: Literal["discretisation", "all"] = Field(
+    accuracy_includes: Literal["discretisation", "all"] = key(
+        "Errors that it is to include; all: gap and domain as well, which the run then chooses",
         "discretisation",
-        description="Errors that it is to include; all: gap and domain as well, which the run then chooses",
     )
-    budget_seconds: Positive | None = Field(
-        None, description="Wall time after which to stop seeking accuracy [s]", examples=[60.0]
+    budget_seconds: Positive | None = key(
+        "Wall time after which to stop seeking accuracy [s]", None, examples=[60.0]
     )
-    budget_mib: Positive | None = Field(
-        None, description="Memory beyond which not to seek accuracy [MiB]", examples=[2000.0]
+    budget_mib: Positive | None = key(
+        "Memory beyond which not to seek accuracy [MiB]", None, examples=[2000.0]
     )
-    interface_tolerance: Tolerance = Field(
+    interface_tolerance: Tolerance = key(
+        "Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]", "auto"
+    )
+    remesh_below: float = key(
+        "Quality of the worst cell, relative to that of the new mesh, below which to remesh", 0.35, gt=0, lt=1
+    )
+    tolerance: Tolerance = key(
+        "Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
         "auto",
-        description="Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
     )
-    remesh_below: float = Field(
-        0.35,
-        gt=0,
-        lt=1,
-        description="Quality of the worst cell, relative to that of the new mesh, below which to remesh",
-    )
-    tolerance: Tolerance = Field(
-        "auto",
-        description="Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
-    )
-    max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
+    max_iterations: int = key("Newton iterations after which to give up", 25, ge=1)
 
     @field_validator("order", mode="before")
     @classmethod

@@ -20,6 +20,11 @@ from .expression import Expression
 from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal, split
 
 
+def key(description: str, default: Any = ..., **more: Any) -> Any:
+    """A key of a section: what it is, with its unit; its default, without which it is needed; bounds and examples."""
+    return Field(default, description=description, **more)
+
+
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise contradiction(f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units")

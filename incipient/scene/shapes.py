@@ -16,7 +16,7 @@ from ..arrays import Point
 from ..geometry.plane.polygon import meeting_sides
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
-from .section import NotNegative, Pair, Positive, PositivePair, Section, three
+from .section import NotNegative, Pair, Positive, PositivePair, Section, key, three
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
@@ -34,32 +34,32 @@ class GrainSection(BodySection):
     gdim: ClassVar[int] = 2
     gdims: ClassVar[tuple[int, ...]] = (2,)
 
-    x: float | None = Field(
-        None, description="Rests on the bed at this abscissa [length]; give x or centre", examples=[4.0]
+    x: float | None = key(
+        "Rests on the bed at this abscissa [length]; give x or centre", None, examples=[4.0]
     )
-    centre: Pair | None = Field(
-        None, description="Held with its centroid there [length]; give x or centre", examples=[(4.0, 2.0)]
+    centre: Pair | None = key(
+        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 2.0)]
     )
-    angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
+    angle: float = key("Turned counter-clockwise by this [degrees]", 0.0)
     density: Density = None
-    settle: Settle = Field(
-        False, description=f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}"
+    settle: Settle = key(
+        f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}", False
     )
     motion: Motion = "fixed"
-    mass: NotNegative | None = Field(
-        None, description="Mass in place of density [density of the fluid x area]", examples=[2.0]
+    mass: NotNegative | None = key(
+        "Mass in place of density [density of the fluid x area]", None, examples=[2.0]
     )
-    inertia: NotNegative | None = Field(
-        None, description="Moment about the centroid; by default that of a uniform grain", examples=[0.25]
+    inertia: NotNegative | None = key(
+        "Moment about the centroid; by default that of a uniform grain", None, examples=[0.25]
     )
-    velocity: Pair = Field((0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
-    spin: float = Field(0.0, description="Angular velocity of a free grain at time 0 [radians/time]")
-    locked: Annotated[tuple[Literal["x", "y", "angle"], ...], Field(strict=False)] = Field(
-        (), description="What a free grain cannot do: x, y, angle", examples=[("x", "y")]
+    velocity: Pair = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0))
+    spin: float = key("Angular velocity of a free grain at time 0 [radians/time]", 0.0)
+    locked: Annotated[tuple[Literal["x", "y", "angle"], ...], Field(strict=False)] = key(
+        "What a free grain cannot do: x, y, angle", (), examples=[("x", "y")]
     )
-    course: Course | None = Field(
+    course: Course | None = key(
+        "Formulas in t for velocity along x, along y and spin of a prescribed motion",
         None,
-        description="Formulas in t for velocity along x, along y and spin of a prescribed motion",
         examples=[("0.1*cos(t)", "0", "0")],
     )
     on_contact: OnContact = "stop"
@@ -72,8 +72,8 @@ class GrainSection(BodySection):
 class Disc(GrainSection):
     """A disc."""
 
-    shape: Literal["disc"] = Field("disc", description="Shape of the grain")
-    diameter: Positive = Field(description="Diameter [length]")
+    shape: Literal["disc"] = key("Shape of the grain", "disc")
+    diameter: Positive = key("Diameter [length]")
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -83,8 +83,8 @@ class Disc(GrainSection):
 class Ellipse(GrainSection):
     """An ellipse."""
 
-    shape: Literal["ellipse"] = Field("ellipse", description="Shape of the grain")
-    semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
+    shape: Literal["ellipse"] = key("Shape of the grain", "ellipse")
+    semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -94,10 +94,10 @@ class Ellipse(GrainSection):
 class Rectangle(GrainSection):
     """A rectangle, its corners rounded or not."""
 
-    shape: Literal["rectangle"] = Field("rectangle", description="Shape of the grain")
-    width: Positive = Field(description="Side along x when angle is 0 [length]")
-    height: Positive = Field(description="The other side [length]")
-    corner_radius: NotNegative = Field(0.0, description="Radius of the rounded corners [length]")
+    shape: Literal["rectangle"] = key("Shape of the grain", "rectangle")
+    width: Positive = key("Side along x when angle is 0 [length]")
+    height: Positive = key("The other side [length]")
+    corner_radius: NotNegative = key("Radius of the rounded corners [length]", 0.0)
 
     @model_validator(mode="after")
     def _can_be_rounded(self) -> Rectangle:
@@ -115,10 +115,10 @@ class Rectangle(GrainSection):
 class Polygon(GrainSection):
     """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
 
-    shape: Literal["polygon"] = Field("polygon", description="Shape of the grain")
+    shape: Literal["polygon"] = key("Shape of the grain", "polygon")
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
-    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = Field(
-        (), description="Vertices in order around it, three or more, relative to any point [length]"
+    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = key(
+        "Vertices in order around it, three or more, relative to any point [length]", ()
     )
 
     @model_validator(mode="before")
@@ -152,11 +152,9 @@ class Polygon(GrainSection):
 class Superellipse(GrainSection):
     """A superellipse, between an ellipse and a box."""
 
-    shape: Literal["superellipse"] = Field("superellipse", description="Shape of the grain")
-    semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
-    exponent: float = Field(
-        ge=2, le=100, description="n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box"
-    )
+    shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
+    semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
+    exponent: float = key("n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box", ge=2, le=100)
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -166,12 +164,10 @@ class Superellipse(GrainSection):
 class Star(GrainSection):
     """A star-shaped grain, radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) towards the angle a."""
 
-    shape: Literal["star"] = Field("star", description="Shape of the grain")
-    radius: Positive = Field(description="Mean radius [length]")
-    cosines: Numbers = Field(
-        (), description="Coefficients of cos(a), cos(2 a), ... [-]", examples=[(0.0, 0.2)]
-    )
-    sines: Numbers = Field((), description="Coefficients of sin(a), sin(2 a), ... [-]", examples=[(0.0, 0.1)])
+    shape: Literal["star"] = key("Shape of the grain", "star")
+    radius: Positive = key("Mean radius [length]")
+    cosines: Numbers = key("Coefficients of cos(a), cos(2 a), ... [-]", (), examples=[(0.0, 0.2)])
+    sines: Numbers = key("Coefficients of sin(a), sin(2 a), ... [-]", (), examples=[(0.0, 0.1)])
 
     @model_validator(mode="after")
     def _encloses_its_pole(self) -> Star:
@@ -188,9 +184,9 @@ class Star(GrainSection):
 class Discs(GrainSection):
     """Discs that overlap and move as one."""
 
-    shape: Literal["discs"] = Field("discs", description="Shape of the grain")
-    discs: Annotated[tuple[Circle, ...], Field(strict=False, min_length=1)] = Field(
-        description="x, y and radius of each disc, relative to any point [length]"
+    shape: Literal["discs"] = key("Shape of the grain", "discs")
+    discs: Annotated[tuple[Circle, ...], Field(strict=False, min_length=1)] = key(
+        "x, y and radius of each disc, relative to any point [length]"
     )
 
     @model_validator(mode="after")
@@ -244,16 +240,14 @@ class _Plane(BedSection):
 class Flat(_Plane):
     """A horizontal plane."""
 
-    kind: Literal["flat"] = Field("flat", description="Kind of bed")
+    kind: Literal["flat"] = key("Kind of bed", "flat")
 
 
 class Inclined(_Plane):
     """A plane that falls in the direction of the flow; coordinates run along it and gravity is turned."""
 
-    kind: Literal["inclined"] = Field("inclined", description="Kind of bed")
-    slope: float = Field(
-        gt=-90, lt=90, description="Angle by which the bed falls in the direction of the flow [degrees]"
-    )
+    kind: Literal["inclined"] = key("Kind of bed", "inclined")
+    slope: float = key("Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90)
 
     @property
     def slope_angle(self) -> float:
@@ -264,10 +258,10 @@ class Inclined(_Plane):
 class Sinusoidal(BedSection):
     """Ripples, amplitude sin(2 pi x / wavelength + phase) above the base line."""
 
-    kind: Literal["sinusoidal"] = Field("sinusoidal", description="Kind of bed")
-    amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
-    wavelength: Positive = Field(description="Distance between crests [length]")
-    phase: float = Field(0.0, description="Phase at x = 0 [degrees]")
+    kind: Literal["sinusoidal"] = key("Kind of bed", "sinusoidal")
+    amplitude: NotNegative = key("Half the height from trough to crest [length]")
+    wavelength: Positive = key("Distance between crests [length]")
+    phase: float = key("Phase at x = 0 [degrees]", 0.0)
 
     def forms(self, length: float) -> float:
         """Ripples; of very steep ones the sharpness of the crests counts."""
@@ -284,10 +278,10 @@ class Sinusoidal(BedSection):
 class HalfDiscs(BedSection):
     """A row of half-discs standing on the base line."""
 
-    kind: Literal["half-discs"] = Field("half-discs", description="Kind of bed")
-    radius: Positive = Field(description="Radius of the half-discs [length]")
-    spacing: Positive = Field(description="Distance between their centres, at least two radii [length]")
-    offset: float = Field(0.0, description="Abscissa of the centre of one of them [length]")
+    kind: Literal["half-discs"] = key("Kind of bed", "half-discs")
+    radius: Positive = key("Radius of the half-discs [length]")
+    spacing: Positive = key("Distance between their centres, at least two radii [length]")
+    offset: float = key("Abscissa of the centre of one of them [length]", 0.0)
 
     def forms(self, length: float) -> float:
         """Half-discs."""
@@ -308,11 +302,10 @@ class HalfDiscs(BedSection):
 class Polyline(BedSection):
     """Straight lines through points, which are read from a file or stand in the scene."""
 
-    kind: Literal["polyline"] = Field("polyline", description="Kind of bed")
+    kind: Literal["polyline"] = key("Kind of bed", "polyline")
     file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
-    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = Field(
-        (),
-        description="Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
+    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = key(
+        "Points with ascending x, heights counted from the base line; the same x twice: a step [length]", ()
     )
 
     @model_validator(mode="before")

@@ -15,7 +15,7 @@ from ..geometry.placement import product, rotation_by
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import counted, split
 from .points import MOST_POINTS, about_file, file_key, with_file_read
-from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction
+from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction, key
 
 MOST_SPHERES = 500
 ROUNDEST = 100.0  # exponent of a superquadric
@@ -57,43 +57,39 @@ class SolidSection(BodySection):
     gdims: ClassVar[tuple[int, ...]] = (3,)
     shape_key: ClassVar[str] = "shape"  # the key that gives the shape
 
-    x: float | None = Field(
-        None, description="Rests on the bed at this distance along [length]; give x or centre", examples=[4.0]
+    x: float | None = key(
+        "Rests on the bed at this distance along [length]; give x or centre", None, examples=[4.0]
     )
-    y: float | None = Field(
-        None, description="The same across; without it in the middle of the width [length]", examples=[5.0]
+    y: float | None = key(
+        "The same across; without it in the middle of the width [length]", None, examples=[5.0]
     )
-    centre: Triple | None = Field(
-        None,
-        description="Held with its centroid there [length]; give x or centre",
-        examples=[(4.0, 5.0, 2.0)],
+    centre: Triple | None = key(
+        "Held with its centroid there [length]; give x or centre", None, examples=[(4.0, 5.0, 2.0)]
     )
-    orientation: Triple = Field(
-        (0.0, 0.0, 0.0), description="Turned about x, then about y, then about z by these [degrees]"
+    orientation: Triple = key(
+        "Turned about x, then about y, then about z by these [degrees]", (0.0, 0.0, 0.0)
     )
     density: Density = None
-    settle: Settle = Field(
-        False, description=f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}"
+    settle: Settle = key(
+        f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}", False
     )
     motion: Motion = "fixed"
-    mass: NotNegative | None = Field(
-        None, description="Mass in place of density [density of the fluid x volume]", examples=[2.0]
+    mass: NotNegative | None = key(
+        "Mass in place of density [density of the fluid x volume]", None, examples=[2.0]
     )
-    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = Field(
+    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = key(
+        "Moments about the grain's own axes through its centroid; by default those of a uniform grain",
         None,
-        description="Moments about the grain's own axes through its centroid; by default those of a uniform grain",
         examples=[(0.1, 0.1, 0.1)],
     )
-    velocity: Triple = Field((0.0, 0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
-    spin: Triple = Field(
-        (0.0, 0.0, 0.0), description="Angular velocity of a free grain at time 0 [radians/time]"
+    velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
+    spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))
+    locked: Annotated[tuple[Freedom, ...], Field(strict=False)] = key(
+        "What a free grain cannot do: x, y, z, rx, ry, rz", (), examples=[("x", "ry")]
     )
-    locked: Annotated[tuple[Freedom, ...], Field(strict=False)] = Field(
-        (), description="What a free grain cannot do: x, y, z, rx, ry, rz", examples=[("x", "ry")]
-    )
-    course: Course | None = Field(
+    course: Course | None = key(
+        "Formulas in t for velocity and spin of a prescribed motion, along and about x, y and z",
         None,
-        description="Formulas in t for velocity and spin of a prescribed motion, along and about x, y and z",
         examples=[("0.1*cos(t)", "0", "0", "0", "0", "0")],
     )
     on_contact: OnContact = "stop"
@@ -126,8 +122,8 @@ class SolidSection(BodySection):
 class Sphere(SolidSection):
     """A sphere."""
 
-    shape: Literal["sphere"] = Field("sphere", description="Shape of the grain")
-    diameter: Positive = Field(description="Diameter [length]")
+    shape: Literal["sphere"] = key("Shape of the grain", "sphere")
+    diameter: Positive = key("Diameter [length]")
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -137,9 +133,9 @@ class Sphere(SolidSection):
 class Cylinder(SolidSection):
     """A cylinder across the flow from one side of the domain to the other, held."""
 
-    shape: Literal["cylinder"] = Field("cylinder", description="Shape of the grain")
-    diameter: Positive = Field(description="Diameter [length]")
-    length: Positive = Field(description="Length, the width of the domain [length]")
+    shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")
+    diameter: Positive = key("Diameter [length]")
+    length: Positive = key("Length, the width of the domain [length]")
 
     @model_validator(mode="after")
     def _is_held(self) -> Cylinder:
@@ -159,7 +155,7 @@ class Cylinder(SolidSection):
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
-    shape: Literal["ellipsoid"] = Field("ellipsoid", description="Shape of the grain")
+    shape: Literal["ellipsoid"] = key("Shape of the grain", "ellipsoid")
     semi_axes: SemiAxes
 
     def new_grain(self) -> geometry.Solid:
@@ -170,10 +166,10 @@ class Ellipsoid(SolidSection):
 class Superquadric(SolidSection):
     """A superquadric, between an ellipsoid and a box or a cylinder."""
 
-    shape: Literal["superquadric"] = Field("superquadric", description="Shape of the grain")
+    shape: Literal["superquadric"] = key("Shape of the grain", "superquadric")
     semi_axes: SemiAxes
-    exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = Field(
-        description="Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
+    exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = key(
+        "Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
     )
 
     def new_grain(self) -> geometry.Solid:
@@ -185,9 +181,9 @@ class Box(SolidSection):
     """A box, its edges rounded or not."""
 
     shape_key: ClassVar[str] = "edge_radius"
-    shape: Literal["box"] = Field("box", description="Shape of the grain")
-    sides: PositiveTriple = Field(description="Sides along x, y and z without orientation [length]")
-    edge_radius: NotNegative = Field(0.0, description="Radius of the rounded edges and corners [length]")
+    shape: Literal["box"] = key("Shape of the grain", "box")
+    sides: PositiveTriple = key("Sides along x, y and z without orientation [length]")
+    edge_radius: NotNegative = key("Radius of the rounded edges and corners [length]", 0.0)
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -198,9 +194,9 @@ class Polyhedron(SolidSection):
     """A convex polyhedron."""
 
     shape_key: ClassVar[str] = "vertices"
-    shape: Literal["polyhedron"] = Field("polyhedron", description="Shape of the grain")
-    vertices: Annotated[tuple[Triple, ...], Field(strict=False, min_length=4)] = Field(
-        description="Vertices, four or more, in any order, relative to any point [length]"
+    shape: Literal["polyhedron"] = key("Shape of the grain", "polyhedron")
+    vertices: Annotated[tuple[Triple, ...], Field(strict=False, min_length=4)] = key(
+        "Vertices, four or more, in any order, relative to any point [length]"
     )
 
     def new_grain(self) -> geometry.Solid:
@@ -214,9 +210,9 @@ class Spheres(SolidSection):
     """Spheres that overlap and move as one."""
 
     shape_key: ClassVar[str] = "spheres"
-    shape: Literal["spheres"] = Field("spheres", description="Shape of the grain")
-    spheres: Annotated[tuple[Ball, ...], Field(strict=False, min_length=1)] = Field(
-        description="x, y, z and radius of each sphere, relative to any point [length]"
+    shape: Literal["spheres"] = key("Shape of the grain", "spheres")
+    spheres: Annotated[tuple[Ball, ...], Field(strict=False, min_length=1)] = key(
+        "x, y, z and radius of each sphere, relative to any point [length]"
     )
 
     def new_grain(self) -> geometry.Solid:
@@ -230,18 +226,16 @@ class Mesh(SolidSection):
     """A grain bounded by triangles, such as a scanned pebble, from an STL, PLY or OBJ file."""
 
     shape_key: ClassVar[str] = "triangles"
-    shape: Literal["mesh"] = Field("mesh", description="Shape of the grain")
+    shape: Literal["mesh"] = key("Shape of the grain", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
-    size: Positive | None = Field(
-        None,
-        description="Largest diameter; without it that of the file's coordinates [length]",
-        examples=[1.0],
+    size: Positive | None = key(
+        "Largest diameter; without it that of the file's coordinates [length]", None, examples=[1.0]
     )
-    vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = Field(
-        (), description="Corners of the triangles, relative to any point [length]"
+    vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = key(
+        "Corners of the triangles, relative to any point [length]", ()
     )
-    triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = Field(
-        (), description="Three numbers of vertices each, counted from 0, all in the same sense"
+    triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = key(
+        "Three numbers of vertices each, counted from 0, all in the same sense", ()
     )
 
     @model_validator(mode="before")

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from .domain import Domain
 from .expression import Expression
 from .points import read_points
-from .section import NotNegative, Pair, Positive, Section, require_formula
+from .section import NotNegative, Pair, Positive, Section, key, require_formula
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
 _VARIABLES = {"elevation": "xy", "pressure": "txy", "inflow": "tyz", "seepage": "txy"}
@@ -22,66 +22,56 @@ FREE = "free-surface"
 class Wave(Section):
     """A wave that a wave maker lets into a channel: Stokes's, of second order, on the base flow."""
 
-    amplitude: Positive = Field(
-        description="Amplitude of the first harmonic of the elevation, half of the wave's height [length]",
+    amplitude: Positive = key(
+        "Amplitude of the first harmonic of the elevation, half of the wave's height [length]",
         examples=[0.01],
     )
-    period: Positive = Field(description="Period as seen from the bed [time]", examples=[5.0])
-    zone: NotNegative = Field(
-        0.0,
-        description="Length after the inflow in which the flow is relaxed to base flow and wave, so that waves that "
+    period: Positive = key("Period as seen from the bed [time]", examples=[5.0])
+    zone: NotNegative = key(
+        "Length after the inflow in which the flow is relaxed to base flow and wave, so that waves that "
         "come back die out [length]",
+        0.0,
     )
 
 
 class Surface(Section):
     """The free surface, which at rest lies at the top of the domain."""
 
-    elevation: str = Field(
-        "0", description="Formula in x, in space y too: height above the still level [length]"
-    )
-    file: str | None = Field(
+    elevation: str = key("Formula in x, in space y too: height above the still level [length]", "0")
+    file: str | None = key(
+        "CSV file of x, elevation relative to the scene; the resolved scene has points instead",
         None,
-        description="CSV file of x, elevation relative to the scene; the resolved scene has points instead",
         examples=["elevation.csv"],
     )
-    points: Annotated[tuple[Pair, ...], Field(strict=False)] = Field(
-        (), description="In the plane, in place of the formula: x and elevation, straight between [length]"
+    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+        "In the plane, in place of the formula: x and elevation, straight between [length]", ()
     )
-    stations: Annotated[tuple[Station, ...], Field(strict=False)] = Field(
-        (),
-        description="Places x, in space [x, y], whose elevations are columns of the history; without: a few",
+    stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
+        "Places x, in space [x, y], whose elevations are columns of the history; without: a few", ()
     )
-    bottom: Literal["no-slip", "slip"] = Field("no-slip", description="A level bottom without [bed]")
-    ends: Literal["wall", "no-slip"] = Field(
-        "wall",
-        description="wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned",
+    bottom: Literal["no-slip", "slip"] = key("A level bottom without [bed]", "no-slip")
+    ends: Literal["wall", "no-slip"] = key(
+        "wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned", "wall"
     )
-    inflow: str = Field(
-        "0",
-        description="Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]",
+    inflow: str = key(
+        "Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]", "0"
     )
-    wave: Wave | None = Field(
+    wave: Wave | None = key(
+        "A wave that comes in with the base flow, in place of `inflow`",
         None,
-        description="A wave that comes in with the base flow, in place of `inflow`",
         examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
     )
-    seepage: str = Field(
-        "0",
-        description="Formula in x, in space y, and t: what enters through the bed per level area [length/time]",
+    seepage: str = key(
+        "Formula in x, in space y, and t: what enters through the bed per level area [length/time]", "0"
     )
-    outflow: Literal["open", "wall"] = Field(
-        "open", description="Right end of a channel; open: the still level lies beyond it; wall: it is closed"
+    outflow: Literal["open", "wall"] = key(
+        "Right end of a channel; open: the still level lies beyond it; wall: it is closed", "open"
     )
-    sponge: NotNegative = Field(
-        0.0, description="Length before the right end of a channel in which waves die out [length]"
+    sponge: NotNegative = key("Length before the right end of a channel in which waves die out [length]", 0.0)
+    pressure: str = key(
+        "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
-    pressure: str = Field(
-        "0", description="Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]"
-    )
-    tension: NotNegative = Field(
-        0.0, description="Surface tension over the fluid's density [length^3/time^2]"
-    )
+    tension: NotNegative = key("Surface tension over the fluid's density [length^3/time^2]", 0.0)
 
     @model_validator(mode="before")
     @classmethod

@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..geometry.space.packing import Packing
 from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, with_file_read
-from .section import NotNegative, Pair, Positive, PositivePair
+from .section import NotNegative, Pair, Positive, PositivePair, key
 from .shapes import BedSection
 
 _FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
@@ -31,8 +31,8 @@ class TerrainSection(BedSection):
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
 
-    slope: float = Field(
-        0.0, gt=-90, lt=90, description="Angle by which the bed falls in the direction of the flow [degrees]"
+    slope: float = key(
+        "Angle by which the bed falls in the direction of the flow [degrees]", 0.0, gt=-90, lt=90
     )
 
     @property
@@ -44,17 +44,16 @@ class TerrainSection(BedSection):
 class SphereBed(TerrainSection):
     """Spheres of one size, the lowest sunk by half into the base plane."""
 
-    kind: Literal["spheres"] = Field("spheres", description="Kind of bed")
-    radius: Positive = Field(description="Radius of the spheres [length]")
-    spacing: Positive = Field(description="Distance between neighbours' centres, at least two radii [length]")
-    arrangement: Literal["square", "triangular", "random"] = Field(
-        "triangular",
-        description="Rows behind each other, each shifted by half a spacing, or these in disorder",
+    kind: Literal["spheres"] = key("Kind of bed", "spheres")
+    radius: Positive = key("Radius of the spheres [length]")
+    spacing: Positive = key("Distance between neighbours' centres, at least two radii [length]")
+    arrangement: Literal["square", "triangular", "random"] = key(
+        "Rows behind each other, each shifted by half a spacing, or these in disorder", "triangular"
     )
-    layers: int = Field(1, ge=1, le=100, description="Layers, each in the pockets of that below it")
-    seed: int = Field(0, ge=0, le=2**31, description="Seed of the disorder: the same seed gives the same bed")
-    offset: Pair = Field((0.0, 0.0), description="Place x, y of the centre of one of them [length]")
-    angle: float = Field(0.0, description="Angle of the rows, from x towards y [degrees]")
+    layers: int = key("Layers, each in the pockets of that below it", 1, ge=1, le=100)
+    seed: int = key("Seed of the disorder: the same seed gives the same bed", 0, ge=0, le=2**31)
+    offset: Pair = key("Place x, y of the centre of one of them [length]", (0.0, 0.0))
+    angle: float = key("Angle of the rows, from x towards y [degrees]", 0.0)
 
     @model_validator(mode="after")
     def _do_not_overlap(self) -> SphereBed:
@@ -79,11 +78,11 @@ class SphereBed(TerrainSection):
 class RidgeBed(TerrainSection):
     """Ripples, amplitude sin(2 pi (x cos(angle) + y sin(angle)) / wavelength + phase) above the base plane."""
 
-    kind: Literal["ridges"] = Field("ridges", description="Kind of bed")
-    amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
-    wavelength: Positive = Field(description="Distance between crests [length]")
-    angle: float = Field(0.0, description="Direction across the crests, from x towards y [degrees]")
-    phase: float = Field(0.0, description="Phase at x = y = 0 [degrees]")
+    kind: Literal["ridges"] = key("Kind of bed", "ridges")
+    amplitude: NotNegative = key("Half the height from trough to crest [length]")
+    wavelength: Positive = key("Distance between crests [length]")
+    angle: float = key("Direction across the crests, from x towards y [degrees]", 0.0)
+    phase: float = key("Phase at x = y = 0 [degrees]", 0.0)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
@@ -113,8 +112,8 @@ class RasterBed(TerrainSection):
 
         def raster(path: Path) -> dict[str, Any]:
             """The heights in a file, how far apart they are and where the first one is."""
-            for key in ("cell", "offset", "scale"):
-                _require_numbers(cls.__name__, key, data.get(key))
+            for name in ("cell", "offset", "scale"):
+                _require_numbers(cls.__name__, name, data.get(name))
             try:
                 found = cls._in_file(path, data)
             except SceneError as error:
@@ -148,15 +147,13 @@ class RasterBed(TerrainSection):
 class HeightMapBed(RasterBed):
     """Heights on a raster, from an image or a table."""
 
-    kind: Literal["height-map"] = Field("height-map", description="Kind of bed")
+    kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
-    cell: PositivePair | None = Field(
-        None,
-        description="Distance between heights along x and y; .asc files have it [length]",
-        examples=[(0.1, 0.1)],
+    cell: PositivePair | None = key(
+        "Distance between heights along x and y; .asc files have it [length]", None, examples=[(0.1, 0.1)]
     )
-    relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
-    offset: Pair = Field((0.0, 0.0), description="Place x, y of the first height [length]")
+    relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
+    offset: Pair = key("Place x, y of the first height [length]", (0.0, 0.0))
     heights: Heights = ()
 
     @classmethod
@@ -169,15 +166,15 @@ class HeightMapBed(RasterBed):
 class MeshBed(RasterBed):
     """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
 
-    kind: Literal["mesh"] = Field("mesh", description="Kind of bed")
+    kind: Literal["mesh"] = key("Kind of bed", "mesh")
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
-    cell: PositivePair | None = Field(
+    cell: PositivePair | None = key(
+        "Distance between the heights that are taken; by default 200 along the longer side [length]",
         None,
-        description="Distance between the heights that are taken; by default 200 along the longer side [length]",
         examples=[(0.1, 0.1)],
     )
-    scale: Positive = Field(1.0, description="Factor on the file's coordinates [length]")
-    offset: Pair = Field((0.0, 0.0), description="Place x, y of the file's origin [length]")
+    scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
+    offset: Pair = key("Place x, y of the file's origin [length]", (0.0, 0.0))
     heights: Heights = ()
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .section import NotNegative, Positive, Section
+from .section import NotNegative, Positive, Section, key
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent flow'
@@ -16,53 +16,50 @@ LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of 
 class Turbulence(Section):
     """Turbulence by the k-epsilon model, with effects.turbulence = true."""
 
-    model: Literal["k-epsilon"] = Field("k-epsilon", description="Model of the turbulence")
-    wall: Literal["equilibrium", "rough"] = Field("equilibrium", description="Law of the wall")
-    roughness: NotNegative = Field(
-        0.0, description='Equivalent sand roughness of walls that are "rough" [length]'
-    )
-    wall_distance: Positive | None = Field(
+    model: Literal["k-epsilon"] = key("Model of the turbulence", "k-epsilon")
+    wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
+    roughness: NotNegative = key('Equivalent sand roughness of walls that are "rough" [length]', 0.0)
+    wall_distance: Positive | None = key(
+        "Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
         None,
-        description="Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
         examples=[0.05],
     )
-    inflow: Literal["developed", "given", "profile"] = Field(
-        "developed",
-        description="What enters: nearly developed; uniform, by intensity and length; or a measured profile",
+    inflow: Literal["developed", "given", "profile"] = key(
+        "What enters: nearly developed; uniform, by intensity and length; or a measured profile", "developed"
     )
-    intensity: Positive | None = Field(
+    intensity: Positive | None = key(
+        "Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
         None,
-        description="Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
         examples=[0.05],
     )
-    length: Positive | None = Field(
+    length: Positive | None = key(
+        "Mixing length of the turbulence that enters; with a profile the largest [length]",
         None,
-        description="Mixing length of the turbulence that enters; with a profile the largest [length]",
         examples=[0.1],
     )
-    profile: Annotated[tuple[Row, ...], Field(strict=False)] = Field(
+    profile: Annotated[tuple[Row, ...], Field(strict=False)] = key(
+        "Rows of height above the bed at the inflow [length] and speed over V, and k over V^2 if known",
         (),
-        description="Rows of height above the bed at the inflow [length] and speed over V, and k over V^2 if known",
         examples=[[[0.1, 0.7], [0.5, 0.85], [1.5, 1.0]]],
     )
-    c_mu: Positive = Field(0.09, description="nu_t = c_mu k^2/epsilon [-]")
-    c_1: Positive = Field(1.44, description="Production of epsilon [-]")
-    c_2: Positive = Field(1.92, description="Loss of epsilon [-]")
-    sigma_k: Positive = Field(1.0, description="nu_t over the diffusivity of k [-]")
-    sigma_epsilon: Positive = Field(1.3, description="nu_t over the diffusivity of epsilon [-]")
+    c_mu: Positive = key("nu_t = c_mu k^2/epsilon [-]", 0.09)
+    c_1: Positive = key("Production of epsilon [-]", 1.44)
+    c_2: Positive = key("Loss of epsilon [-]", 1.92)
+    sigma_k: Positive = key("nu_t over the diffusivity of k [-]", 1.0)
+    sigma_epsilon: Positive = key("nu_t over the diffusivity of epsilon [-]", 1.3)
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Turbulence:
         if (self.wall == "rough") != (self.roughness > 0.0):
             remedy = "give the equivalent sand roughness" if self.wall == "rough" else 'set wall = "rough"'
             raise self.refused("roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy)
-        for key in ("intensity", "length"):
-            there = getattr(self, key) is not None
+        for name in ("intensity", "length"):
+            there = getattr(self, name) is not None
             if there != (self.inflow != "developed"):
                 why = 'is read only with inflow = "given" or "profile"'
                 if not there:
                     why = f'is missing, which inflow = "{self.inflow}" needs'
-                raise self.refused(key, why, "leave it out" if there else "add it")
+                raise self.refused(name, why, "leave it out" if there else "add it")
         if wrong := self._wrong_profile():
             raise self.refused("profile", *wrong)
         if not 1.0 < self.c_1 < self.c_2:

@@ -4,25 +4,23 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import Field
-
-from .section import Positive, Section
+from .section import Positive, Section, key
 
 
 class Units(Section):
     """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
 
-    diameter: Positive = Field(
-        description="Nominal diameter: of the sphere of the grain's volume, in the plane the disc of its area [m]",
+    diameter: Positive = key(
+        "Nominal diameter: of the sphere of the grain's volume, in the plane the disc of its area [m]",
         examples=[1e-3],
     )
-    viscosity: Positive = Field(1.0e-6, description="Kinematic viscosity [m^2/s]")
-    fluid_density: Positive = Field(1000.0, description="Density of the fluid [kg/m^3]")
-    grain_density: Positive = Field(2650.0, description="Density of the grain [kg/m^3]")
-    gravity: Positive = Field(9.81, description="Gravitational acceleration [m/s^2]")
-    shear_rate: Positive | None = Field(None, description="What flow.rate is [1/s]", examples=[1.0])
-    velocity: Positive | None = Field(
-        None, description="What flow.velocity is, of a log-law flow.shear_velocity [m/s]", examples=[0.01]
+    viscosity: Positive = key("Kinematic viscosity [m^2/s]", 1.0e-6)
+    fluid_density: Positive = key("Density of the fluid [kg/m^3]", 1000.0)
+    grain_density: Positive = key("Density of the grain [kg/m^3]", 2650.0)
+    gravity: Positive = key("Gravitational acceleration [m/s^2]", 9.81)
+    shear_rate: Positive | None = key("What flow.rate is [1/s]", None, examples=[1.0])
+    velocity: Positive | None = key(
+        "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
     )
 
 
