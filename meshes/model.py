@@ -28,8 +28,7 @@ MOST_STRAIGHTENED = 3  # times: a side made straight can leave too little room t
 def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
     """Yield the gmsh model of a region meshed with triangles of an order. Not collective: one rank draws.
 
-    Raises:
-        MeshError: gmsh finds no mesh, or curved cells fold over.
+    Raises MeshError if gmsh finds no mesh, or curved cells fold over.
     """
     with session() as model:
         with complaints_as_errors():
@@ -333,8 +332,7 @@ def _mesh(order: int) -> None:
 def require_no_complaint(said: int, dimension: int) -> None:
     """Refuse a mesh of which gmsh has complained in its log after so many lines, or that has no cells.
 
-    Raises:
-        MeshError: it is one.
+    Raises MeshError.
     """
     complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
     if complaints or len(gmsh.model.mesh.getElements(dimension)[0]) == 0:
@@ -361,9 +359,8 @@ def _put_in_place(frame: Frame, across: float | None = None) -> None:
 def _straighten_folded(kind: int, order: int) -> None:
     """Give straight sides to cells in the cusps of a bed, where a curved side leaves no room.
 
-    Raises:
-        MeshError: cells at the grain fold, or with a side on another boundary, where the true surface matters; or
-            others fold then.
+    Raises MeshError if cells at the grain fold, or with a side on another boundary, where the true surface matters, or
+    if others fold then.
     """
     _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
     places = np.reshape(local, (count, -1))

@@ -45,9 +45,7 @@ def closed_shell(walls: Walls, bed: Surface, bodies: dict[str, Surface]) -> Shel
     """The bed's and the grains' triangles with those of the walls, whose edges they share.
 
     A gmsh model with the sizes wanted as background field must be there; its geometry is drawn here, and removed.
-
-    Raises:
-        MeshError: the walls cannot be meshed.
+    Raises MeshError if the walls cannot be meshed.
     """
     corners = _Corners(walls, bed)
     drawing = _Drawing()

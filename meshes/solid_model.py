@@ -34,8 +34,7 @@ ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
 def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
     """Yield the gmsh model of a region meshed with tetrahedra of order 1 or 2. Not collective: one rank draws.
 
-    Raises:
-        MeshError: a surface is open or meets itself or another one, or gmsh finds no mesh.
+    Raises MeshError if a surface is open or meets itself or another one, or gmsh finds no mesh.
     """
     if order not in (1, 2):
         raise MeshError(f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order")
@@ -69,8 +68,7 @@ class Outline:
     def triangulated(self, size: SizeMap) -> tuple[SizeMap, Surface, dict[str, Surface]]:
         """The bed and the grains as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
 
-        Raises:
-            MeshError: a grain reaches into the bed, or surfaces cross however fine they are.
+        Raises MeshError if a grain reaches into the bed, or surfaces cross however fine they are.
         """
         named: dict[str, ExactSurface] = {size.region.names[5]: self.ground, **self.bodies}
         found: dict[str, Surface] = {}

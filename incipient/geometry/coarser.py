@@ -46,10 +46,7 @@ class _Scan(ExactSurface):
 def coarser_surface(surface: Surface, factor: float) -> Surface:
     """A closed surface with edges about `factor` times as long everywhere, its corners on the given one.
 
-    Edges at which facets meet at more than 35 degrees stay.
-
-    Raises:
-        MeshError: the triangles do not settle.
+    Edges at which facets meet at more than 35 degrees stay. Raises MeshError if the triangles do not settle.
     """
     from scipy.spatial import cKDTree
 

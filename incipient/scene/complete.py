@@ -16,11 +16,7 @@ from .units import Scales
 
 
 class Scene(SceneSections):
-    """A complete scene.
-
-    Raises:
-        SceneError: one line that names the key, why and the remedy.
-    """
+    """A complete scene. Raises SceneError, one line that names the key, why and the remedy."""
 
     @model_validator(mode="before")
     @classmethod

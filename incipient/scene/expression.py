@@ -60,8 +60,7 @@ class Expression:
     Nothing else is accepted, so a formula from an untrusted scene can compute but not act. `key` is where the scene
     has it, which a refused value names.
 
-    Raises:
-        SceneError: the text is not such a formula.
+    Raises SceneError if the text is not such a formula.
     """
 
     text: str
@@ -76,8 +75,7 @@ class Expression:
     def __call__(self, x: np.ndarray, t: float = 0.0) -> np.ndarray:
         """Values (n,) at points x (3, n) and time t. Not collective.
 
-        Raises:
-            SceneError: a value is infinite or not a number.
+        Raises SceneError if a value is infinite or not a number.
         """
         names = {"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi}
         with np.errstate(all="ignore"):  # a branch that `where` discards may well be undefined

@@ -19,11 +19,8 @@ MOST_POINTS = 100_000
 def file_text(path: Path) -> str:
     """The text of a file in UTF-8, its line ends made uniform; no more is read than a file may hold.
 
-    A pipe is read to its end.
-
-    Raises:
-        OSError: it cannot be read, or is larger than LARGEST_FILE.
-        UnicodeDecodeError: it is no text.
+    A pipe is read to its end. Raises OSError if it cannot be read or is larger than LARGEST_FILE, UnicodeDecodeError if
+    it is no text.
     """
     with path.open("rb") as stream:
         data = stream.read((LARGEST_FILE << 20) + 1)
@@ -35,8 +32,7 @@ def file_text(path: Path) -> str:
 def read_points(path: Path, fewest: int, section: str) -> list[Point]:
     """Rows x, y of a CSV file; a heading, empty lines and lines beginning with # are passed over.
 
-    Raises:
-        ValidationError: about the key `file` of a section, where there are not `fewest` to MOST_POINTS points.
+    Raises ValidationError about the key `file` of a section where there are not `fewest` to MOST_POINTS points.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):  # one would wait for a pipe for ever
         raise about_file(section, f"{path} is a pipe or a device", "give the name of a CSV file of x, y")
@@ -75,8 +71,7 @@ def with_file_read(
 ) -> Any:
     """What is given for a section, its file replaced by what `read` finds there; no longer of where it was read.
 
-    Raises:
-        ValidationError: both the file and the key that it stands for are given, or neither.
+    Raises ValidationError if both the file and the key that it stands for are given, or neither.
     """
     if not isinstance(data, dict):
         return data

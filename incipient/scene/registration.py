@@ -13,8 +13,8 @@ from .section import Section
 def register(section: type[Section]) -> None:
     """Lets scenes have another kind of grain or bed, as if it stood in `kinds`; docs/adding.md says what it needs.
 
-    Raises:
-        SceneError: its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has it.
+    Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
+    it.
     """
     name = discriminator(section)
     field = Scene.model_fields["body" if name == "shape" else "bed"]

@@ -27,8 +27,7 @@ _ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are 
 def scales_of(scene: SceneSections, units: Units) -> Scales:
     """The scales of a scene with a grain.
 
-    Raises:
-        ValidationError: there is no grain, or the flow's speed is not given as the flow needs it.
+    Raises ValidationError if there is no grain, or the flow's speed is not given as the flow needs it.
     """
     if scene.body is None:
         raise _refused("units.diameter", "is of the grain but there is none", "add a section [body]")
@@ -51,8 +50,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSe
     Args:
         checked: the scene of data without units.
 
-    Raises:
-        ValidationError: the scene is wrong, or says something else than its units.
+    Raises ValidationError if the scene is wrong, or says something else than its units.
     """
     try:
         units = Units.model_validate(data["units"])

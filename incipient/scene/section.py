@@ -51,8 +51,7 @@ PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=Fal
 class Section(BaseModel):
     """A part of a scene: immutable, of known keys only, with finite numbers only.
 
-    Raises:
-        SceneError: one line that names the key, why and the remedy, when built from Python with wrong values.
+    Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)

@@ -37,8 +37,7 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
 
     contacts: (k, 2) points of the outline, or next to it, in any order
 
-    Raises:
-        SceneError: the space is nowhere wider than `width`.
+    Raises SceneError if the space is nowhere wider than `width`.
     """
     count = len(outline)
     tables = [_sampled(curve, width) for curve in outline]

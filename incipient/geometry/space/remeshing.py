@@ -101,8 +101,7 @@ class Remesher:
 def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     """The surface triangulated with edges about as long as `size` says at points (n, 3).
 
-    Raises:
-        MeshError: the triangles do not settle.
+    Raises MeshError if the triangles do not settle.
     """
     mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)

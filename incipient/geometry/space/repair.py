@@ -21,11 +21,7 @@ def repaired(surface: Surface) -> Surface:
 
 
 def require_plain(surface: Surface, name: str) -> None:
-    """Refuse a surface that runs through itself.
-
-    Raises:
-        SceneError: it does; with the number of triangles.
-    """
+    """Refuse a surface that runs through itself. Raises SceneError with the number of triangles."""
     count = len(crossed(surface))
     if count:
         raise SceneError(f"{name} runs through itself in {count} triangles; remesh it")

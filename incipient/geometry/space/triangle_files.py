@@ -16,9 +16,8 @@ LARGEST_FILE = 256  # MiB: five million triangles
 def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
     """Vertices (n, 3), all of them used, and triangles (m, 3) of a surface in an STL, PLY or OBJ file.
 
-    Raises:
-        SceneError: the file is missing, is no file, cannot be read, names vertices that it does not have, or has
-            coordinates that are not finite or out of proportion.
+    Raises SceneError if the file is missing, is no file, cannot be read, names vertices that it does not have, or has
+    coordinates that are not finite or out of proportion.
     """
     path = Path(path)
     require_file(path, "an STL, PLY or OBJ file", LARGEST_FILE)
@@ -39,8 +38,7 @@ def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
 def require_file(path: Path, kinds: str, largest: int) -> None:
     """Refuse what is not a file, such as a pipe, of which one would wait for ever, or is larger than MiB `largest`.
 
-    Raises:
-        SceneError: naming the path, what it is and the remedy.
+    Raises SceneError with the path, what it is and the remedy.
     """
     if not path.exists():
         raise SceneError(f"{path} does not exist; give the name of {kinds}")
