@@ -78,17 +78,14 @@ def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
 
 def polygon(corners: Floats) -> Moments:
     """A polygon with corners (n, 2) in counter-clockwise order: triangles that share the origin."""
-    after = np.roll(corners, -1, axis=0)
-    return _simplices(np.stack([corners, after], axis=1))
+    return within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
 
 
-def polyhedron(triangles: Floats) -> Moments:
-    """The space inside a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside."""
-    return _simplices(triangles)
+def within(corners: Floats) -> Moments:
+    """The inside of a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside.
 
-
-def _simplices(corners: Floats) -> Moments:
-    """The signed simplices (m, d, d) whose further corner is the origin."""
+    In the plane of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
+    """
     d = corners.shape[-1]
     content = np.linalg.det(corners) / gamma(d + 1.0)
     total = corners.sum(axis=1)

@@ -234,6 +234,10 @@ class _Descent:
     def _grip(self, placement: Placement, near: Near) -> Grip:
         return grip(near.normals, self._arms(placement, near), self.friction, self.size)
 
+    def _closing(self, placement: Placement, near: Near) -> Floats:
+        """Rows by which motions change the gaps, in grain sizes."""
+        return wrenches(near.normals, self._arms(placement, near), self.size)
+
     def _pull(self, placement: Placement, touching: Near) -> Floats:
         """What contacts leave of the weight."""
         return balance(self._grip(placement, touching).rows, self.load)[0]
@@ -241,7 +245,7 @@ class _Descent:
     def _step(self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
         hold = self._grip(placement, touching).rows
-        closing = wrenches(near.normals, self._arms(placement, near), self.size)
+        closing = self._closing(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(pull)), 1e-6)
         if self.friction == 0.0:
@@ -255,7 +259,7 @@ class _Descent:
 
     def _followed(self, placement: Placement, near: Near, motion: Floats) -> Placement:
         """The placement after a motion, those contacts closed again that it keeps or makes."""
-        closing = wrenches(near.normals, self._arms(placement, near), self.size)
+        closing = self._closing(placement, near)
         after = near.gaps / self.size + closing @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         return self._in_touch(placement, kept, motion)
@@ -281,14 +285,16 @@ class _Descent:
 
     def _constraints(self, placement: Placement, carrying: Near) -> Floats:
         """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
-        arms = self._arms(placement, carrying)
-        hold = grip(carrying.normals, arms, self.friction, self.size)
-        _, factors = balance(hold.rows, self.load)
-        used = hold.rows[factors > USED]
+        rows = self._grip(placement, carrying).rows
+        used = rows[balance(rows, self.load)[1] > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
-        along = [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
-        return np.vstack([wrenches(carrying.normals, arms, self.size), *along])
+        return np.vstack([self._closing(placement, carrying), *self._along(placement, carrying)])
+
+    def _along(self, placement: Placement, carrying: Near) -> list[Floats]:
+        """Rows of the forces along the surface."""
+        arms = self._arms(placement, carrying)
+        return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: Near) -> _Rest | None:
         """The equilibrium next to a placement, found by Newton's method.
@@ -393,8 +399,7 @@ class _Descent:
         rank = int((values > small * max(values[0], 1e-300)).sum())
         motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
         if self.friction > 0.0 and rank < len(motion):
-            arms = self._arms(placement, carrying)
-            slips = np.vstack([wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)])
+            slips = np.vstack(self._along(placement, carrying))
             free = right[rank:].T
             motion -= free @ np.linalg.lstsq(slips @ free, slips @ motion, rcond=1e-6)[0]
         return np.asarray(motion)
@@ -460,7 +465,7 @@ class _Descent:
             moved = self._proximity.tracked(placement, carrying)
             if np.abs(moved.gaps).max() <= 1e-14 * self.size:
                 break
-            rows = wrenches(moved.normals, self._arms(placement, moved), self.size)
+            rows = self._closing(placement, moved)
             placement = self._moved(placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0])
         return placement
 

@@ -9,16 +9,13 @@ from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.moments import Moments, inertia_of
 
+FEW = 50  # points of which all pairs are looked at
+
 
 class Shape(ABC):
     """A rigid grain f(x) = 0 in its body frame, centroid at the origin; lengths are scene units."""
 
     gdim: int  # dimension of the space the grain lives in
-
-    @property
-    def centroid(self) -> Floats:
-        """The centre of mass of a uniform grain (gdim,): the origin of the body frame."""
-        return np.zeros(self.gdim)
 
     @property
     @abstractmethod
@@ -54,3 +51,19 @@ def require_positive(name: str, *values: float) -> None:
     for value in values:
         if not (np.isfinite(value) and value > 0.0):
             raise SceneError(f"{name} {value} is not a positive length; give a positive number")
+
+
+def largest_distance(points: Floats) -> float:
+    """The largest distance of two points (n, d); for many points among those of their hull."""
+    if len(points) <= FEW:
+        return float(np.linalg.norm(points[:, None] - points, axis=2).max())
+    from scipy.spatial import ConvexHull  # which takes time to import
+    from scipy.spatial.distance import cdist
+
+    points = points[ConvexHull(points).vertices]
+    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    ends = cdist(points[[np.argmax(away)]], points)
+    # Two points are at most as far apart as both are from the middle together.
+    points = points[away + away.max() >= ends.max()]
+    blocks = np.array_split(points, 1 + len(points) // 500)
+    return max(float(cdist(block, points).max(initial=0.0)) for block in blocks)

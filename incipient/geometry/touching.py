@@ -86,7 +86,11 @@ def _distance(grain: Grain | Solid, x: Floats) -> Floats:
 def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> Contacts:
     """The contacts in the plane."""
     patches = _patches(grain, placement, bed, tolerance)
-    contacts = _patch_ends(patches)
+    contacts: list[Contact] = [  # the ends of the patches, each with half its length
+        (point, normal, 0.5 * float(np.linalg.norm(ends[1] - ends[0])))
+        for ends, normal in patches
+        for point in ends
+    ]
     for approach in approaches(grain, placement, bed, tolerance):
         if approach.distance <= tolerance:
             for normal in contact_normals(approach, bed, tolerance):
@@ -147,15 +151,6 @@ def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
     return ends, outward
 
 
-def _patch_ends(patches: list[Patch]) -> list[Contact]:
-    """The ends of the patches, each with half its length."""
-    return [
-        (point, normal, 0.5 * float(np.linalg.norm(ends[1] - ends[0])))
-        for ends, normal in patches
-        for point in ends
-    ]
-
-
 def contact_normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
     """The grain's outward normals at a point contact: two where it stands in the corner of a valley."""
     if approach.normal is not None:
@@ -174,7 +169,7 @@ def _is_repeated(
     point: Floats, normal: Floats, contacts: list[Contact], patches: list[Patch], tolerance: float
 ) -> bool:
     """Whether a point contact was found before, or lies on a patch."""
-    if _index(point, normal, contacts, tolerance) is not None:
+    if any(_same(point, at, tolerance) and _same(normal, n, SAME_DIRECTION) for at, n, _ in contacts):
         return True
     return any(
         _same(normal, outward, SAME_DIRECTION)
@@ -182,14 +177,6 @@ def _is_repeated(
         and abs((ends[0] - point) @ outward) <= 2.0 * tolerance
         for ends, outward in patches
     )
-
-
-def _index(point: Floats, normal: Floats, contacts: list[Contact], tolerance: float) -> int | None:
-    """The contact at the same point with the same normal, if there is one."""
-    for k, (other, direction, _) in enumerate(contacts):
-        if _same(point, other, tolerance) and _same(normal, direction, SAME_DIRECTION):
-            return k
-    return None
 
 
 def _same(a: Floats, b: Floats, tolerance: float) -> bool:

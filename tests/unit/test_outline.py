@@ -13,7 +13,8 @@ from incipient import load
 from incipient.geometry import Flat, HalfDiscs, Placement, Polygon, Sinusoidal, clearance, rest
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.polygon import diameter, meeting_sides
+from incipient.geometry.plane.polygon import meeting_sides
+from incipient.geometry.shape import largest_distance
 from incipient.simulation.build import estimate
 
 Floats = NDArray[np.float64]
@@ -63,7 +64,7 @@ def test_the_diameter_is_the_largest_distance(count: int) -> None:
     square = np.array([[x, y] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0, 2.0)])
     for points in (*clouds, square, pebble(count + 2)):
         brute = np.linalg.norm(points[:, None] - points[None], axis=2).max()
-        assert diameter(points) == pytest.approx(brute, rel=1e-14)
+        assert largest_distance(points) == pytest.approx(brute, rel=1e-14)
 
 
 def met(corners: Sequence[Sequence[float]]) -> tuple[int, int] | None:

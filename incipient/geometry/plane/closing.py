@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats, Point
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Curve, Line, part
+from incipient.geometry.plane.curves import Curve, Line, part, plain
 
 FEWEST, MOST, PER_WIDTH = 64, 4096, 8.0  # samples along a curve, and how many within a width
 HALVINGS = 50
@@ -55,7 +55,7 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
         raise SceneError("contact.gap: the space between grain and bed is nowhere wider; give a smaller one")
     high, low = _without_crumbs(outline, high, width, up=True), _without_crumbs(outline, low, width, up=False)
     ends = [_at(outline, place) for place in (low, high)]
-    left, right = (Line(_point(bed.nearest(end[None])[0]), _point(end)) for end in ends)
+    left, right = (Line(plain(bed.nearest(end[None])[0]), plain(end)) for end in ends)
     return Closing(width, left, right, _pieces(outline, high, low + count), np.asarray(contacts)[order])
 
 
@@ -129,7 +129,3 @@ def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve,
             whole = outline[k % len(outline)]
             found.append(whole if (low, high) == (0.0, 1.0) else part(whole, low, high))
     return tuple(found)
-
-
-def _point(x: Floats) -> Point:
-    return float(x[0]), float(x[1])

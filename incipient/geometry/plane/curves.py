@@ -114,12 +114,12 @@ class Spline:
     @property
     def start(self) -> Point:
         """The first point."""
-        return _point(self.points[0])
+        return plain(self.points[0])
 
     @property
     def end(self) -> Point:
         """The last point."""
-        return _point(self.points[-1])
+        return plain(self.points[-1])
 
     @property
     def length(self) -> float:
@@ -196,7 +196,7 @@ Curve = Line | Arc | Spline
 def part(curve: Curve, first: float, last: float) -> Curve:
     """The part of a curve between two parameters; of a spline one through as many points as the whole has."""
     if isinstance(curve, Line | Arc):
-        start, end = (_point(row) for row in curve.point([first, last]))
+        start, end = (plain(row) for row in curve.point([first, last]))
         return replace(curve, start=start, end=end)
     return Spline(curve.point(np.linspace(first, last, len(curve.points))))
 
@@ -205,12 +205,13 @@ def _column(s: ArrayLike) -> Floats:
     return np.atleast_1d(np.asarray(s, dtype=float))[:, None]
 
 
-def _point(x: Floats) -> Point:
+def plain(x: Floats) -> Point:
+    """A point (2,) as a pair of plain numbers."""
     return float(x[0]), float(x[1])
 
 
 def _carried(placement: Placement, *points: Point) -> list[Point]:
-    return [_point(row) for row in placement.to_scene(np.array(points))]
+    return [plain(row) for row in placement.to_scene(np.array(points))]
 
 
 def _minor(a: float, local: Floats) -> float:

@@ -12,7 +12,7 @@ from incipient.arrays import Floats, Point
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.balls import Balls, checked_balls, require_exposed
-from incipient.geometry.plane.curves import Arc, Curve
+from incipient.geometry.plane.curves import Arc, Curve, plain
 from incipient.geometry.plane.grain import Grain
 
 
@@ -86,7 +86,7 @@ class Discs(Balls, Grain):
         points = points - whole.centroid
         object.__setattr__(self, "centres", tuple((float(x), float(y)) for x, y in points))
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
-        self.outline()
+        _ = self.chain  # refuses holes, and is kept
 
     @cached_property
     def _arcs(self) -> Arcs:
@@ -100,10 +100,6 @@ class Discs(Balls, Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""
-        return self._outline
-
-    @cached_property
-    def _outline(self) -> tuple[Curve, ...]:
         arcs, centres, radii = self._arcs, np.array(self.centres), np.array(self.radii)
         order = _chained(arcs, centres, radii)
         corners = [_on_circle(centres, radii, int(arcs.owner[k]), float(arcs.start[k])) for k in order]
@@ -114,14 +110,12 @@ class Discs(Balls, Grain):
             angles = np.linspace(arcs.start[k], arcs.end[k], max(pieces, 1) + 1)[1:-1]
             inner = [_on_circle(centres, radii, owner, float(angle)) for angle in angles]
             stations = [corners[position], *inner, corners[(position + 1) % len(corners)]]
-            middle = (float(centres[owner, 0]), float(centres[owner, 1]))
-            curves += [Arc(a, middle, b) for a, b in pairwise(stations)]
+            curves += [Arc(a, plain(centres[owner]), b) for a, b in pairwise(stations)]
         return tuple(curves)
 
 
 def _on_circle(centres: Floats, radii: Floats, owner: int, angle: float) -> Point:
-    x, y = centres[owner] + radii[owner] * np.array([np.cos(angle), np.sin(angle)])
-    return float(x), float(y)
+    return plain(centres[owner] + radii[owner] * np.array([np.cos(angle), np.sin(angle)]))
 
 
 def _chained(arcs: Arcs, centres: Floats, radii: Floats) -> list[int]:

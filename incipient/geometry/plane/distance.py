@@ -1,6 +1,6 @@
 """Where a grain's outline comes close to the bed: all local minima of the distance along the outline."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +98,7 @@ def _brackets(
     return found
 
 
-def refined(outline: Sequence[Curve], brackets: list[tuple[int, float, float]], bed: Bed) -> Approach:
+def refined(outline: Outline, brackets: list[tuple[int, float, float]], bed: Bed) -> Approach:
     """The lowest of the minima inside brackets (curve, first, last parameter)."""
     best: tuple[float, int, float] | None = None
     for k, low, high in brackets:
@@ -141,7 +141,7 @@ def _slopes(curve: Curve, s: Floats, bed: Bed) -> Floats:
     return np.asarray((away * tangents).sum(axis=1))
 
 
-def _normal(outline: Sequence[Curve], k: int, s: float) -> Floats | None:
+def _normal(outline: Outline, k: int, s: float) -> Floats | None:
     """The outward normal at parameter s of curve k of a counter-clockwise outline, None at a corner."""
     tangent = outline[k].tangent(s)[0]
     other = tangent

@@ -15,7 +15,7 @@ from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.placement import Placement as Placement  # known by this name here, too
-from incipient.geometry.plane.curves import Arc, Curve, Line
+from incipient.geometry.plane.curves import Arc, Curve, Line, plain
 from incipient.geometry.plane.outline import Chain
 from incipient.geometry.shape import Shape, require_positive
 
@@ -162,18 +162,14 @@ class Rectangle(Grain):
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
         r = self._radius
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        outward = [(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)]
+        outward = np.array([(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)])
         centres = signs * self._core
         curves: list[Curve] = []
         for k in range(4):
             here, there = centres[k], centres[(k + 1) % 4]
-            start, end = _shifted(here, outward[k]), _shifted(there, outward[k])
+            start, end = plain(here + outward[k]), plain(there + outward[k])
             if start != end:
                 curves.append(Line(start, end))
             if r > 0.0:
-                curves.append(Arc(end, _shifted(there), _shifted(there, outward[(k + 1) % 4])))
+                curves.append(Arc(end, plain(there), plain(there + outward[(k + 1) % 4])))
         return tuple(curves)
-
-
-def _shifted(x: Floats, by: Point = (0.0, 0.0)) -> Point:
-    return float(x[0] + by[0]), float(x[1] + by[1])

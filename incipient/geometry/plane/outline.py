@@ -3,10 +3,9 @@
 Lengths are scene units. Points of an outline are told by numbers of curves (n,) and parameters (n,) there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import overload
 
 import numpy as np
 
@@ -70,7 +69,7 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Outline(Sequence[Curve]):
+class Outline:
     """A chain in its place in the scene; a curve is moved there when it is asked for."""
 
     chain: Chain
@@ -80,15 +79,7 @@ class Outline(Sequence[Curve]):
     def __len__(self) -> int:
         return len(self.chain.curves)
 
-    @overload
-    def __getitem__(self, k: int) -> Curve: ...
-
-    @overload
-    def __getitem__(self, k: slice) -> Sequence[Curve]: ...
-
-    def __getitem__(self, k: int | slice) -> Curve | Sequence[Curve]:
-        if isinstance(k, slice):
-            return [self[i] for i in range(*k.indices(len(self)))]
+    def __getitem__(self, k: int) -> Curve:
         k = range(len(self))[k]
         if k not in self._moved:
             self._moved[k] = self.chain.curves[k].moved(self.placement)

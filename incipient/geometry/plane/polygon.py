@@ -1,4 +1,4 @@
-"""Polygons: their area, diameter and outline, in time that grows little faster than the number of vertices."""
+"""Polygons: their area and outline, in time that grows little faster than the number of vertices."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, Point, planar_cross, quarter_turned, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Curve, Line, Spline
+from incipient.geometry.plane.curves import Curve, Line, Spline, plain
 from incipient.geometry.plane.grain import Grain
+from incipient.geometry.shape import largest_distance
 
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
 # CORNER within WINDOW to both sides it has a corner.
@@ -40,7 +41,7 @@ class Polygon(Grain):
     @cached_property
     def size(self) -> float:
         """The largest distance of two vertices."""
-        return diameter(self._corners)
+        return largest_distance(self._corners)
 
     @cached_property
     def volume(self) -> float:
@@ -134,7 +135,7 @@ class _Smoothed(Polygon):
 def _through(points: Floats) -> Curve:
     """The line between two points, or a smooth curve through more."""
     if len(points) == 2:
-        return Line((float(points[0, 0]), float(points[0, 1])), (float(points[1, 0]), float(points[1, 1])))
+        return Line(plain(points[0]), plain(points[1]))
     while len(points) < 4:
         middles = 0.5 * (points[1:] + points[:-1])
         points = np.insert(points, np.arange(1, len(points)), middles, axis=0)
@@ -161,44 +162,6 @@ def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
         if not (np.minimum(apart, whole - apart) < window).any():
             found[k] = True
     return found
-
-
-def diameter(points: Floats) -> float:
-    """The largest distance of two of the points (n, 2): of their convex hull, by rotating callipers."""
-    corners = hull(points)
-    if len(corners) < 4:
-        return float(np.linalg.norm(corners[:, None] - corners[None], axis=2).max())
-    side = np.roll(corners, -1, axis=0) - corners
-    angle = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
-    # Opposite to a side is the vertex at which the hull turns past the opposite direction.
-    turned = np.concatenate([angle, angle + 2.0 * np.pi])
-    opposite = np.searchsorted(turned, angle + np.pi) % len(corners)
-    ends = np.arange(len(corners))
-    distances = [
-        np.linalg.norm(corners[(ends + i) % len(corners)] - corners[(opposite + j) % len(corners)], axis=1)
-        for i in (0, 1)
-        for j in (-1, 0, 1)
-    ]
-    return float(np.max(distances))
-
-
-def hull(points: Floats) -> Floats:
-    """The corners (m, 2) of the convex hull of points (n, 2), counter-clockwise (Andrew's monotone chain)."""
-    order = points[np.lexsort((points[:, 1], points[:, 0]))].tolist()
-
-    def half(row: list[list[float]]) -> list[list[float]]:
-        """The hull's part that turns left along the points."""
-        chain: list[list[float]] = []
-        for x, y in row:
-            while len(chain) > 1:
-                (a, b), (c, d) = chain[-2:]
-                if (c - a) * (y - b) - (d - b) * (x - a) > 0.0:
-                    break
-                chain.pop()
-            chain.append([x, y])
-        return chain[:-1]
-
-    return np.array(half(order) + half(order[::-1]))
 
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:

@@ -34,10 +34,6 @@ class Smooth(Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Four quarters, exact, with enough points for a spline."""
-        return self._outline
-
-    @cached_property
-    def _outline(self) -> tuple[Curve, ...]:
         return tuple(self._quarter(k) for k in range(4))
 
     def _quarter(self, k: int) -> Traced:
@@ -186,9 +182,8 @@ class Star(Smooth):
     @cached_property
     def _moments(self) -> moments.Moments:
         """Area, centroid and moment, by integrals of powers of r over the angle."""
-        weights, directions = moments.circle_rule(RADII)
-        radii = self.radius(2.0 * pi * np.arange(RADII) / RADII)
-        return moments.star_shape(weights, directions, np.asarray(radii, dtype=float))
+        radii = np.asarray(self.radius(2.0 * pi * np.arange(RADII) / RADII), dtype=float)
+        return moments.star_shape(*moments.circle_rule(RADII), radii)
 
     @property
     def pole(self) -> Floats:

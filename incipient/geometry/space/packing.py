@@ -87,10 +87,7 @@ class Packing(BallLattice):
     def centres(self, middle: ArrayLike, reach: float) -> Floats:
         """All centres (k, 3) within a horizontal distance of a point (2,)."""
         middle = np.asarray(middle, dtype=float)
-        home = np.round(np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset)))
-        around = int(np.ceil(1.2 * reach / self.spacing)) + AROUND
-        steps = np.arange(-around, around + 1)
-        places = home + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        places = self._places(middle, reach, AROUND)
         found = np.vstack([self._at(places, layer) for layer in range(self.layers)])
         return np.asarray(found[np.linalg.norm(found[:, :2] - middle, axis=1) <= reach])
 

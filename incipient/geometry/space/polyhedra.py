@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.shape import require_positive
+from incipient.geometry.shape import largest_distance, require_positive
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.repair import repaired, require_plain
@@ -99,21 +99,6 @@ def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
     return unit(np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T]))
 
 
-def _largest_distance(points: Floats) -> float:
-    """The largest distance of two points (n, 3); for many points among those of their hull."""
-    from scipy.spatial import ConvexHull
-    from scipy.spatial.distance import cdist
-
-    if len(points) > 50:
-        points = points[ConvexHull(points).vertices]
-    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    ends = cdist(points[[np.argmax(away)]], points)
-    # Two points are at most as far apart as both are from the middle together.
-    points = points[away + away.max() >= ends.max()]
-    blocks = np.array_split(points, 1 + len(points) // 500)
-    return max(float(cdist(block, points).max(initial=0.0)) for block in blocks)
-
-
 @dataclass(frozen=True, eq=False)
 class Triangulated(FlatSided):
     """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
@@ -139,7 +124,7 @@ class Triangulated(FlatSided):
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
         middle = surface.points - surface.points.mean(axis=0)
-        whole = moments.polyhedron(middle[surface.triangles])
+        whole = moments.within(middle[surface.triangles])
         if not abs(whole.volume) > 1e-12 * extent**3:
             raise SceneError(f"{self.name} encloses no volume; give a body")
         turned = surface.triangles if whole.volume > 0.0 else surface.triangles[:, ::-1]
@@ -167,11 +152,11 @@ class Triangulated(FlatSided):
     @cached_property
     def size(self) -> float:
         """The largest distance of two vertices."""
-        return _largest_distance(self.vertices)
+        return largest_distance(self.vertices)
 
     @cached_property
     def _moments(self) -> moments.Moments:
-        return moments.polyhedron(self._surface.corners)
+        return moments.within(self._surface.corners)
 
     @cached_property
     def cores(self) -> tuple[Core, ...]:

@@ -105,7 +105,7 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     """
     mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)
-    points = task.projected(mesh.points, mesh.held, _on_curves(mesh))
+    points = task.projected(mesh.points, mesh.held, _on_curves(mesh, _kept(mesh)))
     mesh = replace(mesh, points=points, sizes=size(points))
     calm, before = 0, -1
     for _ in range(ROUNDS):
@@ -173,10 +173,10 @@ def _kept(mesh: SurfaceMesh) -> np.ndarray:
     return kept
 
 
-def _on_curves(mesh: SurfaceMesh) -> np.ndarray:
-    """Which points (n,) lie on kept edges."""
+def _on_curves(mesh: SurfaceMesh, kept: np.ndarray) -> np.ndarray:
+    """Which points (n,) lie on kept edges (k,)."""
     on_it = np.zeros(len(mesh.points), dtype=bool)
-    on_it[mesh.topology.edges[_kept(mesh)].ravel()] = True
+    on_it[mesh.topology.edges[kept].ravel()] = True
     return on_it
 
 
@@ -269,7 +269,7 @@ def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
 def _collapsible(mesh: SurfaceMesh, which: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Which of some edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
     edges, count = mesh.topology.edges, len(mesh.points)
-    on_curve = _on_curves(mesh)
+    on_curve = _on_curves(mesh, kept)
     a, b = edges[which].T
     allowed = ~(mesh.fixed[a] & mesh.fixed[b])
     allowed &= kept[which] | ~(on_curve[a] & on_curve[b])
@@ -305,8 +305,7 @@ def _collapse_some(
         np.minimum.at(around, edges[beside, end], lowest[beside])
     chosen = candidates[rank <= around[edges[candidates]].min(axis=1)]
     a, b = edges[chosen].T
-    on_curve = np.zeros(count, dtype=bool)
-    on_curve[edges[kept].ravel()] = True
+    on_curve = _on_curves(mesh, kept)
     rigid = 2 * mesh.fixed.astype(int) + on_curve
     stays, goes = np.where(rigid[b] > rigid[a], b, a), np.where(rigid[b] > rigid[a], a, b)
     middle = mesh.points[edges[chosen]].mean(axis=1)
@@ -445,9 +444,7 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     move = pull / np.maximum(total, 1e-300)[:, None] - mesh.points
     normal = unit(normal)
     move -= (move * normal).sum(axis=1)[:, None] * normal
-    on_curve = np.zeros(count, dtype=bool)
-    lines = mesh.topology.edges[kept]
-    on_curve[lines.ravel()] = True
+    lines, on_curve = mesh.topology.edges[kept], _on_curves(mesh, kept)
     if len(lines):
         move[on_curve] = _along_curves(mesh, lines)[on_curve]
     move[mesh.fixed] = 0.0

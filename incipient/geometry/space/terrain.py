@@ -158,6 +158,7 @@ class BallLattice(Terrain):
     radius: float
     spacing: float
     arrangement: str
+    offset: tuple[float, float]
     angle: float
 
     @property
@@ -171,6 +172,13 @@ class BallLattice(Terrain):
         steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
+
+    def _places(self, middle: Floats, reach: float, beyond: int) -> Floats:
+        """Whole steps (k, 2) from the first centre to all within a distance of a point (2,), and some beyond."""
+        home = np.round(np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset)))
+        around = int(np.ceil(1.2 * reach / self.spacing)) + beyond
+        steps = np.arange(-around, around + 1)
+        return np.asarray(home + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2))
 
     @abstractmethod
     def centres(self, middle: ArrayLike, reach: float) -> Floats:
@@ -213,11 +221,7 @@ class Hemispheres(BallLattice):
     def centres(self, middle: ArrayLike, reach: float) -> Floats:
         """All centres (k, 3) within a horizontal distance of a point (2,)."""
         middle = np.asarray(middle, dtype=float)
-        home = np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset))
-        around = int(np.ceil(1.2 * reach / self.spacing)) + 1
-        steps = np.arange(-around, around + 1)
-        i, j = np.meshgrid(np.round(home[0]) + steps, np.round(home[1]) + steps)
-        centres = np.asarray(self.offset) + np.column_stack([i.ravel(), j.ravel()]) @ self._lattice
+        centres = np.asarray(self.offset) + self._places(middle, reach, 1) @ self._lattice
         centres = centres[np.linalg.norm(centres - middle, axis=1) <= reach]
         return np.column_stack([centres, np.full(len(centres), self.origin_z)])
 
