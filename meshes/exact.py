@@ -230,6 +230,12 @@ class Ground(ExactSurface):
         return level_surface(self.distance, (xs, ys, zs / self.frame.length))
 
 
+def bodies_of(region: SolidRegion, frame: SolidFrame) -> dict[str, Body]:
+    """The surfaces of a region's grains by name."""
+    holes = region.holes.items()
+    return {name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in holes}
+
+
 def _widening(length: float, step: float) -> Floats:
     """Ascending distances over a length at which a grid is cut, the first about a step; none if there is no length."""
     if length <= 1e-9 * step:

@@ -4,7 +4,7 @@ import numpy as np
 
 from incipient.arrays import Floats, planar_cross
 
-from .exact import Body, Ground
+from .exact import Ground, bodies_of
 from .region import BoxGrid, Grid, Near, Region, Sizes, SolidGrid
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import BOX, CORNERS, SizeMap, boxes
@@ -82,10 +82,7 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     """The integral of 1/h^3 over the boxes that give gmsh the sizes, as far as they lie in the fluid."""
     frame = SolidFrame.of(region)
     ground = Ground(region, frame)
-    bodies = {
-        name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in region.holes.items()
-    }
-    size = SizeMap(region, sizes, frame, ground, bodies)
+    size = SizeMap(region, sizes, frame, ground, bodies_of(region, frame))
     cubes = boxes(size, float(ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
     inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
     share = 1.0 - size.outside(inner.reshape(-1, 3)).reshape(-1, 8).mean(axis=1)

@@ -1,16 +1,17 @@
 """gmsh models of regions and grids, meshed and with their boundaries named."""
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import byref, c_int, c_size_t, c_void_p
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Point
+from incipient.arrays import Floats, Point
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line
 from incipient.interrupt import handlers_kept
@@ -59,10 +60,7 @@ def solid_grid_model(grid: SolidGrid, order: int) -> Iterator[Any]:
         with complaints_as_errors():
             frame = Frame(grid.grid.origin, grid.grid.height)
             _draw_solid_grid(grid, frame)
-            gmsh.option.setNumber("General.AbortOnError", 1)
-            said = len(gmsh.logger.get())
-            model.mesh.generate(3)
-            require_no_complaint(said, 3)
+            generate(3)
             model.mesh.setOrder(order)
             _put_in_place(frame, across=grid.across[0])
         yield model
@@ -162,17 +160,19 @@ def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
     for name, outline in region.holes.items():
         curves[name] = [pen.curve(curve) for curve in outline]
         loops.append(gmsh.model.geo.addCurveLoop(curves[name]))
-    _name(curves, gmsh.model.geo.addPlaneSurface(loops))
+    surface = gmsh.model.geo.addPlaneSurface(loops)
+    gmsh.model.geo.synchronize()
+    name_parts(2, surface, curves)
     return curves
 
 
-def _name(curves: dict[str, list[int]], surface: int) -> None:
-    gmsh.model.geo.synchronize()
-    gmsh.model.addPhysicalGroup(2, [surface], 1)
-    gmsh.model.setPhysicalName(2, 1, "fluid")
-    for tag, (name, members) in enumerate(curves.items(), start=1):
-        gmsh.model.addPhysicalGroup(1, members, tag)
-        gmsh.model.setPhysicalName(1, tag, name)
+def name_parts(dimension: int, fluid: int, boundary: dict[str, list[int]]) -> None:
+    """Name the fluid, an entity of a dimension, and the parts of its boundary."""
+    gmsh.model.addPhysicalGroup(dimension, [fluid], 1)
+    gmsh.model.setPhysicalName(dimension, 1, "fluid")
+    for tag, (name, members) in enumerate(boundary.items(), start=1):
+        gmsh.model.addPhysicalGroup(dimension - 1, members, tag)
+        gmsh.model.setPhysicalName(dimension - 1, tag, name)
 
 
 def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
@@ -180,14 +180,30 @@ def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
         points, lengths = (sizes.field.points - frame.origin) / frame.length, sizes.field.sizes / frame.length
-        parts.append(_view_field(replace(sizes.field, points=points, sizes=lengths)))
+        parts.append(_adapted_field(replace(sizes.field, points=points, sizes=lengths)))
     whole = fields.add("MathEval")
     fields.setString(whole, "F", repr(frame.size(sizes.far)))
     least = fields.add("Min")
     fields.setNumbers(least, "FieldsList", [whole, *parts])
-    fields.setAsBackgroundMesh(least)
+    set_background(least)
+
+
+def set_background(field: int) -> None:
+    """Take the sizes of cells from a field alone."""
+    gmsh.model.mesh.field.setAsBackgroundMesh(field)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
-        set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
+        _set_either(
+            ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option), gmsh.option.setNumber, 0
+        )
+
+
+def view_field(kind: str, rows: Floats) -> int:
+    """A field of sizes that are linear on triangles ("ST") or hexahedra ("SH"), as gmsh's views have them in rows."""
+    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
+    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
+    field = fields.add("PostView")
+    fields.setNumber(field, "ViewTag", view)
+    return int(field)
 
 
 def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
@@ -201,9 +217,9 @@ def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
             expression = f"Min({expression},{other})"
     else:
         distance = fields.add("Distance")
-        _set_either(distance, ("CurvesList", "EdgesList"), fields.setNumbers, curves[near.boundary])
+        _set_either(("CurvesList", "EdgesList"), partial(fields.setNumbers, distance), curves[near.boundary])
         samples = _samples(curves[near.boundary], frame.size(near.size))
-        _set_either(distance, ("Sampling", "NumPointsPerCurve"), fields.setNumber, samples)
+        _set_either(("Sampling", "NumPointsPerCurve"), partial(fields.setNumber, distance), samples)
         expression = f"F{distance}"
     fields.setString(size, "F", f"{_size_at(near, frame)}+{near.growth!r}*({expression})")
     return size
@@ -223,7 +239,7 @@ def _size_at(near: Near, frame: Frame) -> str:
     return f"Max({size!r},Min({largest!r},{away.growth!r}*{_distance_to(away.point, frame)}))"
 
 
-def _view_field(wanted: SizeField) -> int:
+def _adapted_field(wanted: SizeField) -> int:
     """The sizes wanted at the vertices of an earlier mesh; where that mesh does not reach there is no bound.
 
     Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
@@ -232,12 +248,7 @@ def _view_field(wanted: SizeField) -> int:
     corners = corners + (ENLARGED - 1.0) * (corners - corners.mean(axis=1, keepdims=True))
     shifted = values + (ENLARGED - 1.0) * (values - values.mean(axis=1, keepdims=True))
     shifted = np.maximum(shifted, values.min(axis=1, keepdims=True))
-    rows = np.hstack([corners[:, :, 0], corners[:, :, 1], np.zeros_like(values), shifted])
-    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
-    gmsh.view.addListData(view, "ST", len(rows), rows.ravel())
-    field = fields.add("PostView")
-    fields.setNumber(field, "ViewTag", view)
-    return int(field)
+    return view_field("ST", np.hstack([corners[:, :, 0], corners[:, :, 1], np.zeros_like(values), shifted]))
 
 
 def _samples(tags: list[int], size: float) -> int:
@@ -247,26 +258,15 @@ def _samples(tags: list[int], size: float) -> int:
     return int(np.clip(3 * longest / size, 20, 2000))
 
 
-def _set_either(field: int, names: tuple[str, ...], put: Any, value: Any) -> None:
+def _set_either(names: tuple[str, ...], put: Callable[[str, Any], None], value: Any) -> None:
     """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
     for name in names:
         try:
-            put(field, name, value)
-            return
+            return put(name, value)
         except Exception as error:
             if not _is_of_gmsh(error):
                 raise
-    raise MeshError(f"this gmsh knows none of the field options {', '.join(names)}")
-
-
-def set_option(name: str, older: str, value: float) -> None:
-    """Set an option under its name, or under the one it had before gmsh 4.8."""
-    try:
-        gmsh.option.setNumber(name, value)
-    except Exception as error:
-        if not _is_of_gmsh(error):
-            raise
-        gmsh.option.setNumber(older, value)
+    raise MeshError(f"this gmsh knows none of the options {', '.join(names)}")
 
 
 def _rectangle(grid: Grid, frame: Frame) -> tuple[list[tuple[int, str]], int]:
@@ -302,11 +302,7 @@ def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
     named.setdefault(grid.sides[1], []).append(far)
     for (_, name), (_, wall) in zip(lines, walls, strict=True):
         named.setdefault(name, []).append(wall)
-    gmsh.model.addPhysicalGroup(3, [volume], 1)
-    gmsh.model.setPhysicalName(3, 1, "fluid")
-    for tag, (name, members) in enumerate(named.items(), start=1):
-        gmsh.model.addPhysicalGroup(2, members, tag)
-        gmsh.model.setPhysicalName(2, tag, name)
+    name_parts(3, volume, named)
 
 
 def _draw_grid(grid: Grid, frame: Frame) -> None:
@@ -314,26 +310,24 @@ def _draw_grid(grid: Grid, frame: Frame) -> None:
     curves: dict[str, list[int]] = {}
     for line, name in lines:
         curves.setdefault(name, []).append(line)
-    _name(curves, surface)
+    gmsh.model.geo.synchronize()
+    name_parts(2, surface, curves)
 
 
 def _mesh(order: int) -> None:
-    # Exceptions thrown from inside the mesher end the process: let it stop at its first error, and look.
-    gmsh.option.setNumber("General.AbortOnError", 1)
-    said = len(gmsh.logger.get())
-    gmsh.model.mesh.generate(2)
-    require_no_complaint(said, 2)
+    generate(2)
     gmsh.model.mesh.setOrder(order)
     kinds, _, _ = gmsh.model.mesh.getElements(2)
     if order > 1:
         _straighten_folded(kinds[0], order)
 
 
-def require_no_complaint(said: int, dimension: int) -> None:
-    """Refuse a mesh of which gmsh has complained in its log after so many lines, or that has no cells.
-
-    Raises MeshError.
-    """
+def generate(dimension: int) -> None:
+    """Mesh what has been drawn. Raises MeshError if gmsh complains in its log, or makes no cells."""
+    # Exceptions thrown from inside the mesher end the process: let it stop at its first error, and look.
+    gmsh.option.setNumber("General.AbortOnError", 1)
+    said = len(gmsh.logger.get())
+    gmsh.model.mesh.generate(dimension)
     complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
     if complaints or len(gmsh.model.mesh.getElements(dimension)[0]) == 0:
         reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"

@@ -1,7 +1,5 @@
 """gmsh models of regions in space: graded tetrahedra, curved along grains and bed, with the boundaries named."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,8 +14,8 @@ from incipient.geometry.space.surfaces import Surface, joined
 from incipient.interrupt import handlers_kept
 
 from .curving import curved
-from .exact import Body, Ground
-from .model import complaints_as_errors, require_no_complaint, session, set_option
+from .exact import Ground, bodies_of
+from .model import complaints_as_errors, generate, session, set_background, view_field
 from .region import Sizes
 from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
@@ -41,7 +39,7 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
     with session() as model:
         with complaints_as_errors():
             frame = SolidFrame.of(region)
-            outline = Outline.of(region, frame)
+            outline = Outline(region, frame)
             size = SizeMap(region, sizes, frame, outline.ground, outline.bodies)
             size, bed, bodies = outline.triangulated(size)
             _set_background(boxes(size, float(bed.points[:, 2].min())))
@@ -55,15 +53,8 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
 class Outline:
     """The curved part of a region's boundary: the bed and the grains."""
 
-    def __init__(self, ground: Ground, bodies: dict[str, Body]):
-        self.ground, self.bodies = ground, bodies
-
-    @classmethod
-    def of(cls, region: SolidRegion, frame: SolidFrame) -> Outline:
-        """The outline of a region."""
-        holes = region.holes.items()
-        bodies = {name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in holes}
-        return cls(Ground(region, frame), bodies)
+    def __init__(self, region: SolidRegion, frame: SolidFrame):
+        self.ground, self.bodies = Ground(region, frame), bodies_of(region, frame)
 
     def triangulated(self, size: SizeMap) -> tuple[SizeMap, Surface, dict[str, Surface]]:
         """The bed and the grains as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
@@ -109,13 +100,7 @@ def _walls(region: SolidRegion, frame: SolidFrame) -> Walls:
 def _set_background(cubes: Boxes) -> None:
     """Sizes of cells as a view on cubes; sizes from elsewhere are switched off."""
     rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
-    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
-    gmsh.view.addListData(view, "SH", len(rows), rows.ravel())
-    field = fields.add("PostView")
-    fields.setNumber(field, "ViewTag", view)
-    fields.setAsBackgroundMesh(field)
-    for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
-        set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
+    set_background(view_field("SH", rows))
 
 
 def _mesh(shell: Shell) -> Tetrahedra:
@@ -132,10 +117,7 @@ def _mesh(shell: Shell) -> Tetrahedra:
     loop = gmsh.model.geo.addSurfaceLoop(list(tags.values()))
     gmsh.model.geo.addVolume([loop])
     gmsh.model.geo.synchronize()
-    gmsh.option.setNumber("General.AbortOnError", 1)
-    said = len(gmsh.logger.get())
-    gmsh.model.mesh.generate(3)
-    require_no_complaint(said, 3)
+    generate(3)
     return Tetrahedra.read(tags)
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from incipient.arrays import Floats, Integers
 from incipient.interrupt import handlers_kept
 
+from .model import name_parts
+
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
@@ -68,11 +70,7 @@ class Tetrahedra:
             *zip(entities.values(), self.sides.values(), strict=True),
         ):
             model.mesh.addElementsByType(entity, KINDS[cells.shape[1]], [], (cells + 1).ravel())
-        model.addPhysicalGroup(3, [volume], 1)
-        model.setPhysicalName(3, 1, "fluid")
-        for tag, (name, entity) in enumerate(entities.items(), start=1):
-            model.addPhysicalGroup(2, [entity], tag)
-            model.setPhysicalName(2, tag, name)
+        name_parts(3, volume, {name: [entity] for name, entity in entities.items()})
 
 
 def _of_kind(kind: int, nodes: int, entity: int = -1) -> Integers:
