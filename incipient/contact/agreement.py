@@ -30,9 +30,7 @@ class AgreementPart(Enum):
 
 
 Family = frozenset[AgreementPart]
-_SLIDES, _LIFTS, _TURNS = (
-    frozenset({part}) for part in (AgreementPart.SLIDES, AgreementPart.LIFTS, AgreementPart.TURNS)
-)
+_LIFTS, _SLIDES, _TURNS = (frozenset({part}) for part in AgreementPart)
 
 # What the paper's outcomes are called by one who watches the contacts. Pivotting combined with lifting keeps a
 # contact or leaves it; a rotation away from the surface leaves all, whether it is called lifting or not.
@@ -143,9 +141,8 @@ def compare(paper: Classification, exact: Exact, mass_and_inertia: MassAndInerti
     same_family: bool | None = None
     if same_moves:
         same_family = not families.isdisjoint(FAMILIES[paper.mode]) if families else None
-    return Agreement(
-        same_moves, same_family, _reason(paper, exact, same_family), broken(paper, mass_and_inertia)
-    )
+    reason = _reason(paper, exact, same_family)
+    return Agreement(same_moves, same_family, reason, broken(paper, mass_and_inertia))
 
 
 def families_of(exact: Exact) -> frozenset[Family]:
@@ -170,17 +167,13 @@ def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
         return Reason.BOUNDARY  # contact forces that satisfy the paper's rest satisfy statics, too
     if exact.safety.jams and np.isinf(exact.safety.value):
         return Reason.JAMMED
-    if not _held_by(paper, list(paper.significant)):
+    some = list(paper.significant)
+    alone = Contacts(paper.contacts.points[some], paper.contacts.normals[some])
+    if not equilibrium.safety_factor(paper.load, alone, paper.friction).held:
         return Reason.ONE_CONTACT_AT_A_TIME
     if paper.criterion is Criterion.TRANSLATION_ONLY:
         return Reason.EQUAL_SHARING
     return Reason.STICK_ANSWERS_FORCE_AND_COUPLE
-
-
-def _held_by(paper: Classification, some: list[int]) -> bool:
-    """Whether some of the contacts alone can hold the load."""
-    alone = Contacts(paper.contacts.points[some], paper.contacts.normals[some])
-    return equilibrium.safety_factor(paper.load, alone, paper.friction).held
 
 
 def _why_another_motion(paper: Classification, exact: Exact) -> Reason:

@@ -60,11 +60,14 @@ class StandardErrors:
         named["friction"] = float(self.friction)
         return {name: size for name, size in named.items() if size > 0.0}
 
+    def arm(self, centre: Floats) -> Floats:
+        """From the centre of mass to the point that the couple is measured about, (3,)."""
+        return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
+
     def box(self, centre: Floats) -> ErrorBox:
         """The loads and frictions of which no input is off by more than two standard errors; `centre` of mass (3,)."""
         ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
-        arm = np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
-        ways[3:, :3] = np.cross(arm, ways[:3, :3].T).T
+        ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
         return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
 
 
@@ -91,15 +94,12 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """What is certain while no input is off by more than two standard errors.
+    """What is certain while no input is off by more than two standard errors."""
 
-    `low`, `high`: the smallest and the largest safety factor; `certain`: whether all of these cases rest, or all move;
-    `sentence`: that in words.
-    """
-
+    # The smallest and the largest safety factor.
     low: float
     high: float
-    certain: bool
+    certain: bool  # whether all of these cases rest, or all move
     sentence: str
 
     @classmethod
@@ -116,27 +116,22 @@ class Within:
 
 @dataclass(frozen=True)
 class Probabilities:
-    """How likely each mode is, and what that depends on.
-
-    `criteria`, `equilibrium`: probability of each mode met, by the paper's judge and by the exact one, the most
-    likely first; `moves_criteria`, `moves_equilibrium`: that the grain moves; `same`: that the judges agree on
-    whether it does. `margin`: 5%, 50% and 95% of the safety factor. `influence`: first-order share of each
-    input; `interactions`: what is left of the variance; `most`: the input that matters most, None if the margin
-    does not vary; `within`: what is certain.
-    """
+    """How likely each mode is, and what that depends on."""
 
     samples: int
     seed: int
+    # Of each mode met, by the paper's judge and by the exact one, the most likely first.
     criteria: dict[str, Probability]
     equilibrium: dict[str, Probability]
+    # That the grain moves.
     moves_criteria: Probability
     moves_equilibrium: Probability
-    same: Probability
-    margin: tuple[float, float, float]
-    influence: dict[str, float]
-    interactions: float
-    most: str | None
-    within: Within
+    same: Probability  # that the judges agree on whether it does
+    margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
+    influence: dict[str, float]  # first-order share of each input
+    interactions: float  # what is left of the variance
+    most: str | None  # the input that matters most; None: the margin does not vary
+    within: Within  # what is certain
 
     @property
     def sentence(self) -> str:
@@ -180,7 +175,8 @@ def probabilities(
         moves_criteria=Probability.of(int(moves[:, 0].sum()), samples),
         moves_equilibrium=Probability.of(int(moves[:, 1].sum()), samples),
         same=Probability.of(int((moves[:, 0] == moves[:, 1]).sum()), samples),
-        margin=_quantiles(factors),
+        # The nearest of the factors, since some may be infinite.
+        margin=tuple(np.quantile(factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
         interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
@@ -195,16 +191,11 @@ def draw(load: Load, friction: float, errors: StandardErrors, samples: int, seed
     """
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
     force = load.flow_force + noise[:, :3] * errors.flow_force
-    couple = load.flow_couple - np.cross(_arm(load, errors), load.flow_force)
+    couple = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
     couple = couple + noise[:, 3:6] * errors.flow_couple
     drawn = {f"flow_force {AXES[k]}": force[:, k] for k in range(3)}
     drawn |= {f"flow_couple {AXES[k]}": couple[:, k] for k in range(3)}
     return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
-
-
-def _arm(load: Load, errors: StandardErrors) -> Floats:
-    """The arm from the centre of mass to the point that the couple is measured about, (3,)."""
-    return np.zeros(3) if errors.about is None else np.asarray(errors.about, dtype=float) - load.centre
 
 
 def _cases(load: Load, errors: StandardErrors, drawn: Mapping[str, Floats]) -> Iterator[tuple[Load, float]]:
@@ -212,7 +203,7 @@ def _cases(load: Load, errors: StandardErrors, drawn: Mapping[str, Floats]) -> I
     force, couple = (
         np.column_stack([drawn[f"{name} {axis}"] for axis in AXES]) for name in ("flow_force", "flow_couple")
     )
-    couple = couple + np.cross(_arm(load, errors), force)
+    couple = couple + np.cross(errors.arm(load.centre), force)
     for one, turn, friction in zip(force, couple, drawn["friction"], strict=True):
         yield Load(one, turn, load.weight, load.centre), float(friction)
 
@@ -240,12 +231,6 @@ def _margin(factors: Floats) -> Floats:
     """s / (1 + s), from 0 to 1 for factors from 0 to infinity."""
     finite = np.where(np.isfinite(factors), factors, 0.0)
     return np.where(np.isfinite(factors), finite / (1.0 + finite), 1.0)
-
-
-def _quantiles(factors: Floats) -> tuple[float, float, float]:
-    """5%, 50% and 95% of the factors: the nearest of them, since some may be infinite."""
-    low, middle, high = np.quantile(factors, (0.05, 0.5, 0.95), method="nearest")
-    return float(low), float(middle), float(high)
 
 
 def _shares(labels: Iterable[str]) -> dict[str, Probability]:

@@ -11,14 +11,11 @@ SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An acceleration (6,) of the centre and about it, with local contact forces (k, 3) that go with it.
+    """An acceleration, with contact forces that go with it."""
 
-    `family`: accelerations arbitrarily near to it are solutions too.
-    """
-
-    acceleration: Floats
-    local: Floats
-    family: bool = False
+    acceleration: Floats  # (6,) of the centre and about it
+    local: Floats  # forces (k, 3)
+    family: bool = False  # whether accelerations arbitrarily near to it are solutions too
 
 
 def add(found: list[Candidate], candidate: Candidate, scale: float) -> None:

@@ -26,17 +26,12 @@ ANSWERED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """How scaled contact forces balance wrenches.
+    """How scaled contact forces balance wrenches."""
 
-    `matrix` (6, 3k): wrench of scaled forces; `inverse` (3k, 6): its pseudo-inverse; `null` (3k, m): an
-    orthonormal basis of scaled forces that balance themselves; `beyond` (6, r): of wrenches that no contact
-    force has.
-    """
-
-    matrix: Floats
-    inverse: Floats
-    null: Floats
-    beyond: Floats
+    matrix: Floats  # (6, 3k): wrench of scaled forces
+    inverse: Floats  # (3k, 6): its pseudo-inverse
+    null: Floats  # (3k, m): an orthonormal basis of scaled forces that balance themselves
+    beyond: Floats  # (6, r): of wrenches that no contact force has
 
 
 def balance(grasp: Grasp) -> Balance:

@@ -26,21 +26,17 @@ SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """k different contacts: where they are and which forces they can carry, without units.
+    """k different contacts: where they are and which forces they can carry, without units."""
 
-    `frames` (k, 3, 3): rows inward normal and two tangents; `matrix` (6, k, 3): the wrench of unit local
-    forces; `copy` (n,): which of the k each contact given is; `share` (n,): its part of that one's force;
-    `reach`: the unit of length; `plane` (3, 3): two axes in the plane and its normal if the case is planar,
-    else None. The second tangent of a planar case is the normal of the plane.
-    """
-
-    frames: Floats
-    matrix: Floats
-    copy: Integers
-    share: Floats
-    reach: float
+    frames: (
+        Floats  # (k, 3, 3): rows inward normal and two tangents, the second across the plane of a planar case
+    )
+    matrix: Floats  # (6, k, 3): the wrench of unit local forces
+    copy: Integers  # (n,): which of the k each contact given is
+    share: Floats  # (n,): its part of that one's force
+    reach: float  # the unit of length
     law: FrictionLaw
-    plane: Floats | None
+    plane: Floats | None  # (3, 3): two axes in the plane and its normal if the case is planar
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -142,7 +138,7 @@ def _frames(inward: Floats, across: Floats | None) -> Floats:
 
 def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
     """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
-    if _is_solid(inward):
+    if is_solid(inward):
         return None
     inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
     vectors = np.vstack([arms, inward, *inside])
@@ -153,12 +149,8 @@ def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> 
     return axes if inertia is None or _keeps(inertia, axes[2]) else None
 
 
-def certainly_solid(held_by: Grasp) -> bool:
-    """Whether the normals alone keep a case from being planar, whatever the load."""
-    return _is_solid(held_by.frames[:, 0])
-
-
-def _is_solid(inward: Floats) -> bool:
+def is_solid(inward: Floats) -> bool:
+    """Whether normals (k, 3) alone keep a case from being planar, whatever the load."""
     return len(inward) > 2 and _determinant(inward.T @ inward) > SOLID
 
 

@@ -26,17 +26,13 @@ UNIT = np.eye(3)
 
 @dataclass(frozen=True, eq=False)
 class Allowed:
-    """What k contacts may carry: their friction cones, but where they slide only the edge against it.
+    """What k contacts may carry: their friction cones, but where they slide only the edge against it."""
 
-    `matrix` (6, k, 3): wrenches of unit local forces; `law`: of friction; `axes`: how many components
-    of a force can be other than zero; `slides` (k,); `edges` (k, 3): unit forces where they slide, else zero.
-    """
-
-    matrix: Floats
+    matrix: Floats  # (6, k, 3): wrenches of unit local forces
     law: FrictionLaw
-    axes: int
-    slides: NDArray[np.bool_]
-    edges: Floats
+    axes: int  # how many components of a force can be other than zero
+    slides: NDArray[np.bool_]  # (k,)
+    edges: Floats  # (k, 3): unit forces where they slide, else zero
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
@@ -62,11 +58,6 @@ class Allowed:
     def room(self, forces: Floats) -> Floats:
         """How far forces (..., k, 3), that are multiples of the edge where a contact slides, are inside, (..., k)."""
         return np.where(self.slides | (self.axes == 1), forces[..., 0], self.law.room(forces))
-
-    @property
-    def polyhedral(self) -> bool:
-        """Whether there is no circular cone among them."""
-        return self.axes < 3 or bool(self.slides.all())
 
     def facets(self, forces: Floats) -> Floats:
         """(r, m): polyhedral cones are where these are not negative, by forces (m, k, 3) as in `room`."""
@@ -103,7 +94,8 @@ def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
         return start, rank == count
     if rank == count - 1:
         return _on_line(by, start, by.forces(right[rank])), False
-    found = _on_facets(by, start, right[rank:]) if by.polyhedral else _projected(by, wrench)
+    polyhedral = by.axes < 3 or bool(by.slides.all())  # there is no circular cone
+    found = _on_facets(by, start, right[rank:]) if polyhedral else _projected(by, wrench)
     return (_by_cones(by, factors, right[rank:].T) if found is None else found), False
 
 

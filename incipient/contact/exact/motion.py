@@ -188,9 +188,7 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
     acceleration, at_contacts, states = read.acceleration, read.at_contacts, read.states
     local, unique = _smallest_forces(case, candidate, at_contacts, states)
     residual = math.inf if local is None else _residual(case, law, acceleration, local)
-    if (
-        residual > GOOD
-    ):  # round-off decides on a boundary of states: perhaps the forces found before are better
+    if residual > GOOD:  # round-off decides on a boundary of states: perhaps those found before are better
         other = candidate.local if acceleration.any() else carried.forces(case.wrench)
         if other is not None and _residual(case, law, acceleration, other) < residual:
             local, residual = other, _residual(case, law, acceleration, other)

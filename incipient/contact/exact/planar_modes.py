@@ -17,14 +17,7 @@ from incipient.contact.exact import fans
 from incipient.contact.exact.grasp import Grasp, leave_plane
 from incipient.contact.exact.motion import MANY, ZERO
 from incipient.contact.exact.motion_modes import Mode, contact_states, mode
-from incipient.contact.exact.planar_motion import (
-    MotionPlane,
-    allowed_edges,
-    directions,
-    lines_of_action,
-    plane_problem,
-    ways_to_slide,
-)
+from incipient.contact.exact.planar_motion import MotionPlane, plane_problem
 from incipient.contact.exact.release import Release, release
 from incipient.contact.model import Load
 from incipient.geometry.contacts import Contacts
@@ -32,16 +25,13 @@ from incipient.geometry.contacts import Contacts
 
 @dataclass(frozen=True, eq=False)
 class _Cell:
-    """Accelerations y with rows y = 0 for the rows `still` (e, 3) and >= 0 for the rows `open` (o, 3).
+    """Accelerations y of which some rows are zero, and others at least zero."""
 
-    `edges` (c, 3): wrenches of the forces allowed; `turning`, `straight`: the modes with and without rotation.
-    """
-
-    still: Floats
-    open: Floats
-    edges: Floats
-    turning: Mode
-    straight: Mode
+    still: Floats  # (e, 3): rows y = 0
+    open: Floats  # (o, 3): rows y >= 0
+    edges: Floats  # (c, 3): wrenches of the forces allowed
+    turning: Mode  # with rotation
+    straight: Mode  # without
 
 
 def modes_within(
@@ -71,9 +61,9 @@ def _cells(problem: MotionPlane) -> Iterator[_Cell]:
     """The free accelerations, and those that slide on every contact of one line of action."""
     nothing = np.empty((0, 3))
     yield _Cell(nothing, problem.normal, nothing, Mode.LIFTING_AND_ROTATING, Mode.LIFTING)
-    for group in lines_of_action(problem):
+    for group in problem.lines_of_action():
         others = np.delete(problem.normal, group, axis=0)
-        for signs in ways_to_slide(problem, group):
+        for signs in problem.ways_to_slide(group):
             edge = np.where(signs > 0.0, -1, -2) % len(problem.fan)
             slides = np.vstack([signs[:, None] * problem.tangent[group], others])
             forces = problem.edges[edge, group]
@@ -119,8 +109,8 @@ def _modes_of_rays(case: Release, problem: MotionPlane, spread: Floats) -> Itera
     """The modes of loads of the box that have an acceleration where two contacts stay or one sticks."""
     count = spread.shape[1]
     target = np.concatenate([problem.wrench - spread.sum(axis=1), np.full(count, 2.0)])
-    for direction in directions(problem):
-        edges = problem.edges[allowed_edges(problem, direction)]
+    for direction in problem.directions():
+        edges = problem.edges[problem.allowed_edges(direction)]
         forces = np.column_stack([problem.mass @ direction, -edges.T])
         if fans.combination(fans.beside(forces, -spread), target) is not None:
             yield mode_along(problem, case.grasp, direction)

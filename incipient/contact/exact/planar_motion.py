@@ -27,21 +27,18 @@ ZERO = 1e-9  # accelerations below it, for directions of length one or relative 
 
 @dataclass(frozen=True, eq=False)
 class MotionPlane:
-    """The planar problem: `basis` (3, 6) takes wrenches and accelerations into the plane.
+    """The problem in the plane."""
 
-    `fan` (g, 3) and `edges` (g, k, 3): edges of the cones as local forces and as wrenches, the last two those
-    that oppose sliding against and along the first tangent; `normal`, `tangent` (k, 3): the rows N, T;
-    `mass` (3, 3); `wrench`, `free` (3,): the load and the acceleration it gives without contacts.
-    """
-
-    basis: Floats
+    basis: Floats  # (3, 6): takes wrenches and accelerations into the plane
+    # (g, 3) and (g, k, 3): edges of the cones as local forces and as wrenches, the last two those that oppose sliding
+    # against and along the first tangent.
     fan: Floats
     edges: Floats
-    normal: Floats
-    tangent: Floats
-    mass: Floats
-    wrench: Floats
-    free: Floats
+    normal: Floats  # (k, 3): the rows N
+    tangent: Floats  # (k, 3): the rows T
+    mass: Floats  # (3, 3)
+    wrench: Floats  # (3,): the load
+    free: Floats  # (3,): the acceleration it gives without contacts
 
     @property
     def zero(self) -> float:
@@ -51,6 +48,38 @@ class MotionPlane:
     def candidate(self, y: Floats, factors: Floats, family: bool = False) -> Candidate:
         """An acceleration (3,) with factors (g, k) of the edges."""
         return Candidate(y @ self.basis, np.einsum("gk,gj->kj", factors, self.fan), family)
+
+    def lines_of_action(self) -> Iterator[Integers]:
+        """The contacts (m,) on each line along which contacts press, facing or not."""
+        rows = self.normal
+        parallel = np.abs(cross(rows[:, None], rows[None])).max(axis=2) <= ZERO
+        yield from (np.flatnonzero(pattern) for pattern in np.unique(parallel, axis=0))
+
+    def ways_to_slide(self, group: Integers) -> Floats:
+        """Signs (s, m) of the tangential accelerations of contacts on one line, in each way to slide on all of them."""
+        axes = np.linalg.svd(self.normal[group[:1]])[2][1:]
+        return sectors_of_lines(self.tangent[group] @ axes.T)
+
+    def allowed_edges(self, direction: Floats) -> NDArray[np.bool_]:
+        """Which edges (g, k) contact forces may have with an acceleration along a direction (3,)."""
+        stays, count = self.normal @ direction <= ZERO, len(self.fan)
+        way = np.where(stays, self.tangent @ direction, np.nan)
+        allowed = np.zeros(self.edges.shape[:2], dtype=bool)
+        allowed[:, np.abs(way) <= ZERO] = True
+        allowed[-1 % count, way > ZERO] = allowed[-2 % count, way < -ZERO] = True
+        return allowed
+
+    def directions(self) -> Floats:
+        """Directions (d, 3), of length one, where two contacts stay or one sticks, that lead the grain into none."""
+        first, second = np.triu_indices(len(self.normal), 1)
+        meets = cross(self.normal[first], self.normal[second])
+        lines = np.vstack([cross(self.normal, self.tangent), meets])
+        lengths = np.sqrt((lines * lines).sum(axis=1))
+        lines = lines[lengths > ZERO] / lengths[lengths > ZERO, None]
+        both = np.vstack([lines, -lines])
+        both = both[(both @ self.normal.T >= -ZERO).all(axis=1)]
+        same = (np.abs(both[:, None] - both[None]) <= ZERO).all(axis=2)
+        return np.asarray(both[same.argmax(axis=1) == np.arange(len(both))])
 
 
 def planar_solutions(case: Release) -> list[Candidate]:
@@ -122,23 +151,10 @@ def _sectors_of_several(problem: MotionPlane) -> Iterator[Candidate]:
 
     Their planes N_i y = 0 are one plane, cut by their T_i y = 0 into sectors.
     """
-    for group in lines_of_action(problem):
+    for group in problem.lines_of_action():
         if len(group) > 1:
-            for signs in ways_to_slide(problem, group):
+            for signs in problem.ways_to_slide(group):
                 yield from _slides_on_all(problem, group, signs)
-
-
-def lines_of_action(problem: MotionPlane) -> Iterator[Integers]:
-    """The contacts (m,) on each line along which contacts press, facing or not."""
-    rows = problem.normal
-    parallel = np.abs(cross(rows[:, None], rows[None])).max(axis=2) <= ZERO
-    yield from (np.flatnonzero(pattern) for pattern in np.unique(parallel, axis=0))
-
-
-def ways_to_slide(problem: MotionPlane, group: Integers) -> Floats:
-    """The signs (s, m) of the tangential accelerations of contacts on one line, in each way to slide on all of them."""
-    axes = np.linalg.svd(problem.normal[group[:1]])[2][1:]
-    return sectors_of_lines(problem.tangent[group] @ axes.T)
 
 
 def sectors_of_lines(lines: Floats) -> Floats:
@@ -170,8 +186,8 @@ def _slides_on_all(problem: MotionPlane, group: Integers, signs: Floats) -> Iter
 
 def _rays(problem: MotionPlane) -> Iterator[Candidate]:
     """Accelerations along the lines where two contacts stay or one sticks: y = size * direction, size > 0."""
-    for direction in directions(problem):
-        allowed = allowed_edges(problem, direction)
+    for direction in problem.directions():
+        allowed = problem.allowed_edges(direction)
         system = np.column_stack([problem.mass @ direction, -problem.edges[allowed].T])
         answer = fans.combination(system, problem.wrench)
         if answer is None or answer[0] <= problem.zero:
@@ -183,29 +199,6 @@ def _rays(problem: MotionPlane) -> Iterator[Candidate]:
             factors = np.zeros(problem.edges.shape[:2])
             factors[allowed] = end[1:]
             yield problem.candidate(end[0] * direction, factors, _apart([e[:1] for e in ends], problem.zero))
-
-
-def allowed_edges(problem: MotionPlane, direction: Floats) -> NDArray[np.bool_]:
-    """Which edges (g, k) contact forces may have with an acceleration along a direction (3,)."""
-    stays, count = problem.normal @ direction <= ZERO, len(problem.fan)
-    way = np.where(stays, problem.tangent @ direction, np.nan)
-    allowed = np.zeros(problem.edges.shape[:2], dtype=bool)
-    allowed[:, np.abs(way) <= ZERO] = True
-    allowed[-1 % count, way > ZERO] = allowed[-2 % count, way < -ZERO] = True
-    return allowed
-
-
-def directions(problem: MotionPlane) -> Floats:
-    """The directions (d, 3), of length one, of these lines that lead the grain into no contact."""
-    first, second = np.triu_indices(len(problem.normal), 1)
-    meets = cross(problem.normal[first], problem.normal[second])
-    lines = np.vstack([cross(problem.normal, problem.tangent), meets])
-    lengths = np.sqrt((lines * lines).sum(axis=1))
-    lines = lines[lengths > ZERO] / lengths[lengths > ZERO, None]
-    both = np.vstack([lines, -lines])
-    both = both[(both @ problem.normal.T >= -ZERO).all(axis=1)]
-    same = (np.abs(both[:, None] - both[None]) <= ZERO).all(axis=2)
-    return np.asarray(both[same.argmax(axis=1) == np.arange(len(both))])
 
 
 def _apart(ends: list[Floats], zero: float) -> bool:

@@ -22,21 +22,19 @@ SYMMETRIC = 1e-9  # of the inertia's largest entry
 
 @dataclass(frozen=True, eq=False)
 class Release:
-    """Load and inertia of a grasp: forces in units of the load, lengths in its reach, masses in the grain's mass.
-
-    `wrench` (6,) of length one, or zero; `mass`, `inverse` (6, 6); `free` (6,): the acceleration without
-    contacts; `scale`: its size; `compliance` (3k, 3k) and `free_at_contacts` (3k,): local accelerations at the
-    contacts by local forces, and without any; `force_unit`, `mass_unit`: what one is.
-    """
+    """Load and inertia of a grasp: forces in units of the load, lengths in its reach, masses in the grain's mass."""
 
     grasp: Grasp
-    wrench: Floats
+    wrench: Floats  # (6,), of length one, or zero
+    # (6, 6)
     mass: Floats
     inverse: Floats
-    free: Floats
-    scale: float
+    free: Floats  # (6,): the acceleration without contacts
+    scale: float  # its size
+    # (3k, 3k) and (3k,): local accelerations at the contacts by local forces, and without any
     compliance: Floats
     free_at_contacts: Floats
+    # What one is.
     force_unit: float
     mass_unit: float
 

@@ -31,14 +31,12 @@ SINGULAR = 1e-9  # singular values below it count as zero: several forces or acc
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Coulomb's law at the contacts: `compliance` D (3k, 3k), `free` b (3k,), `step` r (k,), friction.
+    """Coulomb's law at the contacts."""
 
-    `onto` (3k, 3k), `offset` (3k,): f - r A is f onto + offset.
-    """
-
-    compliance: Floats
-    free: Floats
-    step: Floats
+    compliance: Floats  # D (3k, 3k)
+    free: Floats  # b (3k,)
+    step: Floats  # r (k,)
+    # (3k, 3k) and (3k,): f - r A is f onto + offset.
     onto: Floats
     offset: Floats
     friction: float

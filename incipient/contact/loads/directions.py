@@ -72,7 +72,7 @@ def _searched(at: Callable[[float], Directed]) -> SafetyOverDirection:
     low, high = min(tried, key=_share), max(tried, key=_share)
     return SafetyOverDirection(
         min(low, _minimum(at, _share, low.angle - step, low.angle + step), key=_share),
-        max(high, _minimum(at, _missing, high.angle - step, high.angle + step), key=_share),
+        max(high, _minimum(at, lambda one: -_share(one), high.angle - step, high.angle + step), key=_share),
     )
 
 
@@ -92,10 +92,6 @@ def _minimum(
 def _share(directed: Directed) -> float:
     """A measure of safety that grows with it and is finite where the safety factor is not."""
     return directed.value / (1.0 + directed.value) if math.isfinite(directed.value) else 1.0
-
-
-def _missing(directed: Directed) -> float:
-    return -_share(directed)
 
 
 def _turned(load: Load, axis: Floats, angle: float) -> Load:

@@ -28,14 +28,11 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class ErrorBox:
-    """Errors of the flow's load, and of the coefficient of friction.
+    """Errors of the flow's load, and of the coefficient of friction."""
 
-    `ways` (6, m): changes of force and couple about the centre of mass, of which each load has any share from -1 to 1;
-    `friction`: by how much friction may be smaller or larger.
-    """
-
+    # (6, m): changes of force and couple about the centre of mass, of which each load has any share from -1 to 1.
     ways: Floats
-    friction: float = 0.0
+    friction: float = 0.0  # by how much friction may be smaller or larger
 
     @classmethod
     def of(cls, errors: Floats) -> "ErrorBox":
@@ -51,18 +48,15 @@ class ErrorBox:
 
 @dataclass(frozen=True, eq=False)
 class SafetyRange:
-    """What the loads of a box have in common.
+    """What the loads of a box have in common."""
 
-    `some`, `every`: the smallest and the largest factor at which some load of the box, or every load, is held, None if
-    there is no such factor; `low`, `high`: the safety factors of all loads are between them; `worst`: the load,
-    among the given one and those at the corners, that is held at the fewest factors.
-    """
-
+    # The smallest and the largest factor at which some load of the box, or every load, is held; None if there is none.
     some: Interval | None
     every: Interval | None
+    # The safety factors of all loads are between them.
     low: float
     high: float
-    worst: Load
+    worst: Load  # of the given one and those at the corners, that which is held at the fewest factors
 
     @property
     def rests(self) -> bool:

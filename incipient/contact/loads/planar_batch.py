@@ -16,15 +16,7 @@ from incipient.contact.exact.grasp import Grasp, grasp
 from incipient.contact.exact.judge import MassAndInertia
 from incipient.contact.exact.motion_modes import Mode
 from incipient.contact.exact.planar_modes import mode_along
-from incipient.contact.exact.planar_motion import (
-    ZERO,
-    MotionPlane,
-    allowed_edges,
-    directions,
-    lines_of_action,
-    plane_basis,
-    plane_problem,
-)
+from incipient.contact.exact.planar_motion import ZERO, MotionPlane, plane_basis, plane_problem
 from incipient.contact.exact.release import release
 from incipient.contact.model import Loads
 from incipient.geometry.contacts import Contacts
@@ -152,7 +144,7 @@ def _motions(
     if case.grasp.plane is None:
         return None
     problem = plane_problem(case)
-    if not np.allclose(problem.basis, basis) or any(len(group) > 1 for group in lines_of_action(problem)):
+    if not np.allclose(problem.basis, basis) or any(len(group) > 1 for group in problem.lines_of_action()):
         return None
     return tuple(_ways(problem, case.grasp))
 
@@ -171,8 +163,8 @@ def _ways(problem: MotionPlane, held_by: Grasp) -> Iterator[_Motion]:
                 others = np.delete(problem.normal, i, axis=0) @ y
                 rows = np.vstack([factor, way * problem.tangent[i] @ y, others])
                 yield _Motion(rows, _place(Mode.PIVOTING_AND_SLIDING), y[2])
-    for direction in directions(problem):
-        edges = problem.edges[allowed_edges(problem, direction)]
+    for direction in problem.directions():
+        edges = problem.edges[problem.allowed_edges(direction)]
         facets = _facets(np.vstack([problem.mass @ direction, -edges]))
         if facets is not None:
             yield _Motion(-facets, _place(mode_along(problem, held_by, direction)))

@@ -14,7 +14,7 @@ import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.exact.candidates import Candidate
-from incipient.contact.exact.grasp import certainly_solid, grasp
+from incipient.contact.exact.grasp import grasp, is_solid
 from incipient.contact.exact.judge import MassAndInertia
 from incipient.contact.exact.motion import ZERO, reading
 from incipient.contact.exact.motion_modes import Mode
@@ -54,7 +54,7 @@ class Spatial:
             return None
         held_by = grasp(loads.load(0), contacts, friction)
         carried = support(held_by)
-        if not isinstance(carried, Circular) or not certainly_solid(held_by):
+        if not isinstance(carried, Circular) or not is_solid(held_by.frames[:, 0]):
             return None
         if carried.balance.beyond.shape[1] or not carried.balance.null.shape[1]:
             return None
@@ -122,11 +122,7 @@ def _mode(first: Release, wrench: Floats) -> Mode | None:
 def _is_clear(case: Release, candidate: Candidate) -> bool:
     """Whether no acceleration of a candidate is near to what counts as zero."""
     zero, at_contacts = ZERO * case.scale, case.at_contacts(candidate.acceleration)
-    sizes = np.concatenate(
-        [
-            np.abs(at_contacts[:, 0]),
-            np.hypot(at_contacts[:, 1], at_contacts[:, 2]),
-            [np.abs(candidate.acceleration).max(), np.abs(candidate.acceleration[3:]).max()],
-        ]
-    )
+    own = [np.abs(candidate.acceleration).max(), np.abs(candidate.acceleration[3:]).max()]
+    along = np.hypot(at_contacts[:, 1], at_contacts[:, 2])
+    sizes = np.concatenate([np.abs(at_contacts[:, 0]), along, own])
     return not ((sizes > zero / NEAR_ZERO) & (sizes < zero * NEAR_ZERO)).any()

@@ -28,17 +28,15 @@ Located = Literal["force", "couple"]
 
 @dataclass(frozen=True, eq=False)
 class Minima:
-    """The significant reaction surfaces of the force (2) and of the couple (7).
+    """The significant reaction surfaces of the force (2) and of the couple (7)."""
 
-    `projections_2`, `projections_7` (n,): the minimised quantities at every contact; `sign_2`, `sign_7`: the
-    signs of the minima, 0 within the tolerance; `surface_2`, `surface_7`: the contacts at which they are
-    attained.
-    """
-
+    # (n,): the minimised quantities at every contact.
     projections_2: Floats
     projections_7: Floats
+    # The signs of the minima, 0 within the tolerance.
     sign_2: int
     sign_7: int
+    # The contacts at which they are attained.
     surface_2: tuple[int, ...]
     surface_7: tuple[int, ...]
 
@@ -89,9 +87,7 @@ class Classification:
     C_friction: Floats  # 1: sticks, below: slips, 0: not pressed; (k,)
     reaction: Floats  # (k, 3)
     friction_force: Floats  # (k, 3)
-    couple_about_contact: (
-        Floats  # tau - r ^ F of the load about x*, zero: no tendency to turn about x*; (k, 3)
-    )
+    couple_about_contact: Floats  # tau - r ^ F of the load, zero: no tendency to turn about x*; (k, 3)
     held_by_sharing: bool  # an unequal sharing among the significant contacts makes the couple vanish
     obstructed_by: tuple[int, ...]  # contacts that the motion found would have to pass through
     force_scale: float
@@ -104,10 +100,17 @@ class Classification:
     @cached_property
     def distributions(self) -> Distributions:
         """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
-        arms = self.contacts.points - self.load.centre
-        return _distributions(
-            self.load, self.contacts, arms, self.friction, self.force_scale * self.tolerance
+        load, arms = self.load, self.contacts.points - self.load.centre
+        from_force, from_couple = (
+            np.broadcast_to(load.force, arms.shape),
+            _tangential_force(load.couple, arms),
         )
+        of_force, of_couple, of_both = (
+            distribute(pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance)
+            for pressing in (from_force, from_couple, from_force + from_couple)
+        )
+        left = load.force + of_both.force, load.couple + of_both.couple
+        return Distributions(of_force, of_couple, of_both, *left)
 
     @cached_property
     def away(self) -> Away | None:
@@ -156,7 +159,9 @@ def classify(
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["couple"]) > scales[1]
-    held = not turns or can_vanish(_couples_apart(load, arms, at, answer), scales[1])
+    # The resultant couples (k, 3) if each of the significant contacts in turn carried everything.
+    whole = (answer["reaction"] + answer["friction_force"]) / answer["share"][:, None]
+    held = not turns or can_vanish(load.couple + np.cross(arms[list(at)], whole), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
     mode = _mode(criterion, minima, moves, turns, held, leaves)
     common = bool(set(minima.surface_2) & set(minima.surface_7))
@@ -268,26 +273,6 @@ def _reaction_at(
         "force": load.force + (reaction + friction_force).sum(axis=0),
         "couple": load.couple + np.cross(arm, reaction + friction_force).sum(axis=0),
     }
-
-
-def _couples_apart(load: Load, arms: Floats, at: tuple[int, ...], answer: dict[str, Any]) -> Floats:
-    """The resultant couple (k, 3) if each of the significant contacts in turn carried everything."""
-    whole = (answer["reaction"] + answer["friction_force"]) / answer["share"][:, None]
-    return np.asarray(load.couple + np.cross(arms[list(at)], whole))
-
-
-def _distributions(
-    load: Load, contacts: Contacts, arms: Floats, friction: float, zero: float
-) -> Distributions:
-    """Reaction and friction over the whole contact surface."""
-    from_force = np.broadcast_to(load.force, arms.shape)
-    from_couple = _tangential_force(load.couple, arms)
-    of_force, of_couple, of_both = (
-        distribute(pressing, contacts, arms, friction, zero)
-        for pressing in (from_force, from_couple, from_force + from_couple)
-    )
-    left = load.force + of_both.force, load.couple + of_both.couple
-    return Distributions(of_force, of_couple, of_both, *left)
 
 
 def _mode(criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool) -> Mode:
