@@ -19,9 +19,8 @@ from .scene_geometry import Geometry, Place, point
 from .sides import SideNames
 
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which the plan warns
-SAMPLES = (
-    2000  # on each curve of the outline, by which the distance of a side is known to 1e-7 of the grain's size
-)
+# On each curve of the outline, by which the distance of a side is known to 1e-7 of the grain's size
+SAMPLES = 2000
 
 
 @dataclass(frozen=True)

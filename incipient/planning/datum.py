@@ -35,9 +35,8 @@ def _words(setup: Setup, level: float | str) -> str:
     assert bed is not None
     if setup.base_flow.effective:
         found = setup.base_flow.effective_height
-        share = (
-            f", of it {found.height - found.creeping:.2g} by inertia" if found.height > found.creeping else ""
-        )
+        by_inertia = found.height - found.creeping
+        share = f", of it {by_inertia:.2g} by inertia" if by_inertia > 0.0 else ""
         return f"the effective height of the bed, computed from its shape{share}"
     if level == "mean":
         return "the mean height of the bed"

@@ -35,17 +35,13 @@ def count(
     wider:  of a run for the error bars that is made while the flow is kept; in space
     """
     cells, unknowns = _counted(layout)
-    if not _is_in_space(layout):
+    if layout.gdim == 2:
         return Estimate(cells, unknowns(order), memory(*map(unknowns, range(order, order + 1 + dual))))
     needed = memory_in_space(solver, unknowns, order, dual)
     if wider is not None:
         beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
         needed = max(needed, memory_in_space(solver, unknowns, order, False) + beside)
     return Estimate(cells, unknowns(order), needed)
-
-
-def _is_in_space(layout: Layout) -> bool:
-    return isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
 
 
 def has_dual(setup: Setup) -> bool:
@@ -67,7 +63,7 @@ def memory(*unknowns: int) -> float:
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
-    shape, gdim = layout.shape, 3 if _is_in_space(layout) else 2
+    shape, gdim = layout.shape, layout.gdim
     per_cell = math.comb(layout.geometry_order + gdim, gdim)
     with layout.gmsh_model() as model:
         _, tags, nodes = model.mesh.getElements(gdim)
@@ -105,11 +101,8 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
     takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
     """
     if solver == "direct":
-        size = (
-            OF_FACTORS
-            * FULLER[order]
-            * sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
-        )
+        entries = sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
+        size = OF_FACTORS * FULLER[order] * entries
     elif solver == "two-level":
         of_two = OF_BLOCKS + OF_MOVED * dual
         size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)

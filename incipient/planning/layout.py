@@ -19,9 +19,8 @@ from .scene_geometry import Place
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
 MANY_CELLS = {2: 20_000, 3: 50_000}
-STEEP = (
-    2.5  # slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
-)
+# Slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
+STEEP = 2.5
 STEEPEST = 0.35  # growth of coarse cells with distance
 
 
@@ -40,6 +39,11 @@ class Layout:
     max_cells: float = np.inf  # triangles, in space tetrahedra, expected above which no mesh is made
     # Of a grain about whose contacts the space is closed where it is narrower than the gap; None: it is open
     closing: Closing | None = None
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of space."""
+        return 3 if isinstance(self.shape, SolidRegion | SolidGrid | BoxGrid) else 2
 
     def gmsh_model(self) -> AbstractContextManager[Any]:
         """A meshed gmsh model; for one rank only.
@@ -76,7 +80,7 @@ class Layout:
                 f"--set numerics.max_cells={_round_up(expected)}"
             )
         log = logging.getLogger("incipient")
-        if expected > MANY_CELLS[3 if isinstance(self.shape, SolidRegion | SolidGrid | BoxGrid) else 2]:
+        if expected > MANY_CELLS[self.gdim]:
             words = "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
             log.info(words, expected, most)
         bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None

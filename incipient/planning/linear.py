@@ -6,9 +6,8 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-FEW_CELLS = (
-    5000  # in space, up to which an LU factorisation is faster than blocks with upwinding (docs/scaling.md)
-)
+# In space, up to which an LU factorisation is faster than blocks with upwinding (docs/scaling.md)
+FEW_CELLS = 5000
 DEAR = "an LU factorisation in space would take much time and memory"
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
@@ -32,15 +31,11 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     """The method for a scene, and whether its flow is one of Stokes, or has a rate of change. Not collective."""
     scene = setup.scene
     if scene.gdim == 2:
-        return Method(
-            "direct",
-            "in the plane an LU factorisation takes little memory, and serves several iterations and time steps",
-        )
+        why = "in the plane an LU factorisation takes little memory, and serves several iterations and time steps"
+        return Method("direct", why)
     if slow and scene.time is None and setup.order.number > LOWEST_ORDER:
-        return Method(
-            "two-level",
-            "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
-        )
+        why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
+        return Method("two-level", why)
     if slow:
         return Method("block", f"{DEAR}; Stokes flow needs none")
     if unsteady:

@@ -26,18 +26,16 @@ def order_of(scene: Scene) -> VelocityOrder:
             )
             return VelocityOrder(3, why)
         if steady and scene.is_empty_box and scene.flow.kind != "still":
-            return VelocityOrder(
-                4, "in a driven box in space its error is far below that of order 2 for the same time"
-            )
+            why = "in a driven box in space its error is far below that of order 2 for the same time"
+            return VelocityOrder(4, why)
         why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
         return VelocityOrder(2, why)
     if scene.moves:
         return VelocityOrder(2, "the grain moves, and the mesh with it")
     if scene.numerics.accuracy is not None and not scene.has_wall_layer:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
-    return VelocityOrder(
-        3, "in the plane, where nothing moves, its error is far below that of order 2 for the same time"
-    )
+    why = "in the plane, where nothing moves, its error is far below that of order 2 for the same time"
+    return VelocityOrder(3, why)
 
 
 def with_order(scene: Scene, number: int) -> Scene:

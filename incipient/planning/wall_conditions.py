@@ -106,7 +106,6 @@ class Measured:
 
     walls: LayeredWalls
     rows: np.ndarray
-    viscosity: float
     c_mu: float
     length: float
     least: float
@@ -118,7 +117,7 @@ class Measured:
         assert asked.intensity is not None and asked.length is not None
         rows = np.array(asked.profile) * np.array([1.0, mean, mean**2])[: len(asked.profile[0])]
         least = 1.5 * (asked.intensity * mean) ** 2
-        return cls(walls, rows, walls.viscosity, asked.c_mu, asked.length, least)
+        return cls(walls, rows, asked.c_mu, asked.length, least)
 
     def speed(self, height: np.ndarray) -> np.ndarray:
         """Speeds (n,) at heights (n,) in the scene."""
@@ -161,7 +160,7 @@ class Measured:
         above, law = self.above(height), self.walls.law
         y, u = self.rows[:, 0], self.rows[:, 1]
         ends = np.array([y[0], self._between - y[-1]])
-        first, last = law.shear_velocity(u[[0, -1]], self.viscosity, ends)
+        first, last = law.shear_velocity(u[[0, -1]], self.walls.viscosity, ends)
         slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
         slopes[0] = first / law.kappa
         slopes[-1] = -last / law.kappa * y[-1] / ends[1] if self.walls.number == 2 else 0.0
@@ -169,10 +168,10 @@ class Measured:
         within = np.log(np.clip(above, y[0], y[-1]))
         down = np.maximum(self._between - above, self.walls.distance)
         near, far = above < y[0], above > y[-1]
-        upper = (law.velocity(last, self.viscosity, down) * last, last / (law.kappa * down))
+        upper = (law.velocity(last, self.walls.viscosity, down) * last, last / (law.kappa * down))
         if self.walls.number == 1:
             upper = (np.full_like(above, u[-1]), np.zeros_like(above))
-        lower = (law.velocity(first, self.viscosity, above) * first, first / (law.kappa * above))
+        lower = (law.velocity(first, self.walls.viscosity, above) * first, first / (law.kappa * above))
         inner = (between(within), np.abs(between(within, 1)) / above)
         return tuple(
             np.where(near, low, np.where(far, high, middle))
@@ -208,7 +207,6 @@ def _places(setup: Setup) -> Callable[[np.ndarray], tuple[np.ndarray, ...]]:
 
 def conditions(setup: Setup) -> list[Condition]:
     """Boundary conditions of a turbulent flow. Not collective."""
-
     walls, names, sides, geometry = setup.walls, setup.walls.names, setup.sides, setup.geometry
     functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos)
     drag = partial(walls.law.drag, functions=functions)

@@ -244,11 +244,8 @@ class ErrorBars:
         lines = [f"error bars          {_errors(self, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
-            lines += (
-                [f"    {'not certain':<16}may be more than twice as large: {term.doubt}"]
-                if term.doubt
-                else []
-            )
+            if term.doubt:
+                lines.append(f"    {'not certain':<16}may be more than twice as large: {term.doubt}")
             lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]
         lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
@@ -287,12 +284,8 @@ def centreline_velocities(found: dict[str, Extremum] | None) -> Floats | None:
 
 def _end_of_path(place: Floats) -> str:
     gdim = 2 if len(place) == 3 else 3
-    return "end of the path {}, turn {} rad".format(
-        *(
-            f"({', '.join(f'{x:.1e}' for x in part)})" if len(part) > 1 else f"{part[0]:.1e}"
-            for part in (place[:gdim], place[gdim:])
-        )
-    )
+    to, turn = (", ".join(f"{x:.1e}" for x in part) for part in (place[:gdim], place[gdim:]))
+    return f"end of the path ({to}), turn {turn if gdim == 2 else f'({turn})'} rad"
 
 
 def way(first: Floats, second: Floats) -> Floats:

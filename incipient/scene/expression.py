@@ -17,14 +17,7 @@ MAXIMUM_LENGTH = 500
 
 # Number of arguments: (least, most); None is no limit.
 _FUNCTIONS: dict[str, tuple[int, int | None]] = {
-    "sin": (1, 1),
-    "cos": (1, 1),
-    "tan": (1, 1),
-    "exp": (1, 1),
-    "log": (1, 1),
-    "sqrt": (1, 1),
-    "tanh": (1, 1),
-    "abs": (1, 1),
+    **dict.fromkeys(("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "abs"), (1, 1)),
     "min": (2, None),
     "max": (2, None),
     "where": (3, 3),

@@ -101,8 +101,8 @@ class RasterBed(TerrainSection):
         heights: tuple[tuple[float, ...], ...]
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
-        """The heights in a file. Raises SceneError if it cannot be read."""
+    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
+        """The heights in a file, a cell apart if that is given. Raises SceneError if it cannot be read."""
         raise NotImplementedError
 
     @model_validator(mode="before")
@@ -115,7 +115,8 @@ class RasterBed(TerrainSection):
             for name in ("cell", "offset", "scale"):
                 _require_numbers(cls.__name__, name, data.get(name))
             try:
-                found = cls._in_file(path, data)
+                cell = data.get("cell")
+                found = cls._in_file(path, None if cell is None else tuple(cell), data)
             except SceneError as error:
                 raise about_file(cls.__name__, *split(str(error))) from None
             x, y = data.get("offset", (0.0, 0.0))
@@ -157,10 +158,9 @@ class HeightMapBed(RasterBed):
     heights: Heights = ()
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
+    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
         """The heights in an image or a table. Raises SceneError if it cannot be read."""
-        cell = data.get("cell")
-        return geometry.HeightMap.from_file(path, None if cell is None else tuple(cell))
+        return geometry.HeightMap.from_file(path, cell)
 
 
 class MeshBed(RasterBed):
@@ -178,12 +178,9 @@ class MeshBed(RasterBed):
     heights: Heights = ()
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
+    def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
         """The upper side of the surface, the lowest point on the base plane. Raises SceneError if it cannot be read."""
-        cell = data.get("cell")
-        return geometry.HeightMap.from_surface(
-            path, None if cell is None else tuple(cell), data.get("scale", 1.0)
-        )
+        return geometry.HeightMap.from_surface(path, cell, data.get("scale", 1.0))
 
 
 _NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
