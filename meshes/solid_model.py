@@ -19,7 +19,7 @@ from .model import complaints_as_errors, generate, session, set_background, view
 from .region import Sizes
 from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
-from .solid_sizes import Boxes, SizeMap, boxes
+from .solid_sizes import SizeMap, boxes
 from .tetrahedra import Tetrahedra
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself
@@ -42,7 +42,9 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             outline = Outline(region, frame)
             size = SizeMap(region, sizes, frame, outline.ground, outline.bodies)
             size, bed, bodies = outline.triangulated(size)
-            _set_background(boxes(size, float(bed.points[:, 2].min())))
+            cubes = boxes(size, float(bed.points[:, 2].min()))
+            rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
+            set_background(view_field("SH", rows))
             shell = closed_shell(_walls(region, frame), bed, bodies)
             made = _in_place(region, frame, outline, _mesh(shell).of_order(order))
             gmsh.clear()
@@ -95,12 +97,6 @@ class Outline:
 def _walls(region: SolidRegion, frame: SolidFrame) -> Walls:
     low, high = (frame.local(np.array([[*end, 0.0]]))[0, :2] for end in region.rectangle)
     return Walls(low, high, region.names)
-
-
-def _set_background(cubes: Boxes) -> None:
-    """Sizes of cells as a view on cubes; sizes from elsewhere are switched off."""
-    rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
-    set_background(view_field("SH", rows))
 
 
 def _mesh(shell: Shell) -> Tetrahedra:

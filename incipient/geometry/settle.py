@@ -428,7 +428,13 @@ class _Descent:
             return None
         values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
         direction = np.asarray(vectors[:, 0] @ free)
-        return direction if values[0] <= -SOFTEST and self._falls(placement, carrying, direction) else None
+        if values[0] > -SOFTEST:
+            return None
+        # Disturbed one way or the other it must get lower without being in the way of the bed.
+        ends = (self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
+        lowered = (self._proximity.lowered(end) for end in ends)
+        falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
+        return direction if falls else None
 
     def _pushed(self, rest: _Rest) -> Placement | None:
         """The lowest of some placements to which an unstable equilibrium can fall in one go."""
@@ -468,12 +474,6 @@ class _Descent:
             rows = self._closing(placement, moved)
             placement = self._moved(placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0])
         return placement
-
-    def _falls(self, placement: Placement, carrying: Near, direction: Floats) -> bool:
-        """Whether the grain, disturbed one way or the other, gets lower without being in the way of the bed."""
-        ends = (self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
-        lowered = (self._proximity.lowered(end) for end in ends)
-        return any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
 
     # Results.
 

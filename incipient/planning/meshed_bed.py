@@ -18,15 +18,10 @@ def resolved_bed(geometry: Geometry, placement: Placement | None, datum: float) 
     bed, grain, domain = geometry.bed, geometry.grain, geometry.domain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None
-    radius = geometry.meshed_bed * _meshed_radius(grain.size, bed.feature)
+    radius = np.clip(MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size)
+    radius = geometry.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
     passage = PASSAGE * bed.feature
     reach = radius + passage
     x, y = placement.centre[:2]
     sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
     return None if reach >= max(sides) else Resolved((x, y), radius, passage, datum)
-
-
-def _meshed_radius(size: float, feature: float) -> float:
-    """How far from a grain of a size a bed whose smallest feature is given is meshed as it is."""
-    radius = np.clip(MANY_FEATURES * feature, FEWEST_SIZES * size, MESHED_BED * size)
-    return float(max(radius, FEWEST_FEATURES * feature))

@@ -42,8 +42,11 @@ def ends(setup: Setup) -> list[Condition]:
     largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(setup.order.number)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     wave, base_flow = wave_of(setup), setup.base_flow
-    along = _with_formula(base_flow, setup.surface) if wave is None else _with_wave(base_flow, wave)
-    coming = None if wave is None else _coming_in(base_flow, wave)
+    if wave is None:
+        stream, beside = base_flow.entering, Expression(setup.surface.inflow, "surface.inflow")
+        along, coming = (lambda x, t: stream(x, t)[0] + beside(x, t)), None
+    else:
+        along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
     entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
     right = setup.sides.right
     return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
@@ -68,12 +71,6 @@ def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
     """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
     speed = Expression(asked.seepage, "surface.seepage")
     return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
-
-
-def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
-    """The velocity along a channel at its inflow with what a formula adds to the base flow."""
-    stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
-    return lambda x, t: stream(x, t)[0] + beside(x, t)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:

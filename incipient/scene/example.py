@@ -94,13 +94,9 @@ def _assignment(key: str, value: Any) -> str:
 
 
 def _comment(part: FieldInfo, key: str, options: tuple[type[BaseModel], ...]) -> str:
-    choices = _choices(part.annotation)
+    values = get_args(part.annotation) if get_origin(part.annotation) is Literal else ()
+    choices = [str(one).lower() if isinstance(one, bool) else str(one) for one in values]
     if key == discriminator(options[0]) and len(options) > 1:
         choices = [str(tag(option)) for option in options]
     words = str(part.description)
     return f"{words} ({' | '.join(choices)})" if len(choices) > 1 else words
-
-
-def _choices(annotation: Any) -> list[str]:
-    choices = get_args(annotation) if get_origin(annotation) is Literal else ()
-    return [str(choice).lower() if isinstance(choice, bool) else str(choice) for choice in choices]

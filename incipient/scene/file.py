@@ -206,14 +206,8 @@ def _for_editors(node: Any) -> Any:
     }
     if "prefixItems" in node:
         plain["items"] = _for_editors(node["prefixItems"][0])
-    decided = [
-        name for name, field in _properties(node).items() if "const" in field and name in ("kind", "shape")
-    ]
+    fields = node.get("properties", {})
+    decided = [name for name in ("kind", "shape") if "const" in fields.get(name, ())]
     if decided:
         plain["required"] = [*decided, *node.get("required", [])]
     return plain
-
-
-def _properties(node: dict[str, Any]) -> dict[str, Any]:
-    properties = node.get("properties", {})
-    return {name: field for name, field in properties.items() if isinstance(field, dict)}

@@ -146,7 +146,13 @@ def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> 
     axes = _axes(vectors, couple)
     if np.abs(vectors @ axes[2]).max() > PLANAR or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR:
         return None
-    return axes if inertia is None or _keeps(inertia, axes[2]) else None
+    if (
+        inertia is not None
+    ):  # of which the normal must be a principal axis, for a planar load to give a planar motion
+        along = inertia @ axes[2]
+        if np.abs(along - along @ axes[2] * axes[2]).max() > PLANAR * np.abs(inertia).max():
+            return None
+    return axes
 
 
 def is_solid(inward: Floats) -> bool:
@@ -170,12 +176,6 @@ def _axes(vectors: Floats, couple: Floats) -> Floats:
 def _determinant(matrix: Floats) -> float:
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
     return float(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
-
-
-def _keeps(inertia: Floats, axis: Floats) -> bool:
-    """Whether the axis is a principal axis, so that a planar load gives a planar motion."""
-    along = inertia @ axis
-    return bool(np.abs(along - along @ axis * axis).max() <= PLANAR * np.abs(inertia).max())
 
 
 def _length(vector: Floats) -> float:

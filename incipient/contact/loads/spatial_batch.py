@@ -94,15 +94,12 @@ class Spatial:
         unlimited = rooms >= 0.0
         sure = errors <= SURE * np.minimum(shares, 1.0 - shares)
         doubtful = ~(unlimited | (sure & (shares < 1.0 - NEARLY_ALL)))
-        doubtful |= (flow_size == 0.0) | (weight_size == 0.0) | ~self._weight_held(weight)
+        different, place = np.unique(weight, axis=0, return_inverse=True)
+        weight_held = np.array([self.carried.holds(one) for one in different])[place.ravel()]
+        doubtful |= (flow_size == 0.0) | (weight_size == 0.0) | ~weight_held
         with np.errstate(divide="ignore", invalid="ignore"):
             factors = shares / (1.0 - shares) * weight_size / flow_size
         return np.where(unlimited, np.inf, np.nan_to_num(factors)), doubtful
-
-    def _weight_held(self, weight: Floats) -> Booleans:
-        """Whether contact forces balance the weight alone, (n,); asked once for each different direction."""
-        different, place = np.unique(weight, axis=0, return_inverse=True)
-        return np.array([self.carried.holds(one) for one in different])[place.ravel()]
 
 
 def _mode(first: Release, wrench: Floats) -> Mode | None:

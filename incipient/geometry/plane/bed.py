@@ -326,7 +326,9 @@ class HalfDiscs(Bed):
         feet = self._on_disc(points, centre)
         if self._touching:
             return feet
-        base = self._on_base(points, np.where(x < centre, centre - self.spacing, centre))
+        left = np.where(x < centre, centre - self.spacing, centre)  # of the base line next to the point
+        base_x = np.clip(x, left + self.radius, left + self.spacing - self.radius)
+        base = np.column_stack([base_x, np.full(len(points), self.origin_y)])
         is_nearer = np.square(base - points).sum(axis=1) < np.square(feet - points).sum(axis=1)
         return np.where(is_nearer[:, None], base, feet)
 
@@ -337,11 +339,6 @@ class HalfDiscs(Bed):
         length = np.linalg.norm(away, axis=1, keepdims=True)
         direction = np.where(length > 0.0, away / np.where(length > 0.0, length, 1.0), [0.0, 1.0])
         return np.column_stack([centre, np.full(len(points), self.origin_y)]) + self.radius * direction
-
-    def _on_base(self, points: Floats, centre: Floats) -> Floats:
-        """Nearest points on the base line to the right of the half-discs with the given centres."""
-        x = np.clip(points[:, 0], centre + self.radius, centre + self.spacing - self.radius)
-        return np.column_stack([x, np.full(len(points), self.origin_y)])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""

@@ -69,7 +69,10 @@ class Arc:
         a = float(np.hypot(*axis))
         frame = np.array([axis, [-axis[1], axis[0]]]) / a
         local = ends @ frame.T
-        b = a if self.major is None else _minor(a, local)
+        b = a
+        if self.major is not None:  # through the end farther from the major axis
+            x, y = local[np.argmax(np.abs(local[:, 1]))]
+            b = float(abs(y) / np.sqrt(1.0 - (x / a) ** 2))
         angles = np.arctan2(local[:, 1] / b, local[:, 0] / a)
         sweep = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
         return (a, b), frame, (float(angles[0]), float(sweep))
@@ -212,9 +215,3 @@ def plain(x: Floats) -> Point:
 
 def _carried(placement: Placement, *points: Point) -> list[Point]:
     return [plain(row) for row in placement.to_scene(np.array(points))]
-
-
-def _minor(a: float, local: Floats) -> float:
-    """The minor semi-axis of the ellipse with major semi-axis `a` through the end farther from that axis."""
-    x, y = local[np.argmax(np.abs(local[:, 1]))]
-    return float(abs(y) / np.sqrt(1.0 - (x / a) ** 2))

@@ -79,7 +79,11 @@ class PlanarProximity:
         found = approaches(self.grain, placement, self.bed, within)
         rows = [row for approach in found for row in self._rows(approach)]
         outline = placed_outline(self.grain, placement)
-        rows += self._joints(outline, within)
+        corners = self._corners[outline.starts[self._corners, 1] - self.bed.crest <= within]
+        if len(corners):
+            corners = corners[self.bed.distance(outline.starts[corners]) <= within]
+        if len(corners):
+            rows += self._joints_at(outline, corners, within)
         return PlanarMinima(tuple(row for row in rows if row.gap <= within))
 
     def tracked(self, placement: Placement, old: PlanarMinima) -> PlanarMinima:
@@ -164,13 +168,6 @@ class PlanarProximity:
             steepens = planar_cross(left, right) > 1e-9  # in a valley
             normals = [left, right] if steepens else [self.bed.normal(foot[:1])[0]]
         return [_Row(gap, point, normal, *approach.place) for normal in normals]
-
-    def _joints(self, outline: Outline, within: float) -> list[_Row]:
-        """All corners that are close."""
-        corners = self._corners[outline.starts[self._corners, 1] - self.bed.crest <= within]
-        if len(corners):
-            corners = corners[self.bed.distance(outline.starts[corners]) <= within]
-        return self._joints_at(outline, corners, within) if len(corners) else []
 
     def _joints_at(self, outline: Outline, curves: np.ndarray, within: float) -> list[_Row]:
         """The starts of curves (m,), in their order, each seen from all pieces of bed within a distance."""

@@ -51,8 +51,12 @@ class Terrain(ABC):
         return self.crest
 
     def mean(self, x: Sides, y: Sides) -> float:
-        """The mean height over a rectangle, by a rule of points as fine as the bed's shape asks for."""
-        return float(self.height(_rule(x, y, self.feature)).mean())
+        """The mean height over a rectangle: over the middles of equal parts of it, ten of them to a feature."""
+        places = []
+        for low, high in (x, y):
+            count = int(np.clip(10.0 * (high - low) / self.feature, 2, MOST_ACROSS))
+            places.append(low + (high - low) * (np.arange(count) + 0.5) / count)
+        return float(self.height(np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)).mean())
 
     @abstractmethod
     def gradient(self, x: ArrayLike) -> Floats:
@@ -102,16 +106,6 @@ class Terrain(ABC):
         best = np.argmin(apart, axis=0)
         each = np.arange(len(points))
         return np.copysign(apart[best, each], gaps[best, each]), feet[best, each]
-
-
-def _rule(x: Sides, y: Sides, feature: float) -> Floats:
-    """The middles (n, 2) of equal parts of a rectangle, ten of them to a feature."""
-    counts = [int(np.clip(10.0 * (high - low) / feature, 2, MOST_ACROSS)) for low, high in (x, y)]
-    places = [
-        low + (high - low) * (np.arange(count) + 0.5) / count
-        for (low, high), count in zip((x, y), counts, strict=True)
-    ]
-    return np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True)
