@@ -93,10 +93,8 @@ def least_stretch(nodes: Floats) -> Floats:
 
     The determinant is a cubic: its least control point in Bernstein's form is a lower bound of it everywhere.
     """
-    lattice = (
-        np.array([[i, j, k, 3 - i - j - k] for i in range(4) for j in range(4 - i) for k in range(4 - i - j)])
-        / 3.0
-    )
+    thirds = [[i, j, k, 3 - i - j - k] for i in range(4) for j in range(4 - i) for k in range(4 - i - j)]
+    lattice = np.array(thirds) / 3.0
     slopes = np.stack([_slopes(point).T for point in lattice])
     # Components first, cells last: one product of matrices, and determinants of whole rows of numbers.
     rates = slopes.reshape(-1, 10) @ nodes.transpose(1, 2, 0).reshape(10, -1)

@@ -442,9 +442,8 @@ class _Descent:
             return None
         motions = [s * push * rest.way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = [self._moved_in_contact(rest.placement, rest.carrying, motion) for motion in motions]
-        return max(
-            (self._proximity.lowered(end) for end in ends), key=lambda end: self._work(rest.placement, end)
-        )
+        lowered = map(self._proximity.lowered, ends)
+        return max(lowered, key=lambda end: self._work(rest.placement, end))
 
     def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
         """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
@@ -453,9 +452,8 @@ class _Descent:
         for i in range(count):
             for j in range(i + 1):
                 direction = free[i] if i == j else (free[i] + free[j]) / np.sqrt(2.0)
-                ends = [
-                    self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)
-                ]
+                motions = (s * PROBE * direction for s in (1.0, -1.0))
+                ends = [self._moved_in_contact(placement, carrying, motion) for motion in motions]
                 rise = -sum(self._work(placement, end) for end in ends)
                 along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
         # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
@@ -488,10 +486,8 @@ class _Descent:
         return touching(self.grain, placement, self.bed, tolerance)
 
     def _unsettled(self, placement: Placement, outcome: SettlingOutcome, steps: int) -> Settled:
-        touching = self._touching(
-            placement, self._proximity.minima(placement, TOUCHING * self.size), TOUCHING
-        )
+        near = self._proximity.minima(placement, TOUCHING * self.size)
+        touching = self._touching(placement, near, TOUCHING)
         gap = float(np.abs(touching.gaps).max(initial=0.0)) / self.size
-        return Settled(
-            placement, None, outcome, steps, gap, float(np.abs(self._pull(placement, touching)).max())
-        )
+        pull = float(np.abs(self._pull(placement, touching)).max())
+        return Settled(placement, None, outcome, steps, gap, pull)

@@ -76,9 +76,8 @@ def require_on_grain(
 def _distance(grain: Grain | Solid, x: Floats) -> Floats:
     """How far points (n, gdim) near the surface are from it, to first order: f / |grad f|."""
     h = 1e-6 * grain.size
-    slope = np.array([grain.level(x + h * e) - grain.level(x - h * e) for e in np.eye(grain.gdim)]) / (
-        2.0 * h
-    )
+    rises = [grain.level(x + h * e) - grain.level(x - h * e) for e in np.eye(grain.gdim)]
+    slope = np.array(rises) / (2.0 * h)
     # In a sharp edge the differences of two sides partly cancel; distances of at least f remain.
     return np.asarray(np.abs(grain.level(x)) / np.clip(np.linalg.norm(slope, axis=0), 1e-3, None))
 

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.exact.candidates import Candidate
 from incipient.contact.exact.least import allowed, least_forces
 from incipient.contact.exact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
 from incipient.contact.exact.planar_motion import planar_solutions
-from incipient.contact.exact.release import Release, frictionless, release
+from incipient.contact.exact.release import Candidate, Release, frictionless, release
 from incipient.contact.exact.spatial_motion import Law, coulomb, law_residual, spatial_solutions
 from incipient.contact.exact.support import Support, support
 from incipient.contact.model import Load

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from incipient.arrays import Floats, Integers, cross
 from incipient.contact.exact import fans
-from incipient.contact.exact.candidates import SAME, Candidate, add
-from incipient.contact.exact.release import Release
+from incipient.contact.exact.release import SAME, Candidate, Release, add
 
 ZERO = 1e-9  # accelerations below it, for directions of length one or relative to the free one, are zero
 

@@ -8,7 +8,6 @@ from scipy.optimize import nnls
 
 from incipient.arrays import Floats
 from incipient.contact.exact import cones
-from incipient.contact.exact.candidates import Candidate
 from incipient.contact.exact.grasp import Grasp, grasp, wrenches
 from incipient.contact.model import Load
 from incipient.errors import SceneError
@@ -18,6 +17,25 @@ NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 CHECKED = 1e-9  # how far motions may enter contacts, relative to the free acceleration
 LARGEST = 1e6  # friction with which motions are computed if it is larger or infinite
 SYMMETRIC = 1e-9  # of the inertia's largest entry
+SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An acceleration, with contact forces that go with it."""
+
+    acceleration: Floats  # (6,) of the centre and about it
+    local: Floats  # forces (k, 3)
+    family: bool = False  # whether accelerations arbitrarily near to it are solutions too
+
+
+def add(found: list[Candidate], candidate: Candidate, scale: float) -> None:
+    """Append a candidate, or if its acceleration is there already note whether it belongs to a family."""
+    for place, other in enumerate(found):
+        if np.abs(candidate.acceleration - other.acceleration).max() <= SAME * scale:
+            found[place] = replace(other, family=other.family or candidate.family)
+            return
+    found.append(candidate)
 
 
 @dataclass(frozen=True, eq=False)

@@ -187,14 +187,12 @@ class _Pocket:
             force, couple = force[:2], couple[2:]
         if not force.any():
             return None
-        found = settle_under(
-            self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
-        )
-        if not found.stable or found.contacts is None or self._far(start, found.placement):
+        given = self.grain, self.bed, start, force, couple, self.friction
+        found = settle_under(*given, 2.0 * POCKET, MOST_WAY)
+        placement, contacts = found.placement, found.contacts
+        if not found.stable or contacts is None or self._far(start, placement):
             return None
-        return Rest(
-            factor, self._held_to(factor, found.placement, found.contacts), found.placement, found.contacts
-        )
+        return Rest(factor, self._held_to(factor, placement, contacts), placement, contacts)
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
         """The rests from the first one on as the factor grows; the `high` of the last is the critical factor."""

@@ -17,8 +17,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.exact import cones
-from incipient.contact.exact.candidates import SAME, Candidate
-from incipient.contact.exact.release import Release
+from incipient.contact.exact.release import SAME, Candidate, Release
 from incipient.contact.friction_law import FrictionLaw
 
 STEPS = 14  # of Newton's method

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.exact.candidates import Candidate
 from incipient.contact.exact.grasp import grasp, is_solid
 from incipient.contact.exact.judge import MassAndInertia
 from incipient.contact.exact.motion import ZERO, reading
 from incipient.contact.exact.motion_modes import Mode
-from incipient.contact.exact.release import NO_LOAD, Release, frictionless, release
+from incipient.contact.exact.release import NO_LOAD, Candidate, Release, frictionless, release
 from incipient.contact.exact.safety import NEARLY_ALL
 from incipient.contact.exact.spatial_motion import coulomb, spatial_solutions
 from incipient.contact.exact.support import Circular, support

@@ -47,10 +47,7 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
     along = np.array([(place - top) % count for place in places])
     order = np.argsort(along)
     first, last = (top + float(along[order[k]]) for k in (0, -1))
-    low, high = (
-        _wider(outline, bed, tables, (first, -1), width),
-        _wider(outline, bed, tables, (last, 1), width),
-    )
+    low, high = (_wider(outline, bed, tables, start, width) for start in ((first, -1), (last, 1)))
     if low is None or high is None or high - low >= count:
         raise SceneError("contact.gap: the space between grain and bed is nowhere wider; give a smaller one")
     high, low = _without_crumbs(outline, high, width, up=True), _without_crumbs(outline, low, width, up=False)

@@ -62,10 +62,10 @@ class Chain:
     def points(self, count: int) -> Floats:
         """Points (m, 2) in order: `count` on each curve that is not straight, of lines the start."""
         s = np.linspace(0.0, 1.0, count)
-        rows = (
-            curve.point(s if bent else [0.0]) for curve, bent in zip(self.curves, ~self.straight, strict=True)
-        )
-        return np.vstack(list(rows)) if not self.straight.all() else self.starts
+        if self.straight.all():
+            return self.starts
+        pairs = zip(self.curves, self.straight, strict=True)
+        return np.vstack([curve.point([0.0] if straight else s) for curve, straight in pairs])
 
 
 @dataclass(frozen=True, eq=False)

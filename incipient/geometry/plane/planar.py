@@ -31,11 +31,7 @@ class _Row:
 
 @dataclass(frozen=True, eq=False)
 class PlanarMinima:
-    """Places where the distance of a placed grain from the bed is least, or a corner of its outline is close.
-
-    gaps:    distances (k,), negative where the grain is in the bed
-    points:  on the grain (k, 2); `normals` (k, 2) are the bed's there, into the fluid
-    """
+    """Places where the distance of a placed grain from the bed is least, or a corner of its outline is close."""
 
     rows: tuple[_Row, ...]
 
@@ -98,9 +94,8 @@ class PlanarProximity:
         if corners:
             return minima
         given = {row.curve for row in minima.rows if row.parameter is None}
-        return PlanarMinima(
-            tuple(r for r in minima.rows if r.parameter is not None or self._counts(r.curve, given))
-        )
+        rows = (row for row in minima.rows if row.parameter is not None or self._counts(row.curve, given))
+        return PlanarMinima(tuple(rows))
 
     def _counts(self, k: int, given: set[int]) -> bool:
         """Whether the start of curve k is sharp, or the start or end of a side that touches with both ends."""
@@ -192,10 +187,8 @@ class PlanarProximity:
                 which, gaps = [*which, cornered[beside]], [*gaps, gap[beside]]
                 normals.append(normal[beside])
         rows = zip(np.concatenate(which), np.concatenate(gaps), np.concatenate(normals), strict=True)
-        found = [
-            (int(i), _Row(float(g), points[i], n, int(curves[i]), None)) for i, g, n in rows if g <= within
-        ]
-        return [row for _, row in sorted(found, key=lambda pair: pair[0])]
+        found = sorted(((int(i), float(g), n) for i, g, n in rows if g <= within), key=lambda one: one[0])
+        return [_Row(g, points[i], n, int(curves[i]), None) for i, g, n in found]
 
 
 def _seen_from(piece: Curve, points: Floats) -> tuple[Floats, Floats, Floats, np.ndarray]:

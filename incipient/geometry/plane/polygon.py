@@ -105,9 +105,8 @@ class Polygon(Grain):
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
         short = self.chain.lengths < SHORT * self.size
-        knots = np.flatnonzero(
-            ~(short & np.roll(short, 1)) | _is_turn(self._corners, self.chain.lengths, self.size)
-        )
+        turns = _is_turn(self._corners, self.chain.lengths, self.size)
+        knots = np.flatnonzero(~(short & np.roll(short, 1)) | turns)
         if len(knots) == len(short):
             return self.chain.curves
         closed = np.vstack([self._corners, self._corners])

@@ -85,7 +85,7 @@ def _patches(
     points = placement.to_scene(core.points)
     touching = close.pieces.rough(points)[piece] <= core.radius + tolerance
     triangles = core.triangles[touching[core.triangles].all(axis=1)]
-    corners = placement.to_scene(core.points)[triangles]
+    corners = points[triangles]
     proper = np.linalg.norm(vector_areas(corners), axis=1) > THINNEST * proximity.size**2
     # A thin core has the same face on both sides: only that which faces the bed counts.
     inward = close.normals[0]
@@ -94,18 +94,16 @@ def _patches(
     if len(triangles) and not close.pieces.flat[piece]:
         flat = _lies(close, corners, core.radius + tolerance)
         triangles, corners = triangles[flat], corners[flat]
-    label = (
-        connected(len(core.points), triangles)[triangles[:, 0]] if len(triangles) else np.empty(0, dtype=int)
-    )
+    if not len(triangles):
+        return []
+    label = connected(len(core.points), triangles)[triangles[:, 0]]
     return [_patch(corners[label == one], core.radius) for one in np.unique(label)]
 
 
 def _lies(close: DistanceMinima, corners: Floats, bound: float) -> np.ndarray:
     """Which triangles (m, 3, 3) lie on a curved piece of bed also between their corners."""
-    between = np.concatenate(
-        [corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))], 1
-    )
-    points = between.reshape(-1, 3)
+    middles = corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))
+    points = np.concatenate(middles, axis=1).reshape(-1, 3)
     sight = close.pieces.sight(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
     return np.asarray((sight.gaps.reshape(-1, 4) <= bound).all(axis=1))
 

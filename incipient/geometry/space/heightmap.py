@@ -14,6 +14,7 @@ from incipient.geometry.space.triangle_files import require_file, triangles_in
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
+KEYS = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])  # cubics by four heights
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 
@@ -166,13 +167,8 @@ class HeightMap(SmoothTerrain):
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
     one, zero = np.ones_like(t), np.zeros_like(t)
-    powers = ([one, t, t * t, t**3], [zero, one, 2.0 * t, 3.0 * t * t], [zero, zero, 2.0 * one, 6.0 * t])[
-        derivative
-    ]
-    keys = 0.5 * np.array(
-        [[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]]
-    )
-    return np.asarray(np.column_stack(powers) @ keys / step**derivative)
+    powers = [one, t, t * t, t**3], [zero, one, 2.0 * t, 3.0 * t * t], [zero, zero, 2.0 * one, 6.0 * t]
+    return np.asarray(np.column_stack(powers[derivative]) @ KEYS / step**derivative)
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:

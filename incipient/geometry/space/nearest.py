@@ -121,12 +121,8 @@ def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarra
 
 def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
     """The nearest points (..., 3) of triangles (..., 3 corners, 3) to points (..., 3); leading axes broadcast."""
-    a, ab, ac = (
-        corners[..., 0, :],
-        corners[..., 1, :] - corners[..., 0, :],
-        corners[..., 2, :] - corners[..., 0, :],
-    )
-    away = x - a
+    a = corners[..., 0, :]
+    ab, ac, away = corners[..., 1, :] - a, corners[..., 2, :] - a, x - a
     aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
     p, q = (away * ab).sum(-1), (away * ac).sum(-1)
     determinant = np.maximum(aa * bb - cross**2, 1e-300)

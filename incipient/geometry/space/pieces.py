@@ -13,8 +13,6 @@ import numpy as np
 
 from incipient.arrays import Floats
 
-Curvature = Callable[[Floats], Floats]  # (n, 2) -> (n, 2, 2)
-
 
 @dataclass(frozen=True, eq=False)
 class Sight:
@@ -75,7 +73,7 @@ class Graph:
 
     height: Callable[[Floats], Floats]
     gradient: Callable[[Floats], Floats]
-    hessian: Curvature
+    hessian: Callable[[Floats], Floats]  # (n, 2) -> (n, 2, 2)
     feature: float
 
     @property

@@ -63,9 +63,8 @@ def hull_of(points: Floats) -> Surface:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        raise SceneError(
-            "the polyhedron has no volume; give vertices that are not all in one plane"
-        ) from None
+        why = "the polyhedron has no volume; give vertices that are not all in one plane"
+        raise SceneError(why) from None
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles = number[hull.simplices]
@@ -106,9 +105,8 @@ def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
 
     Points of no triangle are left out.
     """
-    _, first, inverse = np.unique(
-        np.round(points / tolerance), axis=0, return_index=True, return_inverse=True
-    )
+    rounded = np.round(points / tolerance)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     triangles = inverse.ravel()[triangles]
     a, b, c = triangles.T
     used, triangles = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)

@@ -17,9 +17,8 @@ class Topology:
         self.triangles = triangles
         following = triangles[:, [1, 2, 0]]
         width = int(triangles.max(initial=0)) + 1
-        keys = (
-            np.minimum(triangles, following).astype(np.int64) * width + np.maximum(triangles, following)
-        ).T.ravel()
+        low, high = np.minimum(triangles, following), np.maximum(triangles, following)
+        keys = (low.astype(np.int64) * width + high).T.ravel()
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
