@@ -1,4 +1,4 @@
-"""The weakest gusts that move a disc out of its pocket, between their two limits: a figure and a table of docs/released.md.
+"""The weakest gusts that move a disc out of its pocket, between their two limits: figure and table of docs/released.md.
 
 Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, the same gust past
          the grain held in its place (what the flow gives), and the grain that just leaves (where that goes).
@@ -59,8 +59,8 @@ class Pocket:
     """A disc that rests at a gap on two half-discs, and rolls over the next one.
 
     radius: the disc's; reach: from the centre of the half-disc to its own; sine, cosine: of the angle of that to the
-    vertical; height: of its centre; mass; weight: in the fluid; displaced: mass of the fluid in its place; speed: of the
-    flow at its centre
+    vertical; height: of its centre; mass; weight: in the fluid; displaced: mass of the fluid in its place; speed: of
+    the flow at its centre
     """
 
     radius: float
@@ -217,7 +217,9 @@ def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Fo
 
 def compute() -> Found:
     """All that is not in the store yet."""
-    found: Found = json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "brackets": [], "gusts": []}
+    found: Found = (
+        json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "brackets": [], "gusts": []}
+    )
     search, pocket = GustSearch(scene([]), world()), Pocket.of(scene([]))
     if "static" not in found:
         found["static"] = search.static_strength()
@@ -323,7 +325,8 @@ def table(found: Found, pocket: Pocket) -> list[str]:
     """The rows of the page."""
     unit = math.sqrt(pocket.mass * pocket.weight * 2.0 * pocket.radius)
     rows = [
-        "| duration | critical strength | impulse on the held grain | the same without fluid | with added mass | flow's work on the grain | its share of the flow's energy |",
+        "| duration | critical strength | impulse on the held grain | the same without fluid | with added mass "
+        "| flow's work on the grain | its share of the flow's energy |",
         "| --: | --: | --: | --: | --: | --: | --: |",
     ]
     both = [curve(found, pocket, inertia) for inertia in (pocket.inertia, pocket.inertia_in_fluid)]

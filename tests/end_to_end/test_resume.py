@@ -74,7 +74,13 @@ ADAPTIVE = 1e-6
 OF_ITERATIONS = ("newton", "interface", "interface_residual")
 
 # Components of one vector, and what is measured in the same unit.
-ALIKE = (("x", "y"), ("velocity_x", "velocity_y"), ("slip", "velocity_x"), ("force_x", "force_y"), ("drag", "lift"))
+ALIKE = (
+    ("x", "y"),
+    ("velocity_x", "velocity_y"),
+    ("slip", "velocity_x"),
+    ("force_x", "force_y"),
+    ("drag", "lift"),
+)
 
 
 # -- what must be the same ---------------------------------------------------------------------------------------
