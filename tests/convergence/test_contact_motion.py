@@ -284,7 +284,7 @@ def test_the_impulse_of_short_gusts_is_that_of_the_height_of_the_saddle() -> Non
     for pocket, limit, dry in (("plane", 0.732051, 0.59772), ("triangular", 0.413370, 0.33383)):
         force, duration = _gust(pocket, 1000.0)
         assert force * duration == pytest.approx(limit, rel=1e-3)
-        assert limit / np.sqrt(ROLLING[pocket]) == pytest.approx(dry, rel=1e-5)
+        assert limit / np.sqrt(ROLLING[pocket]) == pytest.approx(dry, abs=5e-6)  # the digits it is given with
         force, duration = _gust(pocket, 1.1)
         assert force * duration / limit == pytest.approx(
             {"plane": 2.49, "triangular": 2.58}[pocket], abs=0.01

@@ -171,7 +171,7 @@ def test_slope_of_the_safety_factor() -> None:
 
 def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
     """Its error is infinite, which tells nothing of the cells needed; the finest allowed would be 25 times as many."""
-    search = Refinement(wanting(accuracy_of="safety factor"), MPI.COMM_SELF, Recorder, Silent())
+    search = Refinement(wanting(accuracy_of="safety factor"), MPI.COMM_SELF, Recorder(), Silent())
     search.report(Trial(2, 200, 1000, np.inf, 0.1))
     points, triangles = grid(10)
     shares = Shares(points, triangles, np.ones(len(points)))
