@@ -1,4 +1,4 @@
-"""The weakest gusts that move a disc out of its pocket, between their two limits: figure and table of docs/released.md.
+"""The weakest gusts that move a disc out of its pocket, between their limits: a figure and a table of docs/released.md.
 
 Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, the same gust past
          the grain held in its place (what the flow gives), and the grain that just leaves (where that goes).
@@ -137,12 +137,11 @@ class Pocket:
         solved = solve_ivp(turns, (0.0, 1e3), start, events=lacks, rtol=1e-9, atol=1e-12)
         return float(solved.t_events[0][0])
 
-    def limit(self, inertia: float) -> float:
-        """The impulse of a short force that takes the grain over the saddle, none acting after it."""
-        return (
-            math.sqrt(2.0 * inertia * self.mass * self.weight * self.reach * (1.0 - self.cosine))
-            / self.cosine
-        )
+    def limit(self, after: float, inertia: float) -> float:
+        """The impulse of a short force that takes the grain over the saddle under the one after it."""
+        top = math.atan2(after, self.weight)
+        uphill = self.weight * (math.cos(top) - self.cosine) - after * (self.sine - math.sin(top))
+        return math.sqrt(2.0 * inertia * self.mass * self.reach * uphill) / self.cosine
 
 
 # -- runs -------------------------------------------------------------------------------------------
@@ -253,7 +252,8 @@ def keep(found: Found) -> None:
 def curve(found: Found, pocket: Pocket, inertia: float) -> Floats:
     """Strengths, durations and impulses (3, n) that take the grain over the saddle without resistance of the fluid."""
     law = force_law(found)
-    asked = np.geomspace(1.01 * crossing(found, pocket), STRONGEST, 60)
+    above = np.geomspace(1e-6, STRONGEST, 100)
+    asked = crossing(found, pocket) * (1.0 + above)
     pushes, after = np.exp(law(np.log(asked))), found["steady"][0][1]
     lasts = [pocket.duration(force, after, inertia) for force in pushes]
     return np.array([asked, lasts, pushes * lasts])
@@ -288,7 +288,8 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         strengths, times, given = curve(found, pocket, inertia)
         left.plot(times, strengths, dashes, color=INK, linewidth=1.0, label=name)
         right.plot(times / pocket.time, given / math.sqrt(unit), dashes, color=INK, linewidth=1.0, label=name)
-        right.axhline(pocket.limit(inertia) / math.sqrt(unit), color=INK, linewidth=0.6, linestyle=":")
+        limit = pocket.limit(found["steady"][0][1], inertia)
+        right.axhline(limit / math.sqrt(unit), color=INK, linewidth=0.6, linestyle=":")
     mean = np.sqrt(low * high)
     left.errorbar(
         lasts, mean, [mean - low, high - mean], fmt="o", color=FLOW, markersize=4, capsize=2, label="computed"
@@ -307,10 +308,12 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
         xlabel="duration over $\\sqrt{mD/W}$",
         ylabel="impulse on the held grain over $\\sqrt{mWD}$",
         xscale="log",
+        yscale="log",
     )
     left.set_xlim(0.5 * lasts[0], 2.5 * lasts[-1])
     right.set_xlim(0.5 * lasts[0] / pocket.time, 2.5 * lasts[-1] / pocket.time)
-    right.set_ylim(0.0, 1.25 * float(np.max(impulses)) / math.sqrt(unit))
+    left.set_ylim(0.9 * found["static"], 3.0 * mean.max())
+    right.set_ylim(0.25, 6.0 * float(np.max(impulses)) / math.sqrt(unit))
     for axes in (left, right):
         _quiet(axes)
     return figure
@@ -325,17 +328,17 @@ def table(found: Found, pocket: Pocket) -> list[str]:
     """The rows of the page."""
     unit = math.sqrt(pocket.mass * pocket.weight * 2.0 * pocket.radius)
     rows = [
-        "| duration | critical strength | impulse on the held grain | the same without fluid | with added mass "
-        "| flow's work on the grain | its share of the flow's energy |",
+        "| duration | critical strength | without fluid | with added mass "
+        "| impulse on the held grain | work of the flow | its share |",
         "| --: | --: | --: | --: | --: | --: | --: |",
     ]
     both = [curve(found, pocket, inertia) for inertia in (pocket.inertia, pocket.inertia_in_fluid)]
     for one in found["gusts"]:
-        dry, wet = (np.interp(one["duration"], row[1][::-1], row[2][::-1]) / unit for row in both)
-        lift = pocket.weight * pocket.reach * (1.0 - pocket.cosine)
+        dry, wet = (np.interp(one["duration"], row[1][::-1], row[0][::-1]) for row in both)
+        work, lift = one["works"]["flow"], pocket.weight * pocket.reach * (1.0 - pocket.cosine)
         rows.append(
-            f"| {one['duration']:g} | {math.sqrt(one['held'] * one['leaves']):.3g} | {one['impulse'] / unit:.2f} "
-            f"| {dry:.2f} | {wet:.2f} | {one['works']['flow'] / lift:.2f} | {one['works']['flow'] / one['power']:.3f} |"
+            f"| {one['duration']:g} | {math.sqrt(one['held'] * one['leaves']):.3g} | {dry:.2f} | {wet:.2f} "
+            f"| {one['impulse'] / unit:.3g} | {work / lift:.2f} | {work / one['power']:.2f} |"
         )
     return rows
 
@@ -351,7 +354,7 @@ def report(found: Found) -> None:
         image.convert("RGB").save(FIGURE, "WEBP", quality=85)
     before, _, rest = PAGE.read_text().partition(BEGIN)
     after = rest.partition(END)[2]
-    lines = [before.rstrip(), "", BEGIN, *table(found, pocket), END, after.lstrip()]
+    lines = [before.rstrip(), "", BEGIN, "", *table(found, pocket), "", END, "", after.lstrip()]
     PAGE.write_text("\n".join(lines) if rest else before)
 
 
