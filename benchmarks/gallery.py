@@ -24,7 +24,6 @@ SHOWN: dict[str, tuple[str, str]] = {
     "shear_orbit": ("", "trajectory.png"),
     "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
-    "sphere_leaving_pocket": ("", "trajectory.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),
     "cylinder": ("numerics.error_bars=false", "flow.png"),
