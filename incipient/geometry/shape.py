@@ -63,7 +63,7 @@ def largest_distance(points: Floats) -> float:
     points = points[ConvexHull(points).vertices]
     away = np.linalg.norm(points - points.mean(axis=0), axis=1)
     ends = cdist(points[[np.argmax(away)]], points)
-    # Two points are at most as far apart as both are from the middle together.
-    points = points[away + away.max() >= ends.max()]
+    # Two points are at most as far apart as both are from the middle together; equal ones differ by round-off.
+    points = points[away + away.max() >= (1.0 - 1e-9) * ends.max()]
     blocks = np.array_split(points, 1 + len(points) // 500)
     return max(float(cdist(block, points).max(initial=0.0)) for block in blocks)
