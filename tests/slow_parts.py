@@ -45,7 +45,6 @@ PARTS = {
         "end_to_end/test_moving_grain.py",
         "end_to_end/test_moving_pictures.py",
         "end_to_end/test_released.py",
-        "end_to_end/test_released_resumed.py",
         "end_to_end/test_released_sphere.py",
         "stability/test_moving_mesh.py",
         "stability/test_random_releases.py",
