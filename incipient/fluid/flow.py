@@ -18,7 +18,7 @@ from ..compat import petsc
 from ..errors import IncipientError
 from ..mesh.domain import Domain
 from . import newton
-from .action import Action
+from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
@@ -104,7 +104,9 @@ class Fluid(FlowEquations):
         equations = self._equations()
         measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
         action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
-        return TwoLevel(self.holding(action).times, equations, (coarse.solver, coarse._equations()))
+        force = PressureForce(self.space, partial(self.pressure_force, measure))
+        actions = self.holding(action).times, self.holding(force)
+        return TwoLevel(*actions, equations, (coarse.solver, coarse._equations()))
 
     def _compiled_jacobian(self) -> Any:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))

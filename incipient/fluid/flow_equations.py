@@ -104,6 +104,13 @@ class FlowEquations:
         unknowns = forms.Unknowns(v, p, w, q, self.model.reference_map)
         return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
 
+    def pressure_force(self, measure: Any, upwind: bool = True) -> Any:
+        """What a pressure does to the residual of momentum, as a bilinear form of both spaces; `upwind` or not."""
+        w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
+        v, _ = ufl.split(self.state)
+        unknowns = forms.Unknowns(v, p, w, ufl.as_ufl(0), self.model.reference_map)
+        return ufl.lhs(forms.residual(unknowns, self._terms(v, upwind), measure))
+
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
-from functools import cached_property
+from contextlib import AbstractContextManager, ExitStack
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from ..parallel import Comm
@@ -60,13 +60,21 @@ class InTurn:
     """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
 
     In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
-    `by_itself` runs a scene on a mesh of its own, at a speed.
+    `by_itself` runs a scene on a mesh of its own, at a speed; `prepare` gives the run of a scene that has a mesh, None as
+    the scene says.
     """
 
-    def __init__(self, comm: Comm, by_itself: Callable[[Scene, Comm, float], Loads]):
+    def __init__(
+        self,
+        comm: Comm,
+        by_itself: Callable[[Scene, Comm, float], Loads],
+        prepare: Callable[[Scene], AbstractContextManager[Run]] | None = None,
+    ):
         self._comm, self._by_itself = comm, by_itself
+        self._prepare = prepare or partial(prepared, comm=comm)
         self._open = ExitStack()
         self._beside: Beside | None = None
+        self._run: Run | None = None
 
     def __enter__(self) -> InTurn:
         return self
@@ -80,7 +88,14 @@ class InTurn:
             return self._by_itself(scene, self._comm, 1.0)
         if self._beside is None or not self._beside.serves(scene.model_dump_json()):
             self._open.close()
-            run = self._open.enter_context(prepared(scene, self._comm))
+            self._run = run = self._open.enter_context(self._prepare(scene))
             loads_at(run, 1.0)
             self._beside = Beside(run, self._by_itself)
         return self._beside(scene)
+
+    def handed_over(self, scene: Scene) -> tuple[Run, ExitStack] | None:
+        """The solved run of a scene and what frees it, if it is the last that had a mesh. Not collective."""
+        if self._run is None or self._run.scene != scene:
+            return None
+        run, self._run, self._beside = self._run, None, None
+        return run, self._open.pop_all()

@@ -9,8 +9,15 @@ from mpi4py import MPI
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.modelling import SMALLEST_GAP
-from incipient.adaptive.orders import cheapest_order, highest_order, next_order
-from incipient.adaptive.refinement import Refinement, with_less_of
+from incipient.adaptive.orders import (
+    AIM,
+    COMPARED,
+    cheapest_order,
+    highest_order,
+    left_for_corrected,
+    next_order,
+)
+from incipient.adaptive.refinement import WORTH, Refinement, with_less_of
 from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
@@ -177,6 +184,43 @@ def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
     shares = Shares(points, triangles, np.ones(len(points)))
     following = search._next_mesh(search._first(), np.inf, shares)
     assert following is not None and 1000.0 < following.expected < 6000.0
+
+
+def searching(seconds: float, **numerics: object) -> tuple[Refinement, Shares]:
+    """A search on its first mesh, which took a time [s]."""
+    search = Refinement(wanting(accuracy=1e-3, **numerics), MPI.COMM_SELF, Unrecorded(), Silent())
+    search.report(Trial(2, 200, 1000, 0.1, seconds))
+    points, triangles = grid(10)
+    return search, Shares(points, triangles, np.full(len(points), 0.1 / len(points)))
+
+
+def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> None:
+    """The next mesh is the finest that the budget allows; the search ends where none is worth it."""
+    search, shares = searching(1.0)
+    wanted = search._next_mesh(search._first(), 0.1, shares)
+    assert wanted is not None
+    allowed, _ = searching(1.0, budget_seconds=6.0)
+    milder = allowed._within_budget(allowed._next_mesh(allowed._first(), 0.1, shares))
+    assert milder is not None and 1000.0 < milder.expected < 0.8 * wanted.expected and allowed.reason == ""
+    none, _ = searching(1.0, budget_seconds=1.0)
+    assert none._within_budget(none._next_mesh(none._first(), 0.1, shares)) is None
+    assert none.reason.startswith("stopped at numerics.budget_seconds = 1: the next mesh would take about")
+
+
+def test_a_search_ends_with_the_least_error_that_it_found() -> None:
+    search, _ = searching(1.0)
+    first, second = search._first(), search._first(0.5)
+    for attempt, error in ((first, 0.02), (second, 0.03)):
+        search._keep(attempt, error)
+    assert search._kept is not None and search._kept.attempt is first and search._kept.error == 0.02
+
+
+def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed() -> None:
+    """Their error is that on the mesh before: one such mesh shows it, and a finer one has less of it."""
+    assert left_for_corrected(3.0, 0.25) == pytest.approx(COMPARED)  # good enough on this mesh
+    assert left_for_corrected(30.0, 0.25) == pytest.approx(AIM / 7.5)  # not yet
+    assert left_for_corrected(1.5, 0.25) == pytest.approx(AIM / 1.5)  # the load itself soon is
+    assert left_for_corrected(30.0, 1.0) == pytest.approx(AIM / 30.0) and WORTH > COMPARED
 
 
 def test_a_range_with_an_infinite_end() -> None:

@@ -23,6 +23,7 @@ from incipient.accuracy.model_terms import (
     on_more_bed,
     with_other_datum,
 )
+from incipient.adaptive.modelling import not_estimated
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshed_bed import resolved_bed
@@ -415,3 +416,10 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [*5 * [1.0], 1.5]
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
     assert on_more_bed(wide) is None and on_more_bed(grain_on_bed()) is None
+    # With an accuracy it is not estimated, so that none of all errors is known to be reached.
+    exact = {"accuracy": 0.01, "accuracy_includes": "all"}
+    assert on_more_bed(changed(scene, numerics=exact)) is None
+    assert not_estimated(changed(scene, numerics=exact)).startswith(
+        "that of the level ground is not estimated"
+    )
+    assert not_estimated(changed(wide, numerics=exact)) == not_estimated(scene) == ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from mpi4py import MPI
@@ -16,6 +16,9 @@ from .equations import Equations
 from .multigrid import Components, component_rows
 from .schur import ScaledMass
 from .statistics import LinearStatistics
+
+if TYPE_CHECKING:
+    from ..action import PressureForce
 
 # One cycle: so many steps of smoothing, in creeping flow and where something convects, then the coarse system solved to
 # this residual.
@@ -43,6 +46,7 @@ class TwoLevel:
 
     Args:
         times: the product of A, or its transpose, with a vector (owned unknowns,).
+        pressure_force: that of its part by which pressures act on momentum, or continuity does if transposed.
         equations: those of the higher order.
         coarse: the solver of order k, whose matrix is that of about the same state, and its equations.
     """
@@ -52,11 +56,12 @@ class TwoLevel:
     def __init__(
         self,
         times: Callable[[np.ndarray, bool], np.ndarray],
+        pressure_force: PressureForce,
         equations: Equations,
         coarse: tuple[Any, Equations],
     ):
         self.matrix, self.statistics = None, LinearStatistics()
-        self._times, self._held = times, equations.owned_held()
+        self._times, self._pressure_force, self._held = times, pressure_force, equations.owned_held()
         self._comm = equations.space.mixed.mesh.comm
         self._velocity, self._mass = Components(equations, smoothing_only=True), ScaledMass(equations)
         self._pressure, self._convected = _smoothing_mass(equations), equations.block_carrier is not None
@@ -72,6 +77,7 @@ class TwoLevel:
         self._velocity.assemble()
         self._pressure.assemble()
         self._mass.assemble()
+        self._pressure_force.renew()
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
         weights[self._pressures] = self._mass.diagonal()
@@ -140,7 +146,7 @@ class TwoLevel:
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
         pressure[self._pressures] = -self._pressure.solve(residual[self._pressures], transposed)
         if self._convected:
-            residual = residual - np.where(self._held, 0.0, self._times(pressure, transposed))
+            residual = residual - np.where(self._held, 0.0, self._pressure_force.times(pressure, transposed))
         self._velocity.solve(residual, z, transposed)
         z[self._pressures] = pressure[self._pressures]
         return z
