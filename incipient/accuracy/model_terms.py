@@ -34,7 +34,7 @@ TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL = "level ground", "turbulence model"
 NO_MORE_BED = (
-    "not estimated with numerics.accuracy: without it the run does, and a larger numerics.meshed_bed has less of it"
+    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
 )
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -213,17 +213,16 @@ def on_more_bed(scene: Scene) -> Scene | None:
 
     A steady flow in space on a mesh of default sizes has such a bed: away from the grain it goes over to level ground.
     """
-    if scene.numerics.accuracy is not None or not _has_level_ground(scene):
+    if scene.numerics.accuracy is not None or not _has_level_ground(Setup(scene)):
         return None
     return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
 
 
-def _has_level_ground(scene: Scene) -> bool:
+def _has_level_ground(setup: Setup) -> bool:
     """Whether the bed of a steady flow in space goes over to level ground away from the grain."""
-    if scene.gdim != 3 or scene.time is not None:
+    if setup.scene.gdim != 3 or setup.scene.time is not None:
         return False
-    setup = Setup(scene)
-    return resolved_bed(setup.geometry, scene.placement, setup.base_flow.datum) is not None
+    return resolved_bed(setup.geometry, setup.scene.placement, setup.base_flow.datum) is not None
 
 
 def of_the_model(
@@ -251,6 +250,6 @@ def not_there(scene: Scene) -> dict[str, str]:
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.has_wall_layer:
         reasons[MODEL] = "not estimated: vary constants and wall_distance of [turbulence] to see it"
-    if scene.numerics.accuracy is not None and _has_level_ground(scene):
+    if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = NO_MORE_BED
     return {name: reason for name, reason in reasons.items() if reason}

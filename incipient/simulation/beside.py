@@ -86,16 +86,19 @@ class InTurn:
         """Force and couple in a scene. Collective."""
         if scene.gdim != 3 or scene.time is not None or scene.has_wall_layer or scene.body is None:
             return self._by_itself(scene, self._comm, 1.0)
-        if self._beside is None or not self._beside.serves(scene.model_dump_json()):
+        key = scene.model_dump_json()
+        if self._beside is None or not self._beside.serves(key):
             self._open.close()
             self._run = run = self._open.enter_context(self._prepare(scene))
-            loads_at(run, 1.0)
+            force, couple = loads_at(run, 1.0)
             self._beside = Beside(run, self._by_itself)
+            if not self._beside.serves(key):  # nor for others, each of which has a mesh of its own
+                return Loads(force.flow, couple.flow)
         return self._beside(scene)
 
-    def handed_over(self, scene: Scene) -> tuple[Run, ExitStack] | None:
+    def handed_over(self, wanted: Scene) -> tuple[Run, ExitStack] | None:
         """The solved run of a scene and what frees it, if it is the last that had a mesh. Not collective."""
-        if self._run is None or self._run.scene != scene:
+        if self._run is None or self._run.scene != wanted:
             return None
         run, self._run, self._beside = self._run, None, None
         return run, self._open.pop_all()

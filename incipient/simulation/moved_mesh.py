@@ -117,8 +117,8 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
         return np.array(x)
     assert placement is not None
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
-    if setup.base_flow.datum != run.setup.base_flow.datum:
-        return None
+    if bed is not None and setup.base_flow.datum != run.setup.base_flow.datum:
+        return None  # without a bed it is the bottom, which moves
     if resolved is None and not (bed is None or (isinstance(bed, Plane) and not any(bed.slope))):
         return None
     kept = np.full(3, KEPT * run.scene.grain.size)

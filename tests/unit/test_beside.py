@@ -124,6 +124,36 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
     assert asked == [2.0] * 5
 
 
+def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
+    """Without a bed the domain grows downwards, too, and where the profile of the flow starts says nothing."""
+    scene = Scene(
+        domain=Domain(length=24.0, width=16.0, height=16.0),
+        fluid=Fluid(reynolds=1.0, scale="grain"),
+        flow={"kind": "uniform"},
+        body=Sphere(diameter=1.0, centre=(8.0, 8.0, 8.0)),
+        numerics=Numerics(order=2, mesh_size=4.0),
+    )
+    here, *larger = coarse_scenes(scene)
+    with prepared(scene, MPI.COMM_SELF) as run:
+        beside = Beside(run, never)
+        assert all(beside.serves(each.model_dump_json()) for each in (here, *larger))
+    assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
+
+
+def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
+    """Where no mesh serves for all the run of each scene gives its loads; none is run a second time."""
+    scene = on_plane(
+        domain=Domain(length=4.0, width=4.0, height=3.0),
+        body=Sphere(diameter=1.0, x=2.0, density=2.65),
+        bed=SphereBed(radius=1.0, spacing=2.2, offset=(1.0, 2.0)),
+        contact=Contact(friction=0.5, gap=0.025),
+        numerics=Numerics(order=2, mesh_size=6.0),
+    )
+    with InTurn(MPI.COMM_SELF, never) as solve:
+        found = [solve(each) for each in coarse_scenes(scene)[:2]]
+    assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
+
+
 def test_points_are_stretched_away_from_the_middle_only() -> None:
     """A side goes to its new place, what is near the centre stays, and no two points change their order."""
     old = KeptBox(np.zeros(3), np.array([10.0, 8.0, 6.0]))
