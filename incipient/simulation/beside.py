@@ -60,8 +60,8 @@ class InTurn:
     """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
 
     In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
-    `by_itself` runs a scene on a mesh of its own, at a speed; `prepare` gives the run of a scene that has a mesh, None as
-    the scene says.
+    `by_itself` runs a scene on a mesh of its own, at a speed; `prepare` gives the run of a scene that has a mesh, None:
+    as the scene says.
     """
 
     def __init__(

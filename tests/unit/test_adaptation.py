@@ -188,7 +188,7 @@ def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
 
 def searching(seconds: float, **numerics: object) -> tuple[Refinement, Shares]:
     """A search on its first mesh, which took a time [s]."""
-    search = Refinement(wanting(accuracy=1e-3, **numerics), MPI.COMM_SELF, Unrecorded(), Silent())
+    search = Refinement(wanting(accuracy=1e-3, **numerics), MPI.COMM_SELF, Recorder(), Silent())
     search.report(Trial(2, 200, 1000, 0.1, seconds))
     points, triangles = grid(10)
     return search, Shares(points, triangles, np.full(len(points), 0.1 / len(points)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from mpi4py import MPI
@@ -12,13 +12,11 @@ from mpi4py import MPI
 from ... import compat
 from ...errors import ConvergenceError
 from ...forms import preconditioning
+from ..action import PressureForce
 from .equations import Equations
 from .multigrid import Components, component_rows
 from .schur import ScaledMass
 from .statistics import LinearStatistics
-
-if TYPE_CHECKING:
-    from ..action import PressureForce
 
 # One cycle: so many steps of smoothing, in creeping flow and where something convects, then the coarse system solved to
 # this residual.
