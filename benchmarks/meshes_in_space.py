@@ -29,8 +29,8 @@ MESH_SIZES = (2.0, 1.4, 1.0, 0.7, 0.5)
 HEADS = {
     "free": "| Re | mesh_size | unknowns | C_D | corrected | C_L | corrected | wake, d | iterations a correction "
     "| flow s | estimate s |",
-    "plane": "| G d^2/nu | mesh_size | unknowns | drag | corrected | lift | corrected | couple | corrected | iterations "
-    "| flow s | estimate s |",
+    "plane": "| G d^2/nu | mesh_size | unknowns | drag | corrected | lift | corrected | couple | corrected "
+    "| iterations | flow s | estimate s |",
 }
 AREA = math.pi / 4.0  # of a sphere of diameter 1 as the stream sees it
 
