@@ -91,6 +91,15 @@ class TestSolids:
         assert largest == pytest.approx(solid.size, rel=5e-3)
 
     @solids
+    def test_centroid_is_the_origin(self, solid):
+        """By the divergence theorem on its triangles (trimesh): exact for flat sides, else as good as triangles are."""
+        surface = solid.surface(solid.size / 40.0)
+        mesh = trimesh.Trimesh(surface.points, surface.triangles, process=False)
+        is_flat_sided = isinstance(solid, Polyhedron | Triangulated)
+        tolerance = (1e-12 if is_flat_sided else 1e-3) * solid.size
+        assert mesh.center_mass == pytest.approx(np.zeros(3), abs=tolerance)
+
+    @solids
     def test_inertia_is_symmetric(self, solid):
         assert solid.inertia == pytest.approx(solid.inertia.T)
 
