@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import TypeAdapter
 
@@ -23,7 +23,7 @@ from ..errors import OutputError
 from ..files import make_directory, write_json
 from ..planning.flow_setup import Setup
 from ..scene import Scene
-from .laws import ErrorLaw, TimeLaw
+from .laws import KNOWN_KEYS, ErrorLaw, TimeLaw
 
 SCHEMA_VERSION = 2
 NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
@@ -40,6 +40,8 @@ class Findings:
     errors:  laws by goal and order of the velocity
     cheaper: solver options that take less time at the same error, with the share of the time of the scene's own
     """
+
+    __pydantic_config__: ClassVar = KNOWN_KEYS
 
     title: str
     kind: str

@@ -9,11 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 
 from ..arrays import Floats
 
+KNOWN_KEYS = ConfigDict(extra="forbid")  # of laws in files: those of another version are not taken for these
 USUAL_POWER, POWERS = 1.1, (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)  # of the unknowns; those that a fit tries
 WIDE = 10.0  # factor between the fewest and the most unknowns from which on runs tell the power
 AGAIN = 0.3  # of what is fixed is paid again by a further run in one process: measured
@@ -33,6 +36,8 @@ class TimeLaw:
 
     start: until everything is imported; fixed: what no number of unknowns changes besides, such as loading forms
     """
+
+    __pydantic_config__: ClassVar = KNOWN_KEYS
 
     start: float
     fixed: float
@@ -64,6 +69,8 @@ def fitted_time(unknowns: Floats, steps: Floats, cpu: Floats, start: float) -> T
 @dataclass(frozen=True)
 class ErrorLaw:
     """error = mesh h^power + time dt^rate for one order; errors lie beside it by a factor `scatter`."""
+
+    __pydantic_config__: ClassVar = KNOWN_KEYS
 
     mesh: float
     power: float

@@ -144,6 +144,11 @@ def test_a_damaged_calibration_is_none(cache: Path) -> None:
         cache.write_text(content)
         assert not calibration.read()
     calibrated(scene(), law)
+    stored = cache.read_text()
+    for name in ("power", "kind"):  # of a law, of findings
+        cache.write_text(stored.replace(f'"{name}":', f'"more": 1, "{name}":', 1))
+        assert not calibration.read(), f"{name} of another version"
+    cache.write_text(stored)
     (found,) = calibration.read().values()
     assert found.errors == {"force": {2: law}} and found.time == TIME
 
