@@ -13,7 +13,7 @@ import numpy as np
 
 from incipient.arrays import Floats, Point
 from incipient.errors import MeshError
-from incipient.geometry.plane.curves import Arc, Curve, Line
+from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from incipient.interrupt import handlers_kept
 
 from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes, SolidGrid
@@ -135,8 +135,10 @@ class _Pen:
             if curve.major is None:
                 return geo.addCircleArc(start, centre, end)
             return geo.addEllipseArc(start, centre, self._lone(curve.major), end)
-        inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
-        return geo.addSpline([start, *inner, end])
+        if isinstance(curve, Spline):
+            inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
+            return geo.addSpline([start, *inner, end])
+        raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn; use lines, arcs or splines")
 
 
 def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
@@ -262,7 +264,8 @@ def _set_either(names: tuple[str, ...], put: Callable[[str, Any], None], value: 
     """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
     for name in names:
         try:
-            return put(name, value)
+            put(name, value)
+            return
         except Exception as error:
             if not _is_of_gmsh(error):
                 raise

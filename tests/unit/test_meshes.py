@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -254,6 +255,15 @@ def test_all_cells_keep_their_sense(order: int) -> None:
         kinds, _, _ = model.mesh.getElements(2)
         found = senses(model, model.mesh.getIntegrationPoints(kinds[0], "Gauss8")[0])
     assert np.all(found > 0) or np.all(found < 0)
+
+
+def test_a_curve_of_another_kind_is_refused() -> None:
+    """Such as one that a grain of a program of one's own may have; it says what can be drawn."""
+    other = SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0))
+    region = Region(FLOOR, 1.0, {"body": (other,)})  # type: ignore[dict-item]
+    remedy = "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines"
+    with pytest.raises(MeshError, match=remedy), region_model(region, Sizes(0.2), 1):
+        pass
 
 
 def test_errors_of_the_reader_of_a_model_are_its_own() -> None:
