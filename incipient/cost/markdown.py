@@ -56,10 +56,12 @@ def _accuracies(study: Study) -> str:
     rows = []
     for accuracy in frontier.accuracies(min(errors)):
         reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
-        by = [f"{run.variant.name}, {run.peak_mib:.0f} MiB" for run in reached[:1]] or ["finer than any here"]
+        run = (
+            f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
+        )
         of_both = (laws["cpu"], times), (laws["wall"], walls)
         prices = [frontier.cost(law, accuracy, errors, of) if law else "-" for law, of in of_both]
-        rows.append([percent(accuracy), *prices, *by])
+        rows.append([percent(accuracy), *prices, run])
     digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
     starting = f"of the time beyond {seconds(laws['cpu'].start)} of starting"
     rows.append(["each further digit", *digits, starting])
@@ -83,9 +85,10 @@ def _of_goals(study: Study) -> str:
 
 def _solvers(study: Study) -> list[str]:
     """Other solver options: a sentence and a table."""
-    found, able = study.solvers(), SolverOptions(study.scene)
+    found = study.solvers()
     if not found:
         return []
+    able = SolverOptions(study.scene)
     rows = [_solver_row(one, able) for one in found]
     numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
     table = _table(["solver option", *numbers, "what it is", "set by"], rows, left=(8, 9))

@@ -164,9 +164,12 @@ class SolverOptions:
         """Whether the scene is solved so anyway."""
         if "stabilisation" in one.numerics:
             return self.plan.stabilisation.present == (one.numerics["stabilisation"] == "on")
-        sections = ((getattr(self.scene, name), keys) for name, keys in self._sections(one).items())
-        same = all(getattr(section, key) == keys[key] for section, keys in sections for key in keys)
-        return same and not one.petsc
+        same = (
+            getattr(getattr(self.scene, name), key) == value
+            for name, keys in self._sections(one).items()
+            for key, value in keys.items()
+        )
+        return not one.petsc and all(same)
 
     def _sections(self, one: Solver) -> Sections:
         """The keys, by section, that an option changes in the scene."""

@@ -137,11 +137,14 @@ def _reference(ladder: Ladder, good: Sequence[MeasuredRun]) -> tuple[MeasuredRun
     line = [by_rung[variant.key] for variant in ladder.line if variant.key in by_rung]
     if not line or line[-1].variant.key != ladder.reference.key:
         # The reference failed: the finest of the others, as it is.
-        variants = {run.variant: run for run in _own(good) or good}
-        line = [variants[max(variants, key=lambda one: (one.order, -(one.step or 0.0), -one.mesh_size))]]
+        line = [max(_own(good) or good, key=_fineness)]
     ratio = ladder.ratio if len(line) == len(ladder.line) else math.nan
     others = [run.found for run in _own(good) if run is not line[-1]]
     return line[-1], frontier.reference([run.found for run in line], ratio, others)
+
+
+def _fineness(run: MeasuredRun) -> tuple[float, ...]:
+    return run.variant.order, -(run.variant.step or 0.0), -run.variant.mesh_size
 
 
 def _clear(known: Sequence[tuple[float, float]]) -> bool:

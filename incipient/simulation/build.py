@@ -136,8 +136,8 @@ def estimate(scene: Scene) -> Plan:
     setup = Setup(scene)
     plan, has_dual = plan_of(setup), expense.has_dual(setup)
     wider = on_more_bed(scene) if has_dual else None
-    beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
+    beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     counted: Estimate = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
     counted = counted.with_more(sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
