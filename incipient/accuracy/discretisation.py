@@ -95,7 +95,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def _by_two_meshes(coarser: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
-    """The term by runs on two coarser meshes, for an order; what these differ by falls at no more than another one."""
+    """The term by runs on two coarser meshes: errors fall at `order`, what the two differ by at most at `fastest`."""
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
     share = 1.0 / (COARSER_MESH**order - 1.0)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))

@@ -154,10 +154,9 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
         term = by_dual(goals, unit)
     small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
     chosen = run.scene.numerics.accuracy is not None  # cells, for an error that has been reached
-    as_it_is = improve is None or small or chosen or bool(term.doubt)
-    if as_it_is or run.accounts.spent() or not is_corrected(run.scene):
+    as_it_is = small or chosen or bool(term.doubt)
+    if improve is None or as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
-    assert improve is not None
     try:
         return by_both(term, goals, unit, improve(run.scene))
     except IncipientError as error:

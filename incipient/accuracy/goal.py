@@ -146,7 +146,7 @@ class Goal:
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
-    """Places among force and couple (6,) of the scene's components by number; where half is computed the even ones."""
+    """Place among force and couple in space (6,) of each component of a scene, by its number; a half has even ones."""
     if gdim == 2:
         return {0: 0, 1: 1, 2: 5}
     return {place: place for place in ((0, 2, 4) if halved else range(6))}

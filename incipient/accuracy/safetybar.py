@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]
 # What the exact judge is asked about: load, contacts, friction, mass and inertia.
-Judged = tuple[Load, Contacts, float, MassAndInertia | None]
+JudgedCase = tuple[Load, Contacts, float, MassAndInertia | None]
 
 
 def bar_of_scene(
@@ -82,7 +82,7 @@ def bar_of_safety(
     )
 
 
-def _modes(case: Judged, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
+def _modes(case: JudgedCase, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
     """What loads of the box do, and whether that is all they can do."""
     load, contacts, friction, inert = case
     if found.rests:

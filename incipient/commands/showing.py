@@ -66,7 +66,7 @@ def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def report(options: argparse.Namespace, comm: Comm) -> int:
-    """Write the page and say where it is."""
+    """Writes the page of results and prints its path."""
     with collectively(comm):
         if comm.rank == 0:
             print(incipient.report(options.path, options.out), flush=True)

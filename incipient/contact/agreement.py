@@ -30,7 +30,9 @@ class AgreementPart(Enum):
 
 
 Family = frozenset[AgreementPart]
-_LIFTS, _SLIDES, _TURNS = (frozenset({part}) for part in AgreementPart)
+_LIFTS = frozenset({AgreementPart.LIFTS})
+_SLIDES = frozenset({AgreementPart.SLIDES})
+_TURNS = frozenset({AgreementPart.TURNS})
 
 # What the paper's outcomes are called by one who watches the contacts. Pivotting combined with lifting keeps a
 # contact or leaves it; a rotation away from the surface leaves all, whether it is called lifting or not.

@@ -120,10 +120,10 @@ class Probabilities:
 
     samples: int
     seed: int
-    # Of each mode met, by the paper's judge and by the exact one, the most likely first.
+    # Probability of each mode met, by the paper's judge and by the exact one, the most likely first.
     criteria: dict[str, Probability]
     equilibrium: dict[str, Probability]
-    # That the grain moves.
+    # Probability that the grain moves, by the paper's judge and by the exact one.
     moves_criteria: Probability
     moves_equilibrium: Probability
     same: Probability  # that the judges agree on whether it does

@@ -50,7 +50,7 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
 
 
 def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
-    """The ladder of a scene with the lists of the command line; raises SceneError for one of no use."""
+    """The orders, sizes, steps and solver options of a ladder, as given or usual; raises SceneError for a bad list."""
     usual = spread(scene, quick)
     if lists.get("steps") and scene.time is None:
         raise SceneError("--steps: the scene is steady; leave it out")

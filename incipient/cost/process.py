@@ -9,7 +9,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 # What would make a new process take part in a parallel run.
 PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
@@ -65,9 +64,14 @@ def run(
         text.write(given)
         text.seek(0)
         began = time.perf_counter()
-        streams: dict[str, Any] = {"stdin": text, "stdout": output, "stderr": errors}
         process = subprocess.Popen(
-            command, cwd=directory, env=environment, start_new_session=apart, **streams
+            command,
+            stdin=text,
+            stdout=output,
+            stderr=errors,
+            cwd=directory,
+            env=environment,
+            start_new_session=apart,
         )
         try:
             _, status, used = os.wait4(process.pid, 0)

@@ -97,9 +97,10 @@ class GustSearch:
     def critical(
         self, durations: Sequence[float], keep: Callable[[CriticalGust], object] = lambda found: None
     ) -> list[CriticalGust]:
-        """Find the critical strength for each duration, the longest first; `keep` is given each at once. Collective.
+        """Find the critical strength for each duration, the longest first. Collective.
 
-        Raises SceneError: the grain leaves without a gust, or withstands all.
+        `keep` is given each as soon as it is found. Raises SceneError where the grain leaves without a gust or
+        withstands all, and IncipientError where a run fails.
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):

@@ -100,7 +100,8 @@ class LoadPath:
         first = int(lost[0])
         if values[first] <= 0.0:
             return float(samples[first])
-        return float(brentq(self._logarithm, *samples[first : first + 2], xtol=ROOT * high, rtol=ROOT))
+        root = brentq(self._logarithm, samples[first], samples[first + 1], xtol=ROOT * high, rtol=ROOT)
+        return float(root)
 
     def doubtful(self, low: float, high: float, end: float) -> float | None:
         """The factor up to `end` between two flows solved, `low` and `high`, at which rest is least sure; None: it is.

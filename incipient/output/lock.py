@@ -58,7 +58,9 @@ class Holder:
 
 @contextmanager
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
-    """Keep other runs out of a directory, made if that is asked for, during the block. Entering alone is collective.
+    """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
+
+    With `make` the directory is made if it is not there.
 
     The lock of a process that has ended without giving it back is taken over. The lock is a file made only if it is
     not there, which network file systems do rightly, too; their locks on files are not relied upon.

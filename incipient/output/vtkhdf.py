@@ -38,7 +38,8 @@ class _Piece:
 def write_vtkhdf(hdf5: Path, cell_type: str, steady: bool) -> Path:
     """Write the VTKHDF file beside the HDF5 file of a series, in place of an earlier one; its path. Not collective.
 
-    The series has a step, whose time means nothing if it is steady; the cell type is XDMF's name. Raises OutputError.
+    `hdf5` is the file that `SeriesFile` writes, with at least one step; with `steady` there is one, whose time means
+    nothing. `cell_type` is XDMF's name of the cells. Raises OutputError if it cannot be written, or `hdf5` not be read.
     """
     import h5py
 

@@ -40,12 +40,12 @@ def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """Path of the film of `film.animate`, made in another process; raises OutputError as it does."""
+    """Make the film of `film.animate` in another process; its path. Not collective; raises OutputError as that does."""
     return _film_apart(directory, target, "--animate", f"--field={field}")
 
 
 def turn_apart(directory: Path, target: Path | None) -> Path:
-    """Path of the film of `turntable.turn`, made in another process; raises OutputError as it does."""
+    """Make the film of `turntable.turn` in another process; its path. Not collective; raises OutputError as that."""
     return _film_apart(directory, target, "--turntable")
 
 

@@ -86,7 +86,9 @@ class StoredRun:
         """Forces (3,) by name on a grain that is not judged; the flow's alone without gravity."""
         flow = self.space("force", "flow")
         weight = self.space("force", "weight") + self.space("force", "buoyancy")
-        return {"flow": flow} | ({"weight": weight, "resultant": flow + weight} if weight.any() else {})
+        if not weight.any():
+            return {"flow": flow}
+        return {"flow": flow, "weight": weight, "resultant": flow + weight}
 
     @property
     def in_space(self) -> bool:

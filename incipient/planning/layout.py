@@ -37,7 +37,7 @@ class Layout:
     gap: float = np.inf
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
     max_cells: float = np.inf  # triangles, in space tetrahedra, expected above which no mesh is made
-    # Of a grain about whose contacts the space is closed where it is narrower than the gap; None: it is open
+    # The closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
     closing: Closing | None = None
 
     @property

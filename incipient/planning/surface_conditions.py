@@ -43,8 +43,7 @@ def ends(setup: Setup) -> list[Condition]:
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     wave, base_flow = wave_of(setup), setup.base_flow
     if wave is None:
-        stream, beside = base_flow.entering, Expression(setup.surface.inflow, "surface.inflow")
-        along, coming = (lambda x, t: stream(x, t)[0] + beside(x, t)), None
+        along, coming = _with_formula(base_flow, setup.surface), None
     else:
         along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
     entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
@@ -71,6 +70,12 @@ def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
     """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
     speed = Expression(asked.seepage, "surface.seepage")
     return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
+
+
+def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
+    """The velocity along a channel at its inflow with what a formula adds to the base flow."""
+    entering, added = base_flow.entering, Expression(asked.inflow, "surface.inflow")
+    return lambda x, t: entering(x, t)[0] + added(x, t)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:

@@ -66,7 +66,7 @@ def of_directory(directory: Path) -> Page:
 
 
 def of_sweep(file: Path) -> Page:
-    """The page of the file of a sweep, drawn again. Not collective; raises OutputError for another file."""
+    """The page of the file of a sweep, its pictures drawn again. Not collective; raises OutputError for other files."""
     made = sweep.part(file)
     return Page(made.title, (made,), closing(None, [made]))
 

@@ -151,9 +151,13 @@ class Page:
 
 def html(page: Page) -> str:
     """The page as one HTML document."""
-    strict: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined}
-    loader = FileSystemLoader(TEMPLATES)
-    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, **strict)
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
     environment.filters |= {"cell": cell, "look": look}
     return environment.get_template("page.html").render(
         page=page, style=_own("page.css"), turning=_own("turn.js"), turned=_turned(page)

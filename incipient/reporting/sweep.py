@@ -41,8 +41,10 @@ def part(file: Path) -> PagePart:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
-    drawn, states = draw_sweep_apart(file), (DONE, FAILED, DAMAGED)
-    done, failed, damaged = ([row for row in found if row["status"] == state] for state in states)
+    drawn = draw_sweep_apart(file)
+    done, failed, damaged = (
+        [row for row in found if row["status"] == state] for state in (DONE, FAILED, DAMAGED)
+    )
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
     rest = len(found) - len(done) - len(failed) - len(damaged)

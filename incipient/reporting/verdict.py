@@ -30,9 +30,10 @@ def of_contacts(case: Judged) -> tuple[PageSection, ...]:
     normal, along = pressed(case.forces, contacts.normals)
     rows: Rows = []
     for index, state in enumerate(case.states):
-        place, outwards = (components(one[index], planar) for one in (contacts.points, contacts.normals))
-        by = float(normal[index]), float(along[index])
-        rows.append((str(index + 1), place, outwards, *by, STATES[state][1]))
+        place = components(contacts.points[index], planar)
+        outwards = components(contacts.normals[index], planar)
+        force = float(normal[index]), float(along[index])
+        rows.append((str(index + 1), place, outwards, *force, STATES[state][1]))
     head = ("contact", "where", "normal, out of the grain", "pressed by", "along the surface", "state")
     return section("Contacts", words(f"Forces: {case.occasion}."), table(head, rows))
 

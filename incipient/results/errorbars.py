@@ -68,7 +68,7 @@ class Term:
     force: Floats
     couple: Floats
     how: str
-    # Of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
+    # Errors of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
     place: Floats | None = None
     power: float = 1.0  # exponent of the gap with which its error is expected to fall
     parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
@@ -80,7 +80,7 @@ class Term:
     ratio: float = 1.0
     modes: tuple[str, ...] = ()  # what the grain does where it is
     doubt: str = ""  # why the errors may be more than twice as large; nothing where they are not known to be
-    # Of force and couple for this error; None where they are not corrected
+    # Correction of force and couple for this error; None where they are not corrected
     correction: Correction | None = None
 
     def corrected(self, change: Floats, left: Floats) -> Term:

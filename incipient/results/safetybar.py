@@ -32,8 +32,8 @@ class SafetyBar:
     every: Interval | None
     # Terms that should be there but could not be computed, and the model of the mean flow
     unknown: tuple[str, ...] = ()
-    # Of a grain that rocks, how much its flow's load may change as it does, relative: low and high are about so far
-    # away, and nothing is proved
+    # How much the load of the flow may change, relative, as the grain rocks: low and high are about so far away, and
+    # nothing is proved. None: the grain does not rock
     frozen: float | None = None
 
     @property

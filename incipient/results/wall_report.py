@@ -33,8 +33,8 @@ class WallReport:
     plane: bool = True  # whether all walls are planes; else the flow may separate, where y+ may be small
     # In the plane from where to where along the bed the flow runs upstream next to it
     backward: tuple[tuple[float, float], ...] = ()
-    # Of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs
-    # upstream, at nodes of ascending x
+    # In the plane by names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs upstream, at
+    # nodes of ascending x
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
     reach: float = math.inf  # depth over which a wall is felt

@@ -32,7 +32,8 @@ class March:
 
     The run gets its parts in time: what moves first, then what it has already.
 
-    coupling: of flow and moving boundaries; None: nothing moves; transient: the steps
+    coupling:  of flow and moving boundaries; None: nothing moves
+    transient: the steps
     """
 
     def __init__(self, run: Run, checkpoint: Checkpoint | None):

@@ -36,7 +36,6 @@ class Recorder:
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
         """Take note of the contacts of a moving grain at the end of a step."""
-        return
 
     def remeshed(self, domain: Domain) -> None:
         """Take note that fields are on another mesh from now on."""

@@ -66,8 +66,8 @@ def hand_over(run: Run, recorder: Recorder) -> Path | None:
 def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
     """Judge what has been solved, estimate errors, and hand the result over. Collective.
 
-    The result is handed over before the errors are estimated, too: that may take as long as the run. Interrupted
-    meanwhile it says where the result without them is kept.
+    The result is handed over before the errors are estimated, too: that may take as long as the run. Raises Interrupted
+    meanwhile, which says where the result without them is kept.
     """
     result = outcome(run)
     estimated = run.scene.numerics.error_bars

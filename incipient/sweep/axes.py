@@ -114,7 +114,7 @@ def _split(text: str) -> list[str]:
 
 
 def table_of_cases(path: Path) -> list[Settings]:
-    """Cases of a CSV file, a row each, under keys; empty cells leave the scene's value. Raises SceneError."""
+    """Cases of a CSV file, a row each, under keys in the first row; empty cells change nothing. Raises SceneError."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream))

@@ -211,7 +211,8 @@ class SweepRefinement:
     def following(self, results: Results) -> list[SweepCase]:
         """The next cases; none where the aim is reached or the budget is spent.
 
-        `results`: task and result of those of some cases that are done, by identity. Raises SceneError: no quantity.
+        `results` gives task and result of those of some cases that are done, by identity. Raises SceneError where no
+        case has the quantity.
         """
         self._look(results)
         new: list[SweepCase] = []
@@ -247,8 +248,12 @@ class SweepRefinement:
 
     def _look(self, results: Results) -> None:
         """Take what has been found at places that have not been seen."""
-        cases = ((family, *one) for family in self._families for one in family.cases.items())
-        left = [(of, place, case) for of, place, case in cases if case is not None and place not in of.seen]
+        left = [
+            (family, place, case)
+            for family in self._families
+            for place, case in family.cases.items()
+            if case is not None and place not in family.seen
+        ]
         found = results([case.identity for _, _, case in left])
         rows = {name: quantities(task, result) for name, (task, result) in found.items()}
         for family, place, case in left:

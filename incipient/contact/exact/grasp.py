@@ -28,9 +28,8 @@ SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 class Grasp:
     """k different contacts: where they are and which forces they can carry, without units."""
 
-    frames: (
-        Floats  # (k, 3, 3): rows inward normal and two tangents, the second across the plane of a planar case
-    )
+    # (k, 3, 3): rows inward normal and two tangents, the second across the plane of a planar case
+    frames: Floats
     matrix: Floats  # (6, k, 3): the wrench of unit local forces
     copy: Integers  # (n,): which of the k each contact given is
     share: Floats  # (n,): its part of that one's force
@@ -146,9 +145,8 @@ def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> 
     axes = _axes(vectors, couple)
     if np.abs(vectors @ axes[2]).max() > PLANAR or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR:
         return None
-    if (
-        inertia is not None
-    ):  # of which the normal must be a principal axis, for a planar load to give a planar motion
+    if inertia is not None:
+        # A planar load gives a planar motion only if the normal of the plane is a principal axis.
         along = inertia @ axes[2]
         if np.abs(along - along @ axes[2] * axes[2]).max() > PLANAR * np.abs(inertia).max():
             return None

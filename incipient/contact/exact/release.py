@@ -52,7 +52,7 @@ class Release:
     # (3k, 3k) and (3k,): local accelerations at the contacts by local forces, and without any
     compliance: Floats
     free_at_contacts: Floats
-    # What one is.
+    # What a force of one, and a mass of one, are in the units of the load and the grain.
     force_unit: float
     mass_unit: float
 

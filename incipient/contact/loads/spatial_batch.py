@@ -37,7 +37,7 @@ class Spatial:
 
     carried: Circular
     case: Release | None
-    # That of `compiled_shares`, which takes numba
+    # The function of `compiled_shares`, which takes numba.
     largest_shares: Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
 
     @classmethod

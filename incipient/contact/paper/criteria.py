@@ -101,10 +101,8 @@ class Classification:
     def distributions(self) -> Distributions:
         """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
         load, arms = self.load, self.contacts.points - self.load.centre
-        from_force, from_couple = (
-            np.broadcast_to(load.force, arms.shape),
-            _tangential_force(load.couple, arms),
-        )
+        from_force = np.broadcast_to(load.force, arms.shape)
+        from_couple = _tangential_force(load.couple, arms)
         of_force, of_couple, of_both = (
             distribute(pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance)
             for pressing in (from_force, from_couple, from_force + from_couple)

@@ -132,8 +132,6 @@ def _judged(verdict: dict[str, Any]) -> Judged:
     forces, states, share = _forces(exact, load, contacts, friction)
     first, _, second = verdict["sentence"].partition(_PAPER)
     stored = verdict["safety_factor"]
-    at_rest = motion is None or motion["mode"] == "REST"
-    accelerations = () if at_rest else (motion["acceleration"], motion["angular_acceleration"])
     return Judged(
         load=load,
         contacts=contacts,
@@ -141,7 +139,7 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         forces=forces,
         states=states,
         share=share,
-        motion=None if at_rest else DrawnMotion(*map(np.array, accelerations)),
+        motion=None if motion is None or motion["mode"] == "REST" else _motion(motion),
         mode=verdict["mode"] if "rocking" in verdict else exact["mode"],
         safety_factor=math.inf if stored is None else float(stored),
         outcome=f"{paper['row']}: {quoted(paper['wording'])}",
@@ -149,6 +147,10 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         left=(np.array(paper["force"]), np.array(paper["couple"])),
         sentences=(sentence(first), sentence(_PAPER[2:] + second) if second else ""),
     )
+
+
+def _motion(stored: dict[str, Any]) -> DrawnMotion:
+    return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
 
 
 def _forces(

@@ -123,8 +123,9 @@ def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
     assert run.surface is not None
     points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
-    whole = run.whole(points, cells)
-    return *whole, np.vstack([values, values * [1.0, -1.0, 1.0]]) if run.halved else values
+    if run.halved:
+        values = np.vstack([values, values * [1.0, -1.0, 1.0]])
+    return *run.whole(points, cells), values
 
 
 def _shown_surface(
