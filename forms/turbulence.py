@@ -1,5 +1,6 @@
-"""The k-epsilon model of turbulence in the logarithms K = ln k and E = ln epsilon, as weak forms.
+"""Transport of turbulence in the logarithms of two quantities, as weak forms, and the k-epsilon model in ln k, ln epsilon.
 
+A model is a closure: it says what diffuses, makes and destroys both quantities (`Closure`; `k_omega_sst.Closure`).
 With k = exp(K) and epsilon = exp(E) both are positive on any mesh and at any step, and the logarithmic layer, where
 epsilon falls as 1/y, is smooth in E. Each equation is that of k or epsilon over k or epsilon itself:
 
@@ -29,24 +30,12 @@ LONGEST_UPWINDING = 100
 
 
 @dataclass(frozen=True)
-class Closure:
-    """The model's constants, and the most that P/epsilon may be; numbers or UFL constants."""
-
-    c_mu: Any = 0.09
-    c_1: Any = 1.44
-    c_2: Any = 1.92
-    sigma_k: Any = 1.0
-    sigma_epsilon: Any = 1.3
-    most_produced: Any = MOST_PRODUCED
-
-
-@dataclass(frozen=True)
 class Stream:
     """What carries and makes the turbulence: the velocity, viscosity of the molecules, and measure of the cells.
 
     size:  that of a cell over the order of the elements, for upwinding along the streams; None: without
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
-    added: (2,) what else makes k and epsilon, over k and epsilon themselves
+    added: (2,) what else makes both quantities, over these quantities themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
@@ -59,6 +48,32 @@ class Stream:
     added: Any = (0, 0)
     carrier: Any = None
     per_step: Any = 0
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The constants of the k-epsilon model, and the most that P/epsilon may be; numbers or UFL constants."""
+
+    c_mu: Any = 0.09
+    c_1: Any = 1.44
+    c_2: Any = 1.92
+    sigma_k: Any = 1.0
+    sigma_epsilon: Any = 1.3
+    most_produced: Any = MOST_PRODUCED
+
+    def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
+        """nu_t = C_mu k^2/epsilon."""
+        return eddy_viscosity(logarithms, self)
+
+    def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+        """Those of k and of epsilon."""
+        eddies = eddy_viscosity(logarithms, self)
+        return stream.viscosity + eddies / self.sigma_k, stream.viscosity + eddies / self.sigma_epsilon
+
+    def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
+        """What makes k and epsilon less what destroys them, over k and epsilon."""
+        made, lost = rate_of_production(logarithms, stream.velocity, self), rate_of_dissipation(logarithms)
+        return made - lost, self.c_1 * made - self.c_2 * lost
 
 
 def eddy_viscosity(logarithms: Any, closure: Closure) -> Any:
@@ -78,32 +93,30 @@ def rate_of_production(logarithms: Any, velocity: Any, closure: Closure) -> Any:
     return ufl.min_value(made, closure.most_produced * rate_of_dissipation(logarithms))
 
 
-def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Closure) -> Any:
+def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Any) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
     On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
-    of k or epsilon over k or epsilon: what is uniform stays so, whatever the mesh does.
+    of a quantity over that quantity: what is uniform stays so, whatever the mesh does. The closure has the methods of
+    `Closure`.
 
-    Boundaries let nothing of k and epsilon diffuse through; see `at_wall` for what epsilon does at a wall.
+    Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
     """
-    made = rate_of_production(logarithms, stream.velocity, closure)
     carrier = stream.velocity if stream.carrier is None else stream.carrier
-    lost = rate_of_dissipation(logarithms)
-    eddy = eddy_viscosity(logarithms, closure)
-    parts = ((closure.sigma_k, 1, 1), (closure.sigma_epsilon, closure.c_1, closure.c_2))
+    diffusivities, sources = closure.diffusivities(logarithms, stream), closure.sources(logarithms, stream)
+    known = None if stream.size is None else closure.diffusivities(stream.known, stream)
     form = 0
-    for i, (sigma, of_made, of_lost) in enumerate(parts):
+    for i, diffusivity in enumerate(diffusivities):
         one, test = logarithms[i], tests[i]
-        diffusivity = stream.viscosity + eddy / sigma
         slope = ufl.grad(one)
-        sources = diffusivity * ufl.inner(slope, slope) + of_made * made - of_lost * lost + stream.added[i]
-        strong = ufl.dot(carrier, slope) - sources
+        strong = ufl.dot(carrier, slope) - (
+            diffusivity * ufl.inner(slope, slope) + sources[i] + stream.added[i]
+        )
         if rate is not None:
             strong += rate[i]
         form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * stream.measure
-        if stream.size is not None:
-            known = stream.viscosity + eddy_viscosity(stream.known, closure) / sigma
-            delta = streamline_time(carrier, known, stream.size)
+        if known is not None:
+            delta = streamline_time(carrier, known[i], stream.size)
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)
             form += delta * strong * ufl.dot(carrier, ufl.grad(test)) * stream.measure

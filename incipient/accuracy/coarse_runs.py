@@ -54,7 +54,7 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 def on_another_mesh(scene: Scene) -> bool:
     """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
-    return scene.has_wall_layer or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
+    return scene.is_averaged or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
 
 
 def ratio_of_steps(scene: Scene) -> float:

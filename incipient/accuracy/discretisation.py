@@ -121,7 +121,7 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
-    if scene.has_wall_layer and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
+    if scene.is_averaged and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most / COARSER_MESH) / 100.0))
 
 
@@ -139,7 +139,7 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = SLOWEST if scene.has_wall_layer else order_in_space(order_of(scene).number)
+        order = SLOWEST if scene.is_averaged else order_in_space(order_of(scene).number)
         how = f"these on a mesh for elements of order {order_of(beside).number}"
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
@@ -156,7 +156,7 @@ def shares(scene: Scene) -> tuple[float, float]:
     """
     ratio, order = ratio_of_steps(scene), order_of(scene).number
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
-    in_space = SLOWEST if scene.has_wall_layer else order_in_space(order)
+    in_space = SLOWEST if scene.is_averaged else order_in_space(order)
     return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0
 
 

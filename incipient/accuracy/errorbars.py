@@ -76,7 +76,7 @@ def error_terms(
     `improve` gives loads on coarser cells less their estimated errors; without it the discretisation is not corrected.
     """
     scene, found = run.scene, _Found(run, solve)
-    if scene.has_wall_layer and scene.time is None:
+    if scene.is_averaged and scene.time is None:
         computed = _computed(run, force, couple)
         found.add("discretisation", partial(by_coarser_mesh, scene, computed))
         if is_coarse(scene):
@@ -245,7 +245,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     with suppress(ConvergenceError):  # a term that is not computed needs no runs
         if scene.time is not None:
             by_coarser_runs(scene, nothing, note)
-        elif scene.has_wall_layer:
+        elif scene.is_averaged:
             by_coarser_mesh(scene, nothing, note)
         elif scene.has_centrelines:
             on_centrelines(scene, nothing, note)

@@ -115,7 +115,7 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
-    if scene.has_wall_layer and scene.body is None:
+    if scene.is_averaged and scene.body is None:
         return "does not apply: how long the channel is, and what enters, belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
@@ -173,7 +173,7 @@ def is_corrected(scene: Scene) -> bool:
     In turbulent flow, and below a free surface, estimates have not shown what they are worth.
     """
     held = scene.body is not None and not scene.body.moves
-    return scene.numerics.correction and held and not (scene.has_wall_layer or scene.has_surface)
+    return scene.numerics.correction and held and not (scene.is_averaged or scene.has_surface)
 
 
 def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
@@ -190,7 +190,7 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     the bed's own height. At `speed` the flow is faster by a factor.
     """
     base_flow = Setup(scene).base_flow_at(speed)
-    if scene.has_wall_layer or has_no_far_sides(scene) or not base_flow.over_forms:
+    if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
         return None
     found, datum = base_flow.effective_height, base_flow.datum
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
@@ -248,7 +248,7 @@ def of_the_model(
 def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain, level ground or model of turbulence, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
-    if scene.has_wall_layer:
+    if scene.is_averaged:
         reasons[MODEL] = "not estimated: vary constants and wall_distance of [turbulence] to see it"
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = NO_MORE_BED

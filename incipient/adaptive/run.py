@@ -22,7 +22,7 @@ def run_to_accuracy(
 
     The recorder is handed the last run; it may begin again. Raises IncipientError if no mesh could be solved on.
     """
-    steady = UniformRefinement if scene.has_wall_layer else Refinement
+    steady = UniformRefinement if scene.is_averaged else Refinement
     search = steady if scene.time is None else Balancing
     recorder = recorder or Recorder()
     with Interruption(comm) if recorder.keeps else nullcontext():

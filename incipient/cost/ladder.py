@@ -80,7 +80,7 @@ WITH_WALL_LAYERS = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0
 
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
-    if scene.gdim == 3 or scene.has_wall_layer:
+    if scene.gdim == 3 or scene.is_averaged:
         usual = WITH_WALL_LAYERS if scene.gdim == 2 else IN_SPACE
         if quick:
             usual = replace(usual, sizes=usual.sizes[:-1], steps=usual.steps[:-1])
@@ -116,7 +116,7 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
         steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
         return _unsteady(orders, sizes, steps)
     finer = 2.0 if scene.gdim == 2 else RATIO
-    if scene.has_wall_layer:
+    if scene.is_averaged:
         return _steady(orders, sizes, orders[-1], finer)
     # A higher order is worth more than finer cells; without one they must be finer, too.
     return _steady(orders, sizes, min(orders[-1] + 1, 4), RATIO if orders[-1] == 4 else finer)

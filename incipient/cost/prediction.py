@@ -222,12 +222,12 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     if last and scene.time is not None:
         beside = [one for run in path for one in _compared_with(run)]
         wanted = [one for one in wanted if one not in comparisons(end.scene)]
-    elif last and scene.has_wall_layer:  # the meshes before the last are those it is compared with
+    elif last and scene.is_averaged:  # the meshes before the last are those it is compared with
         coarser = on_coarser_mesh(end.scene)
         wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
     others = [_Run(one, estimate(one).counted.unknowns) for one in wanted]
     runs = [run.size for run in (*path, *beside, *others)]
-    of_loads = scene.time is None and scene.body is not None and not scene.has_wall_layer
+    of_loads = scene.time is None and scene.body is not None and not scene.is_averaged
     has_duals = of_loads and (bars or last is not None)
     duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
@@ -238,7 +238,7 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
 
 def first_mesh(scene: Scene) -> Estimate:
     """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
-    if scene.numerics.accuracy is None or scene.has_wall_layer:
+    if scene.numerics.accuracy is None or scene.is_averaged:
         as_is = scene.numerics.accuracy is None
         return estimate(scene if as_is else _sized(scene, COARSEST)).counted
     steady = scene.time is None
@@ -264,13 +264,13 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    factor = COARSEST if scene.has_wall_layer else coarsest(scene.gdim, scene.fluid.inertia)
+    factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, scene.fluid.inertia)
     first = _Run(balance.first(scene) if time else _sized(scene, factor), unknowns)
     error = known.errors(first.variant).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
     asked, reaches = numerics.accuracy, True
-    if scene.has_wall_layer:
+    if scene.is_averaged:
         path, reaches = _alike(first, known, asked)
     elif time is None:
         error = replace(error, value=COARSE * error.value)

@@ -60,7 +60,7 @@ class ComparedNumbers:
         """Names of the numbers."""
         scene = self.scene
         if scene.body is None:
-            of_walls = (*WALLS,) if scene.has_wall_layer else ("kinetic_energy",)
+            of_walls = (*WALLS,) if scene.is_averaged else ("kinetic_energy",)
             return self._elevations or ((*self._lines,) if scene.has_centrelines else of_walls)
         if scene.body.moves:
             return ("x", "y", "angle", "end_time", "path")

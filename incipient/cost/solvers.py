@@ -157,7 +157,7 @@ class SolverOptions:
         """Whether an option means anything for the scene."""
         scene, has = self.scene, self.plan.has
         iterates = has(EffectName.INERTIA) or scene.time is not None
-        excluded = (one.laminar and scene.has_wall_layer) or (one.steady and scene.time is not None)
+        excluded = (one.laminar and scene.is_averaged) or (one.steady and scene.time is not None)
         return all(map(has, one.needs)) and not excluded and (iterates or one.looser == 1.0)
 
     def _is_own(self, one: Solver) -> bool:

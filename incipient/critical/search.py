@@ -208,7 +208,7 @@ class CriticalSearch:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda one: abs(one - within))
-        if not self.run.setup.has_wall_layer:
+        if not self.run.setup.is_averaged:
             make_as_fast(self.run, nearest)
         self._start_from(nearest)
         return self._solved[nearest]
@@ -221,7 +221,7 @@ class CriticalSearch:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            first = GROWTH * slow if self.run.setup.has_wall_layer else FIRST / self._reynolds
+            first = GROWTH * slow if self.run.setup.is_averaged else FIRST / self._reynolds
             following = inside or self._beyond(path, top, first if top == slow else largest)
             if isinstance(following, Found):
                 return following

@@ -99,7 +99,7 @@ def find_threshold(
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
         return CriticalRefinement(scene, comm, voice, concluded).result()
-    if scene.has_wall_layer:
+    if scene.is_averaged:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
         search = CriticalSearch(run)
@@ -150,7 +150,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         unsolved=found.unsolved,
         cost=cost(run),
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
-        stress_power=2.0 if scene.has_wall_layer else 1.0,
+        stress_power=2.0 if scene.is_averaged else 1.0,
     )
     return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 

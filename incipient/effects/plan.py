@@ -76,7 +76,7 @@ def _sought(setup: Setup) -> str:
         "mesh and order" if scene.time is None else "steps, mesh and order"
     )
     chosen = f"{chosen} are"
-    if scene.has_wall_layer:
+    if scene.is_averaged:
         chosen = "gap, domain and mesh are" if everything else "the mesh is"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"

@@ -39,7 +39,8 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
     if scene.domain.kind == "channel" and surface:
         free.extend(surface_conditions.ends(setup))
     elif scene.domain.kind == "channel":
-        moving.append((left, base_flow.entering))
+        enters = setup.resolved_walls.velocity if setup.resolves_walls else base_flow.entering
+        moving.append((left, enters))
         free.append(Open(right))
     elif scene.has_surface and setup.surface.ends == "wall":
         free.extend((Slip(left, axis=0), Slip(right, axis=0)))

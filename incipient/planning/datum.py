@@ -24,7 +24,7 @@ def datum_of(setup: Setup) -> Datum | None:
     """
     scene = setup.scene
     level = getattr(scene.flow, "datum", None)
-    if level is None or scene.bed is None or scene.has_wall_layer:
+    if level is None or scene.bed is None or scene.is_averaged:
         return None
     why = f"{_words(setup, level)}; the {scene.flow.kind} flow starts there"
     return Datum(setup.base_flow.datum, why)

@@ -47,7 +47,7 @@ def count(
 def has_dual(setup: Setup) -> bool:
     """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
     scene = setup.scene
-    held = scene.body is not None and scene.time is None and not scene.has_wall_layer
+    held = scene.body is not None and scene.time is None and not scene.is_averaged
     return scene.numerics.error_bars and held
 
 

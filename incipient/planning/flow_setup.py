@@ -17,6 +17,7 @@ from .sides import SideNames, side_names
 from .wall_law import WallLaw
 
 if TYPE_CHECKING:
+    from .resolved_walls import ResolvedWalls
     from .wall_layer import LayeredWalls
 
 
@@ -108,6 +109,23 @@ class Setup:
         """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
         return self.scene.has_wall_layer
 
+    @property
+    def is_averaged(self) -> bool:
+        """Whether turbulence is simulated by a model of the mean flow."""
+        return self.scene.is_averaged
+
+    @property
+    def resolves_walls(self) -> bool:
+        """Whether a model of the mean flow reaches the walls."""
+        return self.scene.resolves_walls
+
+    @cached_property
+    def resolved_walls(self) -> ResolvedWalls:
+        """Walls that the mesh resolves, and what enters between them."""
+        from .resolved_walls import resolved_walls_of
+
+        return resolved_walls_of(self.turbulence, self.geometry, self.base_flow, self.sides)
+
     @cached_property
     def walls(self) -> LayeredWalls:
         """Walls with their layer, whether the flow has one or not."""
@@ -136,9 +154,11 @@ class Setup:
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress of the base flow at its datum, scene units with fluid density one.
 
-        With the k-epsilon model it is as the law of the wall estimates it. In a flow faster by `speed` it is that
-        times this, in units of the scene.
+        With the k-epsilon model it is as the law of the wall estimates it, with k-omega that of what enters. In a flow
+        faster by `speed` it is that times this, in units of the scene.
         """
+        if self.resolves_walls:
+            return float(self.resolved_walls.shear_velocity**2)
         if not self.has_wall_layer:
             return self.base_flow_at(speed).bed_stress()
         speed = speed if 0.0 < speed < float("inf") else 1.0

@@ -34,6 +34,11 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
 
         grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
         return _grid_layout(setup, plan, grid)
+    if setup.resolves_walls and setup.resolved_walls.plane:
+        from .resolved_walls import channel_rows
+
+        grid = channel_rows(setup.resolved_walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
+        return _grid_layout(setup, plan, grid)
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
     if setup.scene.closes_contacts and moved is None:
@@ -112,7 +117,10 @@ def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
 def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance) -> tuple[Near, ...]:
     """Where cells are smaller than away from everything."""
     geometry, layered = setup.geometry, setup.has_wall_layer
-    near = [*_along_grain(geometry, order, outline, stance), *_along_bed(geometry, order, stance, layered)]
+    near = [
+        *_along_grain(geometry, order, outline, stance),
+        *_along_bed(geometry, order, stance, setup.is_averaged),
+    ]
     if setup.base_flow.flow.kind == "log-law":
         layer = setup.base_flow.mean_profile.layer
         near.append(Near(PROFILE_CELL[order] * layer, GROWTH, boundary=setup.sides.bottom))
@@ -121,6 +129,10 @@ def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance)
 
         placement = stance.placement if geometry.moves else geometry.placement
         near.extend(cells(setup.walls, geometry, order, placement))
+    if setup.resolves_walls:
+        from .resolved_walls import cells_at_walls
+
+        near.extend(cells_at_walls(setup.resolved_walls, order))
     if setup.base_flow.flow.kind == "lid":
         domain = geometry.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

@@ -32,7 +32,7 @@ def order_of(scene: Scene) -> VelocityOrder:
         return VelocityOrder(2, why)
     if scene.moves:
         return VelocityOrder(2, "the grain moves, and the mesh with it")
-    if scene.numerics.accuracy is not None and not scene.has_wall_layer:
+    if scene.numerics.accuracy is not None and not scene.is_averaged:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
     why = "in the plane, where nothing moves, its error is far below that of order 2 for the same time"
     return VelocityOrder(3, why)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise, takewhile
 
 import numpy as np
@@ -58,22 +59,35 @@ def channel_grid(
     return SolidGrid(found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across)
 
 
+@dataclass(frozen=True)
+class RowSizes:
+    """The first row at a wall, the growth of rows with the distance from it, and the largest row [length]."""
+
+    first: float
+    growth: float
+    largest: float
+
+
+def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
+    """Where rows end, as parts of a height with one wall or two; rows are larger by the factor `coarse`."""
+    first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
+    bend = min((largest - first) / growth, part)  # where rows are largest
+    to_bend = math.log1p(growth * bend / first) / growth
+    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(growth * np.minimum(counted, to_bend)) / growth
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
+    ends[-1] = 1.0
+    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]]) if walls == 2 else ends
+
+
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:
     """Where rows end that are as fine at walls as the law's distance asks for; none: rows graded as usual do."""
     largest, first = walls.depth / ROWS, FINE_ROW * walls.distance
     if first >= FIRST_ROW * largest:
         return ()
-    part = height / walls.number
-    bend = min((largest - first) / ROW_GROWTH, part)  # where rows are largest
-    to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
-    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
-    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
-    counted = whole * np.arange(1, number + 1) / number
-    near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
-    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
-    ends[-1] = 1.0
-    if walls.number == 2:
-        ends = 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
+    ends = growing_rows(RowSizes(first, ROW_GROWTH, largest), height, walls.number, coarse)
     # Of few rows those that are graded as usual may have the thinner one at the wall.
     return tuple(map(float, ends)) if ends[0] < FIRST_OF_GRADED / len(ends) else ()
 

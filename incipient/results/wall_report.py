@@ -40,6 +40,11 @@ class WallReport:
     reach: float = math.inf  # depth over which a wall is felt
 
     @property
+    def model(self) -> str:
+        """Name of the model."""
+        return "k-epsilon"
+
+    @property
     def applicable(self) -> bool:
         """Whether the law of the wall holds: at all walls, or at nearly all where the flow may separate."""
         if self.plane:
@@ -83,11 +88,23 @@ class WallReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
-        found = {"applicable": self.applicable, "suitable_distance": self.suitable}
+        found = {"applicable": self.applicable, "suitable_distance": self.suitable, "model": self.model}
         return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
 
     def lines(self, errors: Floats | None = None) -> list[str]:
         """The lines for a reader, with errors (2,) of the shear velocities where they are known."""
+        first, *others = self._judged()
+        friction = self._friction(errors)
+        if self.backward:
+            friction += f"; the flow next to the bed runs upstream from x = {self._spans()}{self._of_model()}"
+        return [first, f"{'':<20}{friction}"] if others else [first + friction]
+
+    def _of_model(self) -> str:
+        """What is known of the model where the flow runs upstream, in words."""
+        return f" ({REATTACHES})"
+
+    def _judged(self) -> list[str]:
+        """What is said of the walls, before what they exert; with a second line where they are not as they must be."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         if self.roughness:
             away, sand = self.distance / self.roughness, self.roughness / self.distance
@@ -95,15 +112,12 @@ class WallReport:
             told += f", u* k/nu {sand * self.least:.3g} to {sand * self.largest:.3g}"
         if not self.plane and self.outside:
             told += f", along {100 * self.outside:.3g}% of them not from {self._bounds()}"
-        friction = self._friction(errors)
-        if self.backward:
-            friction += f"; the flow next to the bed runs upstream from x = {self._spans()} ({REATTACHES})"
         if self.applicable:
-            return [f"turbulence          {told}: the law of the wall holds; {friction}"]
+            return [f"turbulence          {told}: the law of the wall holds; "]
         bounds = f"the law of the wall holds from {self._bounds()}"
         if not self.plane:
             bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {self.remedy}", f"{'':<20}{friction}"]
+        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {self.remedy}", ""]
 
     def _bounds(self) -> str:
         """The bounds within which the law holds, in words."""

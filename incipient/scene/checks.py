@@ -195,7 +195,7 @@ def _budgets(numerics: Numerics) -> Iterator[Problem]:
 
 def _accuracy(scene: SceneSections) -> Iterator[Problem]:
     """An accuracy is that of a load on a grain; that of a verdict needs all that a verdict needs."""
-    numerics, body, turbulent = scene.numerics, scene.body, scene.has_wall_layer
+    numerics, body, turbulent = scene.numerics, scene.body, scene.is_averaged
     of, verdict = numerics.accuracy_of, numerics.accuracy == "verdict"
     accuracy, quantity = "numerics.accuracy", "numerics.accuracy_of"
     if of == OF_WALLS and (body is not None or not turbulent):

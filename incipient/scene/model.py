@@ -187,7 +187,7 @@ class SceneSections(Section):
     @property
     def has_error_bars(self) -> bool:
         """Whether the result is to have error bars: where they are wanted and there is something to have them."""
-        of = self.body is not None or self.has_surface or self.has_wall_layer
+        of = self.body is not None or self.has_surface or self.is_averaged
         return self.numerics.error_bars and (of or (self.has_centrelines and self.time is None))
 
     @property
@@ -212,12 +212,22 @@ class SceneSections(Section):
         asked = self.numerics.accuracy_of
         if asked != "auto" or self.body is not None:
             return asked if asked != "auto" else "force"
-        return OF_WALLS if self.has_wall_layer else "elevation"
+        return OF_WALLS if self.is_averaged else "elevation"
+
+    @property
+    def is_averaged(self) -> bool:
+        """Whether turbulence is simulated by a model of the mean flow."""
+        return self.effects.turbulence is True
 
     @property
     def has_wall_layer(self) -> bool:
-        """Whether turbulence is simulated: walls are felt by wall functions, over a layer that the mesh leaves out."""
-        return self.effects.turbulence is True
+        """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
+        return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)
+
+    @property
+    def resolves_walls(self) -> bool:
+        """Whether a model of the mean flow reaches the walls, which the mesh resolves."""
+        return self.is_averaged and not self.has_wall_layer
 
     @cached_property
     def grain(self) -> Any:

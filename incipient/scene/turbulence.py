@@ -1,4 +1,4 @@
-"""Turbulence by the k-epsilon model: what a user writes about it."""
+"""Turbulence by a model of the mean flow: what a user writes about it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from pydantic import Field, model_validator
 from .section import NotNegative, Positive, Section, key
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
+OF_K_EPSILON = ("wall_distance", "c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
 LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent flow'
 
 
 class Turbulence(Section):
-    """Turbulence by the k-epsilon model, with effects.turbulence = true."""
+    """Turbulence by a model of the mean flow, with effects.turbulence = true."""
 
-    model: Literal["k-epsilon"] = key("Model of the turbulence", "k-epsilon")
+    model: Literal["k-epsilon", "k-omega-sst"] = key(
+        "Model: k-epsilon with wall functions, or k-omega SST to the wall", "k-epsilon"
+    )
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
     roughness: NotNegative = key('Equivalent sand roughness of walls that are "rough" [length]', 0.0)
     wall_distance: Positive | None = key(
@@ -62,6 +65,8 @@ class Turbulence(Section):
                 raise self.refused(name, why, "leave it out" if there else "add it")
         if wrong := self._wrong_profile():
             raise self.refused("profile", *wrong)
+        if wrong := self._of_other_model():
+            raise self.refused(*wrong)
         if not 1.0 < self.c_1 < self.c_2:
             raise self.refused(
                 "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
@@ -85,6 +90,25 @@ class Turbulence(Section):
                 "leave walls out: the law of the wall leads there",
             )
         return None
+
+    def _of_other_model(self) -> tuple[str, str, str] | None:
+        """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
+        if self.has_wall_functions:
+            return None
+        if self.wall == "rough":
+            why = 'is "rough", which model = "k-omega-sst" does not simulate in this version'
+            return "wall", why, 'use smooth walls, or model = "k-epsilon"'
+        if self.inflow == "profile":
+            why = 'is "profile", which model = "k-omega-sst" does not simulate in this version'
+            return "inflow", why, 'use "developed" or "given"'
+        usual = Turbulence()
+        given = [key for key in OF_K_EPSILON if getattr(self, key) != getattr(usual, key)]
+        return (given[0], 'is not read by model = "k-omega-sst"', "leave it out") if given else None
+
+    @property
+    def has_wall_functions(self) -> bool:
+        """Whether the model feels walls by wall functions, over a layer that the mesh leaves out."""
+        return self.model == "k-epsilon"
 
     @property
     def constants(self) -> tuple[float, ...]:

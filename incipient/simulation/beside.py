@@ -49,7 +49,7 @@ class Beside:
         """The mesh moved to every scene of a coarse run, by its JSON; none if it does not serve for one."""
         run = self._run
         steady_in_space = run.scene.gdim == 3 and run.scene.time is None
-        if not steady_in_space or run.setup.has_wall_layer or run.layout.placement is None:
+        if not steady_in_space or run.setup.is_averaged or run.layout.placement is None:
             return {}
         from .moved_mesh import moved_meshes
 
@@ -84,7 +84,7 @@ class InTurn:
 
     def __call__(self, scene: Scene) -> Loads:
         """Force and couple in a scene. Collective."""
-        if scene.gdim != 3 or scene.time is not None or scene.has_wall_layer or scene.body is None:
+        if scene.gdim != 3 or scene.time is not None or scene.is_averaged or scene.body is None:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()
         if self._beside is None or not self._beside.serves(key):

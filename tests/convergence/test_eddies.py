@@ -17,8 +17,9 @@ from domains import SIDES, unit_box
 from manufactured import Components, Flow, errors, fluid_of, interpolated, orders, start_from
 
 from incipient import compat
-from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
+from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime, solve_steadily
+from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain

@@ -52,7 +52,7 @@ class Pretended:
         self.fluid = SimpleNamespace(
             reynolds=0.0, state=SimpleNamespace(x=SimpleNamespace(array=np.zeros(1)))
         )
-        self.setup, self.states = SimpleNamespace(has_wall_layer=False), [self.fluid.state]
+        self.setup, self.states = SimpleNamespace(is_averaged=False), [self.fluid.state]
         self.voice, self.load, self.limit = Silent(), load, limit
         self.comm, self.tried = MPI.COMM_SELF, list[float]()
 

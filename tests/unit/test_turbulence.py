@@ -7,7 +7,8 @@ import ufl
 from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
-from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
+from incipient.effects.turbulence.fields import TurbulenceConditions
+from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.fluid.transient import backward_difference
 from incipient.mesh.domain import Domain
 from incipient.mesh.sampling import sample

@@ -15,8 +15,9 @@ from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
-from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
+from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime
+from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.conditions import Friction
 from incipient.fluid.transient import Transient

@@ -74,7 +74,7 @@ class FreeSurfaceEffect(Effect):
 
         rise = rise_under_lid(solved.run) / Setup(scene).base_flow.depth
         may_be = scene.domain.kind == "box" or scene.flow.kind in STREAMS
-        remedy = 'domain.top = "free-surface"' if may_be and not scene.has_wall_layer else "a deeper channel"
+        remedy = 'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
         if rise > 1.0:
             how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
             yield Omission(self.name, None, how, True, remedy)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import DEAR, FEW_CELLS, Method
@@ -15,6 +14,7 @@ from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
 from ..effect import Effect, Findings, SlowestFlow, Solved
 from ..run_part import Stage
+from .models import model_of
 from .transition import REMEDY, transition, turbulent_from
 
 if TYPE_CHECKING:
@@ -52,8 +52,13 @@ AT_WALLS = (
 )
 
 
+# That walls are as the model asks, and that they are not.
+BY_LAW = "the law of the wall holds", "the law of the wall does NOT hold"
+RESOLVED = "the walls are resolved", "the walls are NOT resolved"
+
+
 class TurbulenceEffect(Effect):
-    """The k-epsilon model."""
+    """A model of the mean flow."""
 
     name = EffectName.TURBULENCE
     quantities = (
@@ -61,14 +66,14 @@ class TurbulenceEffect(Effect):
             OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
             for key, words, column, error, ends in AT_WALLS
         ),
-        OutputQuantity("turbulence.applicable", "the law of the wall holds", column="applicable"),
+        OutputQuantity("turbulence.applicable", "the walls are as the model asks", column="applicable"),
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the scene asks for it; else the plan says where the flow may be turbulent."""
         scene = setup.scene
-        if scene.has_wall_layer:
-            told = f"k-epsilon model; {setup.walls.text()}"
+        if scene.is_averaged:
+            told = model_of(setup).text(setup)
             return Decision(self.name, True, f"effects.turbulence = true: {told}", True)
         off = scene.effects.turbulence is False
         reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
@@ -90,52 +95,38 @@ class TurbulenceEffect(Effect):
         return None
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
-        if not setup.scene.has_wall_layer:
-            return
-        from . import limits
-
-        for why in limits.refusals(setup):
-            raise SceneError(why)
-        yield from limits.doubts(setup)
+        """What the model says; where it is not for the scene it raises."""
+        if setup.is_averaged:
+            yield from model_of(setup).warnings(setup)
 
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup of a flow as fast, whose law of the wall has another distance."""
-        return setup.faster(speed) if setup.scene.has_wall_layer and speed != 1.0 else setup
+        return setup.faster(speed) if setup.scene.is_averaged and speed != 1.0 else setup
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """The slowest flow in which the law of the wall is for grain and depth."""
-        if not setup.has_wall_layer:
-            return None
-        from .limits import slowest
-
-        remedy = 'flow.kind = "log-law" without turbulence'
-        return SlowestFlow(slowest(setup), "that the law of the wall is for", remedy)
+        """The slowest flow that the model is for."""
+        return model_of(setup).slowest_flow(setup) if setup.is_averaged else None
 
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """No accuracy: the mesh is made for the flow's speed."""
-        if setup.has_wall_layer and setup.scene.numerics.accuracy is not None:
-            yield "numerics.accuracy left out with turbulence; see its error bars"
+        """What the model needs."""
+        if setup.is_averaged:
+            yield from model_of(setup).threshold_needs(setup)
 
     def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
         """What flow the threshold is for, and whether that can be laminar."""
         plane = " in the plane" if setup.geometry.gdim == 2 else ""
-        about = TURBULENT if setup.has_wall_layer else LAMINAR
+        about = TURBULENT if setup.is_averaged else LAMINAR
         yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
         if found := transition(setup, numbers_of(setup), factor):
             yield found.text(" at the threshold")
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow | None:
-        """k and epsilon."""
-        if not setup.scene.has_wall_layer:
-            return None
-        from .part import TurbulentFlow
-
-        return TurbulentFlow(setup, domain, stage)
+        """Both quantities of the model."""
+        return model_of(setup).part(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""
-        if setup.scene.gdim == 2 or not setup.scene.has_wall_layer:
+        if setup.scene.gdim == 2 or not setup.scene.is_averaged:
             return 0.0
         return BYTES * unknowns / 2**20
 
@@ -147,19 +138,24 @@ class TurbulenceEffect(Effect):
 
         # Results of earlier versions have no remedy.
         remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
-        doubt = f"Warning: the law of the wall does NOT hold; {remedy}."
+        # Results of earlier versions have no model.
+        resolved = found.get("model") == "k-omega-sst"
+        holds, fails = RESOLVED if resolved else BY_LAW
+        doubt = f"Warning: {fails}; {remedy}."
         told, others = longest(found["backward"])
         upstream = "next to the bed the flow runs upstream from x, to x"
         rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
         if not found["plane"]:
-            rows.insert(0, ("share of the walls at which the law does not hold", found["outside"]))
+            rows.insert(0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"]))
         rows += [("shorter places where it does", others)] if others else []
-        sentence = "The law of the wall holds." if found["applicable"] else doubt
+        sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def kind_of_cost(self, setup: Setup) -> str:
-        """Wall layers, k and epsilon have laws of their own."""
-        return " with turbulence" if setup.has_wall_layer else ""
+        """Each model has laws of its own."""
+        if not setup.is_averaged:
+            return ""
+        return " with turbulence" if setup.has_wall_layer else " with turbulence to the wall"
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""

@@ -88,6 +88,56 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
 
 
+def along_resolved_wall(fluid: Fluid, boundary: str) -> AlongWall:
+    """Read the shear stress along a named wall in the plane, to which the fluid sticks. Collective.
+
+    Stresses are the consistent tractions of the nodes; `velocities` stand for the direction, along the wall, in which
+    the fluid pulls. Away from bodies they are means over two facets, since triangles lean to one side and the other.
+    The ends of the wall are left out.
+    """
+    domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
+    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
+    one = ufl.as_vector([1.0, 0.0])
+    lengths, normals = fluid.kept(
+        f"lengths and normals of {boundary}",
+        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n)],
+    )
+    rows = fluid.space.velocity_map.reshape(-1, gdim)[nodes]
+    columns = [
+        space.tabulate_dof_coordinates()[nodes, :gdim],
+        _at(lengths, nodes, gdim)[:, :1],
+        _at(normals, nodes, gdim),
+        -fluid.residual()[rows],
+    ]
+    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
+    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
+    places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
+    lengths = length[:, 0]
+    if boundary != "body":
+        pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]
+        normal = _mean_of_facets(normal)[1:-1]
+        places = places[1:-1]
+    normals = normal / lengths[:, None]
+    units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    stress = pull / lengths[:, None]
+    along = stress - (stress * units).sum(axis=1, keepdims=True) * units
+    return AlongWall(places, normals, lengths, along, np.sqrt(np.linalg.norm(along, axis=1)))
+
+
+def _mean_of_facets(values: np.ndarray) -> np.ndarray:
+    """Sums (n, m) over the nodes of two facets about each node, ends as they are."""
+    if len(values) < 7:
+        return values
+    padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
+    found = 0.5 * padded[:-4] + padded[1:-3] + padded[2:-2] + padded[3:-1] + 0.5 * padded[4:]
+    found[:2], found[-2:] = values[:2], values[-2:]
+    # Sums at the ends, where there is no second facet, would hold the corner of the domain.
+    found[1], found[-2] = found[2], found[-3]
+    return found
+
+
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
     """(n, gdim) entries of a vector tested with velocities, at owned nodes. Collective."""
     vector = petsc.assemble_vector(form)

@@ -1,10 +1,11 @@
-"""k and epsilon on a mesh: their unknowns, their equations, and one implicit step of them."""
+"""Both quantities of a turbulence model on a mesh: their unknowns, their equations, and one implicit step of them."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -21,6 +22,9 @@ from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from .linear import Incomplete
 
+if TYPE_CHECKING:
+    from ...fluid import Fluid
+
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
@@ -32,10 +36,11 @@ HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that t
 
 @dataclass(frozen=True)
 class TurbulenceConditions:
-    """Where k and epsilon are given, and where walls are.
+    """Where both quantities are given, and where walls are.
 
-    inflow: names of boundaries at which K and E are given, with a function of places (3, n) that returns (2, n)
-    walls:  names of boundaries that have a wall a distance beyond them
+    inflow: names of boundaries at which the logarithms are given, with a function of places (3, n) that returns (2, n)
+    walls:  names of boundaries that are walls, or have a wall a distance beyond them
+    distance: of walls beyond the mesh, or where there are none of that from which the model blends its constants
     """
 
     inflow: tuple[str, ...]
@@ -44,28 +49,34 @@ class TurbulenceConditions:
     distance: float = 0.0
 
 
-class KEpsilon:
-    """ln k and ln epsilon in Lagrange elements of an order on a domain. Every method is collective.
+class TurbulenceFields(ABC):
+    """The logarithms of k and of a second quantity in Lagrange elements of an order. Every method is collective.
 
-    Holds PETSc objects: use it as a context manager, or call `destroy`.
+    Each model of turbulence derives from it. Holds PETSc objects: use it as a context manager, or call `destroy`.
 
     Attributes:
-        state: function (2,) of ln k and ln epsilon.
+        second: name of the second quantity.
+        state: function (2,) of the logarithms.
+        closure: what the model says in UFL, see `forms.turbulence.residual`.
     """
 
-    def __init__(
-        self, domain: Domain, surroundings: TurbulenceConditions, order: int, constants: Sequence[float]
-    ):
+    second: str
+    closure: Any
+
+    def __init__(self, domain: Domain, surroundings: TurbulenceConditions, order: int):
         self.domain, self.surroundings, self.order = domain, surroundings, order
         self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
         self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
-        self.closure = forms.Closure(*(self.constant(one) for one in constants))
         self.rate = tuple(self.constant(0.0) for _ in range(3))
-        self._away = self.constant(surroundings.distance)
         self._given = dolfinx.fem.Function(self.space)
         self._conditions = self._at_inflow()
         self._held: list[Any] = []
         self.state.interpolate(surroundings.values)
+
+    @property
+    def names(self) -> str:
+        """Both quantities, in words."""
+        return f"k and {self.second}"
 
     def constant(self, value: float) -> Any:
         """A number on the mesh that recompiles nothing."""
@@ -78,27 +89,32 @@ class KEpsilon:
         facets = np.concatenate([self.domain.facets_of(name) for name in self.surroundings.inflow])
         return [dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))]
 
-    def give(self, values: Values, distance: float) -> None:
-        """Take other values at the inflow, and another distance of the walls. Collective."""
+    def give(self, values: Values) -> None:
+        """Take other values at the inflow. Collective."""
         self._given.interpolate(values)
-        self._away.value = distance
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
+    @abstractmethod
     def viscosity(self, of_molecules: Any) -> Any:
         """The molecular and eddy viscosity, for `FlowModel.viscosity`."""
-        return of_molecules + forms.eddy_viscosity(ufl.split(self.state), self.closure)
 
     def shear_velocity(self) -> Any:
-        """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
-        return forms.shear_velocity(ufl.split(self.state), self.closure)
+        """u* of a layer of this k, for `FlowModel.shear_velocity`; None where walls have no law."""
+        return None
+
+    def watch(self, fluid: Fluid) -> None:  # noqa: B027
+        """Enter the flow, where the eddy viscosity depends on more than both quantities."""
+
+    def look(self) -> None:  # noqa: B027
+        """Take note of the flow as it is, where the eddy viscosity depends on more than both quantities."""
 
     # -- its equations ------------------------------------------------------------------------------
 
     def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None) -> None:
         """Compile the equations of the turbulence that a velocity carries and makes.
 
-        Arguments are UFL; `added` (2,) is what else makes k and epsilon, `carrier` the velocity less the mesh's, see
+        Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
         `forms.turbulence.Stream`.
         """
         mesh, unknowns, tests = self.domain.mesh, ufl.split(self.state), ufl.TestFunctions(self.space)
@@ -107,17 +123,7 @@ class KEpsilon:
         size = cell_size(mesh) / self.order
         stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0])
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
-        form = forms.residual(unknowns, rate, tests, stream, self.closure)
-        if self.surroundings.walls:
-            flux = forms.at_wall(unknowns, tests[1], self._away, of_molecules, self.closure)
-            names = self.domain.names
-            walls = ufl.ds(
-                tuple(names[name] for name in self.surroundings.walls),
-                domain=mesh,
-                subdomain_data=self.domain.facets,
-                metadata=measure.metadata(),
-            )
-            form += flux * walls
+        form = self._equations(rate, tests, stream)
         self._residual = compat.form(form)
         self._jacobian = compat.form(ufl.derivative(form, self.state, ufl.TrialFunction(self.space)))
         self._matrix = self._holding(petsc.create_matrix(self._jacobian))
@@ -127,6 +133,10 @@ class KEpsilon:
         self.solver = self._holding(kind(self._matrix))
         self._view = self._holding(compat.vec_view(self.state))
         self.renew_factors()
+
+    def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
+        """The residual of both equations in UFL."""
+        return forms.residual(ufl.split(self.state), rate, tests, stream, self.closure)
 
     def step(
         self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float, lasting: bool = False
@@ -161,6 +171,7 @@ class KEpsilon:
     def _correct(self, fresh: bool) -> float:
         """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
         conditions = self._conditions
+        self._prepare()
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, self._residual)
@@ -183,8 +194,11 @@ class KEpsilon:
         self.state.x.scatter_forward()
         return size
 
+    def _prepare(self) -> None:  # noqa: B027
+        """Make ready for a correction, where a model has data that depend on the state."""
+
     def raise_eddy_viscosity(self, factor: float) -> None:
-        """Raise the eddy viscosity by a factor, by less epsilon."""
+        """Raise the eddy viscosity by a factor, by less of the second quantity."""
         self.state.x.array[1::2] -= np.log(factor)
 
     # -- its values -----------------------------------------------------------------------------------
@@ -203,7 +217,7 @@ class KEpsilon:
         while self._held:
             self._held.pop().destroy()
 
-    def __enter__(self) -> KEpsilon:
+    def __enter__(self) -> TurbulenceFields:
         return self
 
     def __exit__(self, *exception: object) -> None:

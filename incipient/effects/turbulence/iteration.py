@@ -14,7 +14,7 @@ from ...fluid import Fluid
 from ...fluid.newton import NewtonReport
 from ...fluid.solvers import UnsolvedError
 from ...fluid.transient import Interface
-from .fields import KEpsilon
+from .fields import TurbulenceFields
 
 MOST_ROUNDS = 200
 # Of pseudo-time: of that in which the flow passes its depth; factors; and the shortest over the first.
@@ -42,7 +42,7 @@ class Round:
 
 def solve_steadily(
     fluid: Fluid,
-    turbulence: KEpsilon,
+    turbulence: TurbulenceFields,
     time: float,
     tolerance: float,
     watch: Callable[[Round], None] = lambda found: None,
@@ -50,13 +50,13 @@ def solve_steadily(
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states. Collective.
 
-    In turn the flow is solved with the eddy viscosity as it is, and k and epsilon take an implicit step of pseudo-time
+    In turn the flow is solved with the eddy viscosity as it is, and the turbulence takes an implicit step of pseudo-time
     in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy viscosity is
     raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the flow
-    passes its depth; within `stage` k and epsilon are solved.
+    passes its depth; within `stage` both quantities are solved.
 
     Raises:
-        ConvergenceError: the flow does not converge, or k and epsilon still change after 200 rounds.
+        ConvergenceError: the flow does not converge, or both quantities still change after 200 rounds.
     """
     rounds: list[Round] = []
     step, flow, logarithms = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
@@ -67,6 +67,7 @@ def solve_steadily(
         change, past_flow = turbulence.largest(logarithms - past), flow.copy()
         # The flow is found no better than its eddy viscosity is known, and with a factorisation kept while it serves.
         enough = SHARE_OF_FLOW * max(tolerance, moved)
+        turbulence.look()
         if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged:
             logarithms[:], flow[:] = past, past_flow
             step *= CUT
@@ -80,15 +81,16 @@ def solve_steadily(
             return tuple(rounds)
         step *= GROWTH
     raise ConvergenceError(
-        f"k and epsilon are not steady after {MOST_ROUNDS} rounds: use a smaller numerics.mesh_size, or add [time]"
+        f"{turbulence.names} are not steady after {MOST_ROUNDS} rounds: use a smaller numerics.mesh_size, or add [time]"
     )
 
 
-def _begin(fluid: Fluid, turbulence: KEpsilon) -> np.ndarray:
+def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
     """Find the flow with the eddy viscosity as it is, or a larger one, which pseudo-time undoes; the logarithms."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
         with suppress(UnsolvedError):
+            turbulence.look()
             if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
                 return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
@@ -106,14 +108,14 @@ class Moving(Interface, Protocol):
     """What moves with the flow, solved together with it for given turbulence fields."""
 
     def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
-        """Solve for the end of the step again, from the end found with other k and epsilon and the report of that."""
+        """Solve for the end of the step again, from the end found with other fields and the report of that."""
         ...
 
 
 class InTime:
     """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
 
-    Flow, and k and epsilon, take the same backward difference, in turn until the flow stays. What moves with the flow
+    Flow and turbulence take the same backward difference, in turn until the flow stays. What moves with the flow
     is solved together with it each time: turbulence fields answer to a motion far less than the pressure does.
 
     Args:
@@ -126,7 +128,7 @@ class InTime:
     def __init__(
         self,
         fluid: Fluid,
-        turbulence: KEpsilon,
+        turbulence: TurbulenceFields,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
         moving: Moving | None = None,
     ):
@@ -142,6 +144,7 @@ class InTime:
         self._failed, report = False, None
         for _ in range(MOST_TURNS):
             before = fluid.state.x.array.copy()
+            turbulence.look()
             report = self._flow(length, order, 0.1 * tolerance, report)
             if not report.converged:
                 return report
@@ -193,5 +196,5 @@ class InTime:
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy."""
         if self._failed:
-            return "k and epsilon do not converge: use a smaller time.step"
+            return f"{self.turbulence.names} do not converge: use a smaller time.step"
         return (self._moving.complaint() if self._moving is not None else "") or NO_STEP

@@ -1,48 +1,47 @@
-"""The turbulence of a run: made for a scene, solved with its flow, judged by the distance of its walls."""
+"""The turbulence of a run: made for a scene, solved with its flow."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import dolfinx
-import numpy as np
 import ufl
 
 from ... import compat
 from ...fluid import FlowModel, Fluid
 from ...fluid.transient import Interface, TimeStep, Transient
-from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
-from ...planning import wall_conditions
+from ...planning.base_flow import Velocity
+from ...planning.conditions import conditions
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
 from ...results.wall_report import WallReport
 from ..run_part import RunPart, Solving, Stage
-from .along_walls import AlongWall, along_wall
-from .fields import KEpsilon, TurbulenceConditions
+from .fields import TurbulenceFields, Values
 from .iteration import InTime, Moving, solve_steadily
 
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
     from ...restart.checkpoint import Checkpoint
 
-ORDER = 2  # of the elements of ln k and ln epsilon
+ORDER = 2  # of the elements of both logarithms
 
 
 class TurbulentFlow(RunPart):
-    """The turbulence of a scene's flow. Every method is collective.
+    """The turbulence of a scene's flow; each model derives from it. Every method is collective.
 
     Args:
         stage: context managers by name that take the time.
 
     Attributes:
-        fields: k and epsilon.
-        in_time: k and epsilon in the steps of a flow in time, once there are any (`around`).
+        fields: both quantities of the model.
+        in_time: these in the steps of a flow in time, once there are any (`around`).
     """
 
     effect = EffectName.TURBULENCE
@@ -50,13 +49,29 @@ class TurbulentFlow(RunPart):
 
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
         self._setup = self._of_run = setup
-        self._scene, self._walls = setup.scene, setup.walls
-        self._stage = stage
-        enters = wall_conditions.logarithms(self._setup)
-        given = TurbulenceConditions(
-            (self._setup.sides.left,), enters, self._walls.names, self._walls.distance
-        )
-        self.fields = KEpsilon(domain, given, ORDER, self._setup.turbulence.constants)
+        self._scene, self._stage = setup.scene, stage
+        self.fields = self._made(domain)
+
+    # -- what a model says of itself ----------------------------------------------------------------
+
+    @abstractmethod
+    def _made(self, domain: Domain) -> TurbulenceFields:
+        """Both quantities on a mesh, as they are at the inflow."""
+
+    @abstractmethod
+    def _entering(self) -> tuple[Velocity, Values]:
+        """The velocity that enters and the logarithms of both quantities there, functions of places."""
+
+    @property
+    @abstractmethod
+    def _depth(self) -> float:
+        """Over which walls are felt."""
+
+    @abstractmethod
+    def wall_report(self) -> WallReport:
+        """u* and y+ along the walls, and what they say of the model."""
+
+    # -- in the flow --------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
         """The model of the flow with the eddy viscosity; on few cells with the direct solver in place of blocks."""
@@ -72,6 +87,7 @@ class TurbulentFlow(RunPart):
         self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
         carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
+        self.fields.watch(fluid)
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
@@ -83,12 +99,12 @@ class TurbulentFlow(RunPart):
         """
         fluid = self._fluid
         self._take(fluid, factor)
-        walls, scene = self._walls, self._scene
+        scene = self._scene
         if not onwards:
             self.enter(fluid)
         with run.stage("flow"):
             rounds = solve_steadily(
-                *(fluid, self.fields, walls.depth / scene.reference_velocity),
+                *(fluid, self.fields, self._depth / scene.reference_velocity),
                 of_steady(scene.numerics.tolerance, False),
                 lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
                 self._timed,
@@ -97,16 +113,16 @@ class TurbulentFlow(RunPart):
         return True
 
     def start(self, steady: TurbulentFlow) -> None:
-        """Take k and epsilon of a steady flow on the mesh."""
+        """Take both quantities of a steady flow on the mesh."""
         self.fields.state.x.array[:] = steady.fields.state.x.array
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere."""
-        enters = wall_conditions.velocity(self._setup)
+        enters, logarithms = self._entering()
         start = dolfinx.fem.Function(fluid.space.velocity)
         start.interpolate(lambda x: enters(x, 0.0))
         fluid.state.x.array[fluid.space.velocity_map] = start.x.array
-        self.fields.state.interpolate(wall_conditions.logarithms(self._setup))
+        self.fields.state.interpolate(logarithms)
 
     def _take(self, fluid: Fluid, factor: float) -> None:
         """Let viscosity, inflow and walls be those of a flow faster by a factor."""
@@ -114,25 +130,28 @@ class TurbulentFlow(RunPart):
         scene = setup.scene
         if scene == self._scene:
             return
-        self._setup, self._scene, self._walls = setup, scene, setup.walls
+        self._setup, self._scene = setup, scene
         fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
-        self.fields.give(wall_conditions.logarithms(setup), self._walls.distance)
-        fluid.let_in(wall_conditions.conditions(setup))
-        fluid.walls.stand(self._walls.distance)
+        self._give(fluid)
+        fluid.let_in(conditions(setup))
+
+    def _give(self, fluid: Fluid) -> None:
+        """Let inflow and walls of both quantities be those of the setup as it is now."""
+        self.fields.give(self._entering()[1])
 
     def around(self, interface: Interface | None) -> InTime:
-        """The flow in time with k and epsilon, and what moves in it."""
+        """The flow in time with its turbulence, and what moves in it."""
         self.in_time = InTime(self._fluid, self.fields, self._timed, cast("Moving | None", interface))
         return self.in_time
 
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
-        return TurbulentFlow(self._of_run, domain, self._stage)
+        return type(self)(self._of_run, domain, self._stage)
 
     def carry_over(self, before: TurbulentFlow) -> None:
-        """Carry ln k and ln epsilon over from another mesh, now and before; both meshes are where they are.
+        """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
 
-        At each point the new mesh takes what the old one has there: k and epsilon stay positive.
+        At each point the new mesh takes what the old one has there: both quantities stay positive.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None
@@ -145,20 +164,20 @@ class TurbulentFlow(RunPart):
         new.turbulence.state.x.array[:] = new.past[0]
 
     def states(self) -> tuple[Any, ...]:
-        """ln k and ln epsilon."""
+        """The logarithms of both quantities."""
         return (self.fields.state,)
 
     # -- checkpoints ------------------------------------------------------------------------------
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
-        """ln k and ln epsilon, now and before."""
+        """The logarithms of both quantities, now and before."""
         from ...restart.redistribution import stored_values
 
         assert self.in_time is not None
         return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take ln k and ln epsilon from a checkpoint."""
+        """Take the logarithms of both quantities from a checkpoint."""
         from ...restart.redistribution import spread_values
 
         assert kept.turbulence is not None and self.in_time is not None
@@ -176,19 +195,18 @@ class TurbulentFlow(RunPart):
         return {"turbulence": self.wall_report()}
 
     def unknowns(self) -> dict[str, int]:
-        """Unknowns of ln k and ln epsilon."""
+        """Unknowns of both quantities."""
         space = self.fields.space
         number = int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
         return {EffectName.TURBULENCE: number}
 
     def functions(self) -> dict[str, Any]:
-        """k, epsilon and the eddy viscosity on the nodes, by the names that files have."""
-        closure, logarithms = self.fields.closure, ufl.split(self.fields.state)
-        eddies = forms.eddy_viscosity(logarithms, closure)
+        """Both quantities and the eddy viscosity on the nodes, by the names that files have."""
+        logarithms = ufl.split(self.fields.state)
         expressions = {
             "k": ufl.exp(logarithms[0]),
-            "epsilon": ufl.exp(logarithms[1]),
-            "eddy_viscosity": eddies,
+            self.fields.second: ufl.exp(logarithms[1]),
+            "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
         }
         scalar = compat.space(self.fields.domain.mesh, ("Lagrange", ORDER))
         found = {}
@@ -197,50 +215,6 @@ class TurbulentFlow(RunPart):
             compat.interpolate(found[name], expression)
         return found
 
-    def wall_report(self) -> WallReport:
-        """u* and y+ along the walls, and what they say of the law."""
-        scene, walls, names = self._scene, self._walls, self._walls.names
-        along = {name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names}
-        governing, found, shares, x = (
-            np.concatenate(parts)
-            for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
-        )
-        y_plus = governing * walls.distance / scene.viscosity
-        at_end = np.isclose(x, x.max())
-        last = np.average(found[at_end], weights=shares[at_end])
-        outside = ~walls.law.holds(governing, scene.viscosity, walls.distance, walls.reach)
-        return WallReport(
-            distance=walls.distance,
-            least=float(y_plus.min()),
-            largest=float(y_plus.max()),
-            shear_velocity=float(found @ shares / shares.sum()),
-            at_outflow=float(last),
-            friction=float(2.0 * (last / scene.reference_velocity) ** 2),
-            viscosity=scene.viscosity,
-            c_mu=self._setup.turbulence.c_mu,
-            outside=float(shares[outside].sum() / shares.sum()),
-            plane=walls.plane,
-            roughness=walls.law.roughness,
-            reach=walls.reach,
-            backward=along[names[0]].backward() if scene.gdim == 2 else (),
-            along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
-        )
-
     def _timed(self) -> AbstractContextManager[Any]:
-        """Takes the time of k and epsilon."""
+        """Takes the time of both quantities."""
         return self._stage("turbulence")
-
-    def _told(self, along: AlongWall) -> dict[str, list[float]]:
-        """What is drawn of a wall, in six digits."""
-        scene = self._scene
-        governing, found, _, x = self._shear_velocities(along)
-        friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
-        columns = {"x": x, "y_plus": governing * self._walls.distance / scene.viscosity, "friction": friction}
-        return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
-
-    def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:
-        """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths or areas, and x."""
-        law, away = self._walls.law, (self._scene.viscosity, self._walls.distance)
-        flow = np.maximum(along.speeds, 1e-300), along.shear_velocities
-        stress = law.drag(*flow, *away) * along.speeds
-        return law.governing(*flow, *away), np.sqrt(stress), along.lengths, along.places[:, 0]

@@ -48,7 +48,7 @@ def transition(setup: Setup, numbers: Numbers, faster: float = 1.0) -> Transitio
     """
     scene = setup.scene
     domain, kind = scene.domain, scene.flow.kind
-    if domain.kind != "channel" or kind == "log-law" or scene.has_wall_layer:
+    if domain.kind != "channel" or kind == "log-law" or scene.is_averaged:
         return None
     along = faster * scene.reference_velocity * domain.length / scene.viscosity
     if kind == "uniform" and scene.bed is not None and along > TURBULENT_LAYER:

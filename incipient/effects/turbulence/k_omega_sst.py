@@ -1,0 +1,266 @@
+"""The k-omega SST model on a mesh that reaches its walls, with an analytic profile in the cells next to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from ... import compat
+from ...arrays import Floats, Integers
+from ...forms import k_omega_sst as forms
+from ...forms.turbulence import Stream
+from ...mesh.domain import Domain
+from ...mesh.wall_distance import cells_at, distances, nodes_of
+from ...planning.base_flow import Velocity
+from ...planning.resolved_walls import ResolvedWalls
+from ...results.resolved_wall_report import THICKEST, ResolvedWallReport
+from .along_walls import AlongWall, along_resolved_wall
+from .fields import TurbulenceConditions, TurbulenceFields, Values
+from .part import ORDER, TurbulentFlow
+
+if TYPE_CHECKING:
+    from ...fluid import Fluid
+
+ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
+FAR = 1e9  # distance where there are no walls
+BUFFER = 10.0  # nu/u*, below which k falls to zero at a wall
+LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
+
+
+class KOmegaSST(TurbulenceFields):
+    """ln k and ln omega on a mesh in the plane, with smooth walls. Every method is collective.
+
+    In cells with a corner on a wall only molecules are taken to matter: there omega = 6 nu/(beta_1 d^2), which is
+    given at all their nodes, and k goes as a power of the distance d, which is a flux of ln k into the cells beyond.
+
+    Args:
+        viscosity: of the molecules.
+        order_of_flow: of the velocity, whose strain limits the eddy viscosity.
+    """
+
+    second = "omega"
+
+    def __init__(
+        self,
+        domain: Domain,
+        surroundings: TurbulenceConditions,
+        order: int,
+        viscosity: float,
+        order_of_flow: int = 2,
+    ):
+        super().__init__(domain, surroundings, order)
+        mesh = domain.mesh
+        scalar = compat.space(mesh, ("Lagrange", order))
+        self._distance = dolfinx.fem.Function(scalar)
+        self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
+        self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (2,)))
+        self._fluid: Fluid | None = None
+        self._molecules = viscosity
+        self._beyond.x.array[:] = 1.0
+        self._distance.x.array[:] = surroundings.distance or FAR
+        self._edge, self._within = np.empty((2, 0), dtype=np.int64)
+        if surroundings.walls:
+            self._stand_at_walls(scalar)
+        floor = LEAST_DISTANCE * self.largest(self._distance.x.array)
+        self.closure = forms.Closure(ufl.max_value(self._distance, self.constant(floor)))
+
+    # -- walls --------------------------------------------------------------------------------------
+
+    def _stand_at_walls(self, scalar: Any) -> None:
+        """Find distances and the cells at walls, and give omega there."""
+        walls = self.surroundings.walls
+        places = scalar.tabulate_dof_coordinates()[:, :2]
+        away = self._distance.x.array[:] = distances(self.domain, walls, places)
+        cells = cells_at(self.domain, walls)
+        self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
+        near = nodes_of(scalar, cells)
+        outer = np.setdiff1d(np.arange(len(compat.cell_dofs(scalar))), cells)
+        free = nodes_of(scalar, outer)
+        self._edge = np.intersect1d(near, free)
+        self._within = np.setdiff1d(near, np.union1d(free, self._entering()))
+        self._from_next(places)
+        omega, k = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
+        least = ON_WALL * self.largest(away[near])
+        omega.x.array[near] = forms.at_smooth_wall(self._molecules, np.maximum(away[near], least), np)
+        self._inner = k
+        self._conditions += [
+            self._given_of(omega, near, 1),
+            self._given_of(k, self._within, 0),
+        ]
+
+    def _entering(self) -> Integers:
+        """Nodes at which both are given."""
+        facets = [self.domain.facets_of(name) for name in self.surroundings.inflow]
+        if not facets:
+            return np.empty(0, dtype=np.int64)
+        return compat.nodes_on(self.space, np.unique(np.concatenate(facets)))
+
+    def _given_of(self, values: Any, nodes: Integers, component: int) -> Any:
+        """The condition that one of both takes values at nodes."""
+        pairs = [(2 * nodes + component).astype(np.int32), nodes.astype(np.int32)]
+        return dolfinx.fem.dirichletbc(values, pairs, self.space.sub(component))
+
+    def _from_next(self, places: Floats) -> None:
+        """For nodes within the cells at walls: the next node beyond, and what ln k is less there."""
+        from scipy.spatial import cKDTree
+
+        edge = self._edge
+        if not len(edge) or not len(self._within):
+            self._source, self._drop = np.empty(0, dtype=np.int64), np.empty(0)
+            self._within = self._within[:0] if not len(edge) else self._within
+            return
+        _, nearest = cKDTree(places[edge]).query(places[self._within])
+        self._source = edge[nearest]
+        away = self._distance.x.array
+        least = ON_WALL * away[self._source]
+        self._drop = forms.EXPONENT * np.log(np.maximum(away[self._within], least) / away[self._source])
+
+    def _prepare(self) -> None:
+        """Let ln k within the cells at walls follow that beyond."""
+        if len(self._within):
+            values = self.state.x.array
+            values[2 * self._within] = values[2 * self._source] + self._drop
+            self._inner.x.array[self._within] = values[2 * self._within]
+
+    def begin(self, unit: float) -> None:
+        """Let a state that is that of the inflow everywhere suit all walls, `unit` being nu/u*."""
+        if not self.surroundings.walls:
+            return
+        away = np.maximum(self._distance.x.array, 1e-3 * unit)
+        values = self.state.x.array
+        k = values[0::2].max() if len(values) else 0.0
+        values[0::2] = np.minimum(values[0::2], k + forms.EXPONENT * np.log(away / (BUFFER * unit)))
+        values[1::2] = np.maximum(values[1::2], forms.at_smooth_wall(self._molecules, away, np))
+
+    def at_edge(self) -> tuple[Floats, Floats]:
+        """Places (n, 2) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
+        space = self._distance.function_space
+        edge = self._edge[self._edge < space.dofmap.index_map.size_local]
+        return space.tabulate_dof_coordinates()[edge, :2], self._distance.x.array[edge]
+
+    # -- equations ----------------------------------------------------------------------------------
+
+    def viscosity(self, of_molecules: Any) -> Any:
+        """The molecular and eddy viscosity, for `FlowModel.viscosity`, by the strain last looked at."""
+        stream = Stream(self._seen, of_molecules, None)
+        return of_molecules + self._beyond * self.closure.eddy_viscosity(ufl.split(self.state), stream)
+
+    def raise_eddy_viscosity(self, factor: float) -> None:
+        """Raise the eddy viscosity by a factor, by more k: where strain limits it, less omega does not."""
+        self.state.x.array[0::2] += np.log(factor)
+
+    def watch(self, fluid: Fluid) -> None:
+        """Take the flow whose strain limits the eddy viscosity."""
+        self._fluid = fluid
+        self.look()
+
+    def look(self) -> None:
+        """Take note of the flow as it is, by whose strain the eddy viscosity is limited."""
+        if self._fluid is not None:
+            self._seen.interpolate(self._fluid.velocity)
+
+    def _equations(self, rate: Any, tests: Any, stream: Stream) -> Any:
+        """The residual of both equations in UFL, in the cells beyond those at walls."""
+        inside = self._beyond
+        form = super()._equations(rate, [inside * test for test in tests], stream)
+        if not self.surroundings.walls:
+            return form
+        n, facets = ufl.FacetNormal(self.domain.mesh), self._interface()
+        flux = inside * forms.from_wall(ufl.split(self.state), tests[0], n, stream, self.closure)
+        between = ufl.dS(
+            1, domain=self.domain.mesh, subdomain_data=facets, metadata=stream.measure.metadata()
+        )
+        return form + (flux("+") + flux("-")) * between
+
+    def _interface(self) -> Any:
+        """Tags of the facets between cells at walls and those beyond."""
+        mesh = self.domain.mesh
+        mesh.topology.create_connectivity(1, 2)
+        cells, inside = mesh.topology.connectivity(1, 2), self._beyond.x.array
+        dofs = compat.cell_dofs(self._beyond.function_space)[:, 0]
+        facets = [
+            facet
+            for facet in range(mesh.topology.index_map(1).size_local)
+            if len(links := cells.links(facet)) == 2 and inside[dofs[links[0]]] != inside[dofs[links[1]]]
+        ]
+        found = np.array(facets, dtype=np.int32)
+        return dolfinx.mesh.meshtags(mesh, 1, found, np.ones(len(found), dtype=np.int32))
+
+
+class KOmegaFlow(TurbulentFlow):
+    """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
+
+    def _made(self, domain: Domain) -> KOmegaSST:
+        walls, left = self._walls, self._setup.sides.left
+        given = TurbulenceConditions((left,), walls.logarithms, walls.names)
+        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, self._setup.order.number)
+
+    def _entering(self) -> tuple[Velocity, Values]:
+        return self._walls.velocity, self._walls.logarithms
+
+    @property
+    def _walls(self) -> ResolvedWalls:
+        return self._setup.resolved_walls
+
+    @property
+    def _depth(self) -> float:
+        return self._walls.depth
+
+    def enter(self, fluid: Fluid) -> None:
+        """Let the velocity and its turbulence be those of the inflow everywhere, but next to walls."""
+        super().enter(fluid)
+        self.fields.begin(self._walls.unit)
+
+    def wall_report(self) -> ResolvedWallReport:
+        """u* along the walls, and how thick the cells at them are."""
+        scene, walls = self._scene, self._walls
+        along = {name: along_resolved_wall(self._fluid, name) for name in walls.names}
+        found, shares = (
+            np.concatenate(parts)
+            for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
+        )
+        y_plus = self._thickness(list(along.values()))
+        bottom = along[walls.names[0]]
+        last = float(bottom.shear_velocities[-1])
+        _, away = self.fields.at_edge()
+        return ResolvedWallReport(
+            distance=self.fields.largest(away),
+            least=float(y_plus.min()),
+            largest=float(y_plus.max()),
+            shear_velocity=float(found @ shares / shares.sum()),
+            at_outflow=last,
+            friction=2.0 * (last / scene.reference_velocity) ** 2,
+            viscosity=scene.viscosity,
+            c_mu=0.09,
+            outside=float((y_plus > THICKEST).mean()),
+            plane=walls.plane,
+            reach=walls.depth,
+            backward=bottom.backward(),
+            along={name: self._told(one) for name, one in along.items()},
+            mesh_size=scene.numerics.mesh_size,
+        )
+
+    def _thickness(self, walls: Sequence[AlongWall]) -> Floats:
+        """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks."""
+        from scipy.spatial import cKDTree
+
+        places, away = self.fields.at_edge()
+        at_walls = np.concatenate([one.places for one in walls])
+        found = np.concatenate([one.shear_velocities for one in walls])
+        mine = np.empty(0)
+        if len(places):
+            _, nearest = cKDTree(at_walls).query(places)
+            mine = away * found[nearest] / self._scene.viscosity
+        return np.concatenate(self.fields.domain.comm.allgather(mine))
+
+    def _told(self, along: AlongWall) -> dict[str, list[float]]:
+        """What is drawn of a wall, in six digits."""
+        found, scene = along.shear_velocities, self._scene
+        friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
+        y_plus = found * self.fields.largest(self.fields.at_edge()[1]) / scene.viscosity
+        columns = {"x": along.places[:, 0], "y_plus": y_plus, "friction": friction}
+        return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}

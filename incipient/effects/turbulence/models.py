@@ -1,0 +1,109 @@
+"""The models of turbulence: what each says of a scene before it is meshed, and the part of a run that it makes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...errors import SceneError
+from ...planning.flow_setup import Setup
+from ..effect import SlowestFlow
+from ..run_part import Stage
+
+if TYPE_CHECKING:
+    from ...mesh.domain import Domain
+    from .part import TurbulentFlow
+
+
+class TurbulenceModel(ABC):
+    """A model of turbulence, as the effect asks for it. No method but `part` is collective."""
+
+    @abstractmethod
+    def text(self, setup: Setup) -> str:
+        """What the plan says of the model in a scene."""
+
+    @abstractmethod
+    def warnings(self, setup: Setup) -> Iterator[str]:
+        """What makes the result less sure; raises SceneError where the model is not for the scene."""
+
+    @abstractmethod
+    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
+        """The unknowns of the model in a run. Collective."""
+
+    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
+        """The slowest flow that a search for a threshold may begin with; None: any."""
+        return None
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """What a threshold needs that the scene has not."""
+        yield from ()
+
+
+class KEpsilonModel(TurbulenceModel):
+    """The k-epsilon model with wall functions."""
+
+    def text(self, setup: Setup) -> str:
+        """The walls, and where their law begins."""
+        return f"k-epsilon model; {setup.walls.text()}"
+
+    def warnings(self, setup: Setup) -> Iterator[str]:
+        """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
+        from . import limits
+
+        for why in limits.refusals(setup):
+            raise SceneError(why)
+        yield from limits.doubts(setup)
+
+    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
+        """k and epsilon."""
+        from .k_epsilon import KEpsilonFlow
+
+        return KEpsilonFlow(setup, domain, stage)
+
+    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
+        """The slowest flow in which the law of the wall is for grain and depth."""
+        from .limits import slowest
+
+        remedy = 'flow.kind = "log-law" without turbulence'
+        return SlowestFlow(slowest(setup), "that the law of the wall is for", remedy)
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """No accuracy: the mesh is made for the flow's speed."""
+        if setup.scene.numerics.accuracy is not None:
+            yield "numerics.accuracy left out with turbulence; see its error bars"
+
+
+class KOmegaModel(TurbulenceModel):
+    """The k-omega SST model, to walls that the mesh resolves."""
+
+    def text(self, setup: Setup) -> str:
+        """The walls, and how finely they are resolved."""
+        return f"k-omega SST model; {setup.resolved_walls.text()}"
+
+    def warnings(self, setup: Setup) -> Iterator[str]:
+        """Flows that are laminar by the model."""
+        if (found := setup.resolved_walls.developed) is not None and found.is_laminar:
+            yield (
+                f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "
+                "nothing there, and loads are those of laminar flow"
+            )
+
+    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
+        """k and omega."""
+        from .k_omega_sst import KOmegaFlow
+
+        return KOmegaFlow(setup, domain, stage)
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """Another model, whose mesh does for faster flows as well."""
+        yield 'turbulence.model = "k-epsilon", or a sweep of fluid.reynolds: thresholds are not sought with k-omega'
+
+
+# Each model by its name in the section [turbulence].
+MODELS: dict[str, TurbulenceModel] = {"k-epsilon": KEpsilonModel(), "k-omega-sst": KOmegaModel()}
+
+
+def model_of(setup: Setup) -> TurbulenceModel:
+    """The model that a scene asks for."""
+    return MODELS[setup.turbulence.model]

@@ -1,0 +1,51 @@
+"""What a run says of walls that a model of the mean flow reaches, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .wall_report import MOST_OUTSIDE, WallReport
+
+THICKEST = 2.5  # nu/u*, up to which only molecules matter in the cells at walls
+
+
+@dataclass(frozen=True)
+class ResolvedWallReport(WallReport):
+    """The walls of a flow that its mesh resolves: y+ is the thickness of the cells at them, in nu/u*.
+
+    mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
+    """
+
+    mesh_size: float = 1.0
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return "k-omega-sst"
+
+    @property
+    def applicable(self) -> bool:
+        """Whether the cells at nearly all walls are thin enough."""
+        return self.outside <= MOST_OUTSIDE
+
+    @property
+    def suitable(self) -> float:
+        """The thickness that the cells at walls might have."""
+        return THICKEST * self.viscosity / self.shear_velocity if self.shear_velocity else float("inf")
+
+    @property
+    def remedy(self) -> str:
+        """What to do where walls are not resolved."""
+        return f"set numerics.mesh_size = {0.9 * THICKEST / self.largest * self.mesh_size:.2g}"
+
+    def _of_model(self) -> str:
+        return ""
+
+    def _judged(self) -> list[str]:
+        told = f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
+        if self.outside:
+            told += f", along {100 * self.outside:.3g}% of the walls more than {THICKEST:g}"
+        if self.applicable:
+            return [f"turbulence          {told}: walls are resolved; "]
+        bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
+        return [f"turbulence          NOT RESOLVED: {told}, {bounds}; {self.remedy}", ""]

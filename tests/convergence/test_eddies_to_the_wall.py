@@ -1,0 +1,157 @@
+"""Orders of convergence of flow, k and omega together, against solutions chosen first.
+
+Source of the orders: elements of order two approximate velocity, ln k and ln omega to order three in L2, pressure of
+order one to order two; backward differences are of order one and two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from domains import SIDES, unit_box
+from manufactured import Components, Flow, errors, fluid_of, interpolated, orders, start_from
+
+from incipient import compat
+from incipient.effects.turbulence.fields import TurbulenceConditions
+from incipient.effects.turbulence.iteration import InTime, solve_steadily
+from incipient.effects.turbulence.k_omega_sst import KOmegaSST
+from incipient.fluid import FlowModel, Fluid
+from incipient.fluid.transient import Transient
+from incipient.mesh.domain import Domain
+
+NU, END = 0.01, 0.5
+DISTANCE = 1.0  # taken as that from walls, at which both models are blended
+INNER, OUTER = (0.85, 0.5, 0.075, 5 / 9), (1.0, 0.856, 0.0828, 0.44)
+
+
+@dataclass(frozen=True)
+class Eddying(Flow):
+    """A flow in the plane with ln k and ln omega."""
+
+    logarithms: Components
+
+    def _eddies(self, x: Any, t: Any) -> tuple[Any, ...]:
+        """v, k, omega, S^2, F_1 and nu_t, as Menter, Kuntz & Langtry (2003) print them."""
+        v = ufl.as_vector(list(self.velocity(x, t, ufl)))
+        k, omega = (ufl.exp(one) for one in self.logarithms(x, t, ufl))
+        gradient = ufl.diff(v, x)
+        square = ufl.inner(gradient + gradient.T, gradient)
+        turbulent, viscous = ufl.sqrt(k) / (0.09 * omega * DISTANCE), 500 * NU / (DISTANCE**2 * omega)
+        cross = 2 * 0.856 / omega * ufl.inner(ufl.diff(k, x), ufl.diff(omega, x))
+        third = 4 * 0.856 * k / (ufl.max_value(cross, 1e-10) * DISTANCE**2)
+        inner = ufl.tanh(ufl.min_value(ufl.max_value(turbulent, viscous), third) ** 4)
+        limited = ufl.tanh(ufl.max_value(2 * turbulent, viscous) ** 2)
+        eddies = 0.31 * k / ufl.max_value(0.31 * omega, ufl.sqrt(square) * limited)
+        return v, k, omega, square, inner, eddies
+
+    def body_force(self, reynolds: float) -> Any:
+        """dv/dt + grad(v) v - div(2 (nu + nu_t) D - p I), a function of place and time."""
+
+        def force(place: Any, time: Any) -> Any:
+            x, t = ufl.variable(place), ufl.variable(time)
+            v, *_, eddies = self._eddies(x, t)
+            gradient, (i, j) = ufl.diff(v, x), ufl.indices(2)
+            stress = (1 / reynolds + eddies) * (gradient + gradient.T) - self.pressure(
+                x, t, ufl
+            ) * ufl.Identity(2)
+            return ufl.diff(v, t) + ufl.dot(gradient, v) - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+
+        return force
+
+    def sources(self, place: Any, time: Any) -> list[Any]:
+        """What the equations of k and omega lack, over k and over omega."""
+        x, t, i = ufl.variable(place), ufl.variable(time), ufl.indices(1)[0]
+        v, k, omega, square, inner, eddies = self._eddies(x, t)
+        sigma_k, sigma_omega, beta, gamma = (
+            inner * a + (1 - inner) * b for a, b in zip(INNER, OUTER, strict=True)
+        )
+        made = ufl.min_value(eddies * square, 10 * 0.09 * k * omega) - 0.09 * k * omega
+        carried = 2 * (1 - inner) * 0.856 / omega * ufl.inner(ufl.diff(k, x), ufl.diff(omega, x))
+        found = []
+        for one, sigma, source in (
+            (k, sigma_k, made),
+            (omega, sigma_omega, gamma * square - beta * omega**2 + carried),
+        ):
+            slope = ufl.diff(one, x)
+            spread = ufl.diff((NU + sigma * eddies) * slope, x)[i, i]
+            rate = ufl.diff(one, t) + ufl.dot(v, slope)
+            found.append((rate - spread - source) / one)
+        return found
+
+    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, KOmegaSST]:
+        """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
+        given = TurbulenceConditions(
+            SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0), distance=DISTANCE
+        )
+        fields = KOmegaSST(domain, given, order, NU, order)
+        fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
+        fluid.holding(fields)
+        start_from(fluid, self)
+        fields.carried_by(ufl.split(fluid.state)[0], NU, self.sources(fluid.place(), fluid._time))
+        fields.watch(fluid)
+        return fluid, fields
+
+    def errors(self, fluid: Fluid, fields: KOmegaSST) -> list[float]:
+        """L2 norms: of velocity, pressure, ln k and ln omega."""
+        of_flow, exact = errors(fluid, self), self.logarithms(fluid.place(), fluid._time, ufl)
+        measure = ufl.dx(domain=fluid.domain.mesh, metadata={"quadrature_degree": 8})
+        forms = [(fields.state[i] - exact[i]) ** 2 * measure for i in (0, 1)]
+        found = [np.sqrt(dolfinx.fem.assemble_scalar(compat.form(one)).real) for one in forms]
+        return [of_flow.velocity, of_flow.pressure, *found]
+
+
+def _bubble(x: Any, t: Any, m: Any) -> Any:
+    """The same at the sides at any time."""
+    return 0.5 + 8 * m.sin(2 * t) * x[0] * (1 - x[0]) * x[1] * (1 - x[1])
+
+
+# From psi = sin(3 x + 0.3) cos(2 y)/3. omega is so large that F_1 lies between its bounds, and strain limits nowhere.
+STEADY = Eddying(
+    2,
+    lambda x, t, m: (
+        -2 / 3 * m.sin(3 * x[0] + 0.3) * m.sin(2 * x[1]),
+        -m.cos(3 * x[0] + 0.3) * m.cos(2 * x[1]),
+    ),
+    lambda x, t, m: m.sin(2 * x[0] + x[1]),
+    lambda x, t, m: (0.9 + 0.3 * m.sin(2 * x[0] + x[1]), 3.0 - 0.2 * m.sin(2 * x[0] + x[1])),
+)
+# Polynomials that the elements hold, with as much viscosity everywhere: only time errs.
+IN_TIME = Eddying(
+    2,
+    lambda x, t, m: (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t), x[0] ** 2 * m.sin(3 * t)),
+    lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
+    lambda x, t, m: (_bubble(x, t, m) + 1, _bubble(x, t, m) + 3),
+)
+
+
+def test_orders_in_space() -> None:
+    found, counts = [], [4, 8, 16]
+    for cells in counts:
+        fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
+        with fluid:
+            fields.state.x.array[:] *= 0.9
+            solve_steadily(fluid, fields, 1.0, 1e-8)
+            found.append(STEADY.errors(fluid, fields))
+    observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
+    print(found[-1], observed)
+    assert observed[:, -1] == pytest.approx([3.0, 2.0, 3.0, 3.0], abs=0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_orders_in_time(order: int) -> None:
+    found, counts = [], [16 * order, 32 * order]
+    for steps in counts:
+        fluid, fields = IN_TIME.joined(unit_box(2, 2), FlowModel(unsteady=True), 4)
+        with fluid:
+            transient = Transient(fluid, order, 1e-9, interface=InTime(fluid, fields))
+            for _ in range(steps):
+                transient.advance(END / steps)
+            found.append(IN_TIME.errors(fluid, fields))
+    observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
+    print(order, found[-1], observed)
+    assert observed == pytest.approx(order, abs=0.1)

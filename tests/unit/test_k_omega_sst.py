@@ -1,0 +1,111 @@
+"""k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension."""
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from one_dimensional import k_omega_channel
+from scipy.integrate import solve_ivp
+from test_turbulence import rectangle, steady, through_time, uniform
+
+from incipient.effects.turbulence.fields import TurbulenceConditions
+from incipient.effects.turbulence.k_omega_sst import KOmegaSST
+from incipient.forms.k_omega_sst import EXPONENT
+from incipient.mesh.sampling import sample
+from incipient.mesh.wall_distance import distances
+from incipient.planning.developed_channel import developed, of_discharge
+
+BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds far from walls
+
+
+def far_from_walls(k, omega):
+    return KOmegaSST(rectangle((0, 0), (1, 1), (1, 1)), TurbulenceConditions((), uniform(k, omega)), 2, 0.01)
+
+
+def test_homogeneous_turbulence_decays_as_it_must():
+    """omega = w0/(1 + beta w0 t), k = k0 (1 + beta w0 t)^(-beta*/beta) (exact); second order in the step."""
+    errors = []
+    for steps in (50, 100):
+        times = np.expm1(np.linspace(0.0, np.log(1001.0), steps + 1))
+        with far_from_walls(2.0, 3.0) as fields:
+            fields.carried_by(dolfinx.fem.Constant(fields.domain.mesh, (0.0, 0.0)), 0.01)
+            k, omega = through_time(fields, times).T
+        age = 1 + BETA * 3.0 * times[1:]
+        exact = 2.0 * age ** (-BETA_STAR / BETA), 3.0 / age
+        errors.append(max(np.abs(k / exact[0] - 1).max(), np.abs(omega / exact[1] - 1).max()))
+    assert errors[1] < 1e-2 and errors[0] / errors[1] > 3.0
+
+
+def test_homogeneous_shear_follows_its_equations():
+    """By scipy in k and omega themselves, at second order; in the end omega = S (gamma/beta)^(1/2) (exact)."""
+    shear, start = 2.0, (1.0, 0.5)
+
+    def rates(time, state):
+        k, omega = state
+        made = min(k / omega * shear**2, 10 * BETA_STAR * k * omega)
+        return made - BETA_STAR * k * omega, GAMMA * shear**2 - BETA * omega**2
+
+    errors = []
+    for steps in (160, 320):
+        times = np.expm1(np.linspace(0.0, np.log(21.0), steps + 1))
+        exact = solve_ivp(rates, (0.0, 20.0), start, rtol=1e-9, atol=1e-12, t_eval=times).y[:, 1:]
+        with far_from_walls(*start) as fields:
+            x = ufl.SpatialCoordinate(fields.domain.mesh)
+            fields.carried_by(ufl.as_vector([shear * x[1], 0]), 0.01)
+            found = through_time(fields, times).T
+        errors.append(np.abs(np.log(found / exact)).max())
+    assert found[1, -1] == pytest.approx(shear * np.sqrt(GAMMA / BETA), rel=1e-4)
+    assert errors[1] < 3e-3 and errors[0] / errors[1] > 3.0
+
+
+def test_next_to_a_smooth_wall_only_molecules_matter():
+    """omega = 6 nu/(0.075 y^2) and k as y^n, n (n - 1) = 6 0.09/0.075, solve the equations at rest (exact).
+
+    They are given on top and at the sides; k is so small that there are no eddies.
+    """
+
+    def exact(x):
+        y = np.maximum(x[1], 1e-3)
+        return np.array([np.log(1e-14) + EXPONENT * np.log(y), np.log(6 * 0.01 / 0.075 / y**2)])
+
+    assert pytest.approx(7.2) == EXPONENT * (EXPONENT - 1)
+    errors = []
+    for cells in (8, 16):
+        domain = rectangle((0, 0), (1, 1), (3, cells))
+        given = TurbulenceConditions(("top", "left", "right"), exact, ("bottom",))
+        with KOmegaSST(domain, given, 2, 0.01) as fields:
+            fields.state.x.array[:] += 0.2 * np.sin(np.arange(len(fields.state.x.array)))
+            fields.carried_by(dolfinx.fem.Constant(domain.mesh, (0.0, 0.0)), 0.01)
+            steady(fields)
+            places = np.column_stack([np.full(30, 0.45), np.linspace(1.3 / 8, 1.0, 30)])
+            errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
+    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
+
+
+def test_distances_from_walls_are_those_of_geometry():
+    domain = rectangle((0, 0), (4, 1), (9, 7))
+    places = np.random.default_rng(1).uniform((0, 0), (4, 1), (200, 2))
+    x, y = places.T
+    assert distances(domain, ("bottom",), places) == pytest.approx(y)
+    both = np.minimum(np.minimum(y, 1 - y), x)
+    assert distances(domain, ("bottom", "top", "left"), places) == pytest.approx(both)
+
+
+@pytest.mark.parametrize("re_tau", [180.0, 547.0, 1000.0, 2004.0])
+def test_developed_flow_is_that_of_finite_volumes(re_tau):
+    """In k and omega themselves, written for the tests: the same mean velocity within 0.1%."""
+    assert developed(re_tau).mean == pytest.approx(k_omega_channel(re_tau), rel=1e-3)
+
+
+def test_developed_flow_has_the_discharge_asked_for():
+    found = of_discharge(11000.0)
+    assert found.re_tau * found.mean == pytest.approx(11000.0, rel=1e-5)
+    assert found.speed[-1] > found.mean > 0.8 * found.speed[-1]
+
+
+def test_slow_flow_is_laminar():
+    """u*^2 = 3 nu V/h, with V/u* = Re_tau/3 and the surface 1.5 times as fast as the mean (exact)."""
+    found = of_discharge(20.0)
+    assert found.is_laminar
+    assert found.re_tau == pytest.approx(np.sqrt(60.0), rel=1e-4)
+    assert found.speed[-1] / found.mean == pytest.approx(1.5, rel=1e-3)
