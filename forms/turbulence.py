@@ -1,4 +1,4 @@
-"""Transport of turbulence in the logarithms of two quantities, as weak forms, and the k-epsilon model in ln k, ln epsilon.
+"""Transport of turbulence in logarithms, as weak forms, and the k-epsilon model in K = ln k and E = ln epsilon.
 
 A model is a closure: it says what diffuses, makes and destroys both quantities (`Closure`; `k_omega_sst.Closure`).
 With k = exp(K) and epsilon = exp(E) both are positive on any mesh and at any step, and the logarithmic layer, where

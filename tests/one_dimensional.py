@@ -66,7 +66,7 @@ def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
 
 
 def k_omega_channel(re_tau, cells=160, step=0.01, most=20000):
-    """Mean velocity over u* by the k-omega SST model, of a channel of half depth 1 and u* = 1, from its wall to its middle.
+    """Mean velocity over u* by the k-omega SST model, of a channel of half depth 1 and u* = 1, down to its wall.
 
     In k and omega themselves, from the equations as Menter, Kuntz & Langtry (2003) print them. Below y+ = 1 omega is
     6 nu/(0.075 y^2) (Wilcox); k vanishes at the wall.

@@ -1,4 +1,4 @@
-"""The k-omega SST model in scenes: against finite volumes, simulations, laminar flow, and itself on ranks and in time."""
+"""The k-omega SST model in scenes: against finite volumes, simulations and laminar flow, on ranks and in time."""
 
 import textwrap
 
