@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 # them together would be twice the first one.
 SETTLED = 0.5
 # Of runs with wall layers on coarser meshes: the order at which their errors are taken to fall at least, and at most.
-# Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
+# Those of u* over forms of a bed scatter rather than fall: the docs have a wavy one.
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 UNSETTLED = (

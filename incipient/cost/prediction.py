@@ -41,7 +41,7 @@ OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
 OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
 # Error on the first mesh of steady flow over that of laws, which are found on finer cells: measured.
 COARSE = 2.5
-ESTIMATED = 3.0  # error by two coarser meshes over the error, with turbulence: measured (docs/turbulence.md)
+ESTIMATED = 3.0  # error by two coarser meshes over the error, of a mean flow: `benchmarks/accuracy_cost.py`
 OTHER_ORDER = 1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
 LIMIT = "numerics.budget_seconds limits the time"
 
@@ -288,7 +288,7 @@ def _sized(scene: Scene, factor: float) -> Scene:
 
 
 def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
-    """Meshes of turbulent flow, all cells smaller alike, until the estimate is small enough; whether it is."""
+    """Meshes of a mean flow, all cells smaller alike, until the estimate is small enough; whether it is."""
     path = [first]
     while len(path) < MOST_MESHES:
         scene = _sized(path[-1].scene, 1.0 / COARSER_MESH)

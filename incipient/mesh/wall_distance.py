@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import dolfinx
 import numpy as np
 from petsc4py import PETSc
+from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
@@ -22,8 +23,6 @@ def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
 
     Curved walls are taken as two straight pieces a facet.
     """
-    from scipy.spatial import cKDTree
-
     starts, ends = _pieces(domain, walls)
     lengths, middles = np.linalg.norm(ends - starts, axis=1), 0.5 * (starts + ends)
     octaves, least = np.floor(np.log2(lengths)), np.full(len(places), np.inf)

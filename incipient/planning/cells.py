@@ -17,6 +17,7 @@ FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
 CLOSED = ("closed upstream", "closed downstream")
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/space.md)
+FEWEST_ROWS = 6  # of a channel, whatever the cells' size
 FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the cells' size
 
 
@@ -63,6 +64,29 @@ def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
     away = 1.0 - middles if half else 2.0 * np.minimum(middles, 1.0 - middles)
     ends = np.cumsum(grading + (1.0 - grading) * away)
     return (*map(float, ends[:-1] / ends[-1]), 1.0)
+
+
+@dataclass(frozen=True)
+class RowSizes:
+    """The first row at a wall, the growth of rows with the distance from it, and the largest row [length]."""
+
+    first: float
+    growth: float
+    largest: float
+
+
+def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
+    """Where rows end, as parts of a height with one wall or two; rows are larger by the factor `coarse`."""
+    first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
+    bend = min((largest - first) / growth, part)  # where rows are largest
+    to_bend = math.log1p(growth * bend / first) / growth
+    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(growth * np.minimum(counted, to_bend)) / growth
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
+    ends[-1] = 1.0
+    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]]) if walls == 2 else ends
 
 
 def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:

@@ -1,4 +1,4 @@
-"""Developed turbulent flow over one smooth wall by the k-omega SST model, in one dimension: what enters channels.
+"""Developed flow over one smooth wall by the k-omega SST model, in one dimension: what enters channels.
 
 The equations are those of `forms.k_omega_sst` for a flow that depends on the height alone, in units of u* and the
 depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top.
@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from ..arrays import Floats
 from ..errors import ConvergenceError
-from ..forms.k_omega_sst import A_1, BETA_STAR, EXPONENT, INNER, OUTER, SIGMA_CROSS
-from ..forms.turbulence import MOST_PRODUCED
+from ..forms.k_omega_sst import A_1, BETA_STAR, EXPONENT, INNER, MOST_PRODUCED, OUTER, SIGMA_CROSS
 
 VOLUMES = 160
 FIRST = 0.5  # wall units, from which on volumes begin; below only molecules matter
@@ -22,7 +22,7 @@ LARGEST_ARGUMENT = 5.0
 STEP, GROWTH, CUT, LONGEST = 1e-4, 2.0, 0.5, 1e9  # of pseudo-time, in h/u*
 MOST_STEPS, ENOUGH = 300, 1e-7
 LARGEST_CORRECTION, SMALL, LARGE = 0.7, 1.0, 3.0  # of logarithms: applied; for longer steps; for shorter ones
-LAMINAR = -25.0  # ln k+ below which there is no turbulence
+LAMINAR = -25.0  # ln k+ below which a flow is laminar
 SLIGHT = 1e-6  # by which logarithms are changed for derivatives
 MOST_TRIALS, SAME_DISCHARGE = 30, 1e-6
 
@@ -45,7 +45,7 @@ class DevelopedChannel:
 
     @property
     def is_laminar(self) -> bool:
-        """Whether the model keeps no turbulence alive at this Re_tau."""
+        """Whether k dies out at this Re_tau."""
         return bool(self.log_k.max() <= LAMINAR)
 
 
@@ -136,8 +136,6 @@ class _Column:
         Raises:
             ConvergenceError: there are none that could be found.
         """
-        from scipy.linalg import solve_banded
-
         step, mass = STEP, np.repeat(self.sizes, 2)
         for _ in range(MOST_STEPS):
             bands = -self.jacobian(logarithms)
@@ -186,7 +184,7 @@ def of_discharge(reynolds: float) -> DevelopedChannel:
     Raises:
         ConvergenceError: it was not found.
     """
-    # Turbulent by Keulegan's law, or laminar; then by secants in logarithms.
+    # By Keulegan's law, or laminar; then by secants in logarithms.
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)
     slope, before = 1.1, None
     for _ in range(MOST_TRIALS):

@@ -35,9 +35,8 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
         return _grid_layout(setup, plan, grid)
     if setup.resolves_walls and setup.resolved_walls.plane:
-        from .resolved_walls import channel_rows
-
-        grid = channel_rows(setup.resolved_walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
+        domain, names = setup.geometry.domain, setup.sides
+        grid = setup.resolved_walls.channel_rows(domain, names, plan.order, plan.mesh_size)
         return _grid_layout(setup, plan, grid)
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
@@ -130,9 +129,7 @@ def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance)
         placement = stance.placement if geometry.moves else geometry.placement
         near.extend(cells(setup.walls, geometry, order, placement))
     if setup.resolves_walls:
-        from .resolved_walls import cells_at_walls
-
-        near.extend(cells_at_walls(setup.resolved_walls, order))
+        near.extend(setup.resolved_walls.cells(order))
     if setup.base_flow.flow.kind == "lid":
         domain = geometry.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise, takewhile
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve
 from ..meshes import Away, Grid, Near, SolidGrid
 from ..meshes.solid_region import SYMMETRY
-from .cells import layer_ends
+from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
 from .sides import SideNames
@@ -20,7 +19,7 @@ from .wall_layer import LayeredWalls
 
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
-FEWEST_ROWS, FEWEST_COLUMNS = 6, 4  # whatever the cells' size
+FEWEST_COLUMNS = 4  # whatever the cells' size
 # First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
 # distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
 FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
@@ -57,29 +56,6 @@ def channel_grid(
         layers = max(layers, round(ROWS * rubbing / coarse))
     across = SYMMETRY if half else "right", "left"
     return SolidGrid(found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across)
-
-
-@dataclass(frozen=True)
-class RowSizes:
-    """The first row at a wall, the growth of rows with the distance from it, and the largest row [length]."""
-
-    first: float
-    growth: float
-    largest: float
-
-
-def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
-    """Where rows end, as parts of a height with one wall or two; rows are larger by the factor `coarse`."""
-    first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
-    bend = min((largest - first) / growth, part)  # where rows are largest
-    to_bend = math.log1p(growth * bend / first) / growth
-    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
-    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
-    counted = whole * np.arange(1, number + 1) / number
-    near = first * np.expm1(growth * np.minimum(counted, to_bend)) / growth
-    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
-    ends[-1] = 1.0
-    return 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]]) if walls == 2 else ends
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:

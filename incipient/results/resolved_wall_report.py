@@ -46,6 +46,6 @@ class ResolvedWallReport(WallReport):
         if self.outside:
             told += f", along {100 * self.outside:.3g}% of the walls more than {THICKEST:g}"
         if self.applicable:
-            return [f"turbulence          {told}: walls are resolved; "]
+            return [f"{told}: walls are resolved; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        return [f"turbulence          NOT RESOLVED: {told}, {bounds}; {self.remedy}", ""]
+        return [f"NOT RESOLVED: {told}, {bounds}; {self.remedy}", ""]

@@ -93,11 +93,11 @@ class WallReport:
 
     def lines(self, errors: Floats | None = None) -> list[str]:
         """The lines for a reader, with errors (2,) of the shear velocities where they are known."""
-        first, *others = self._judged()
-        friction = self._friction(errors)
+        (first, *others), friction = self._judged(), self._friction(errors)
         if self.backward:
             friction += f"; the flow next to the bed runs upstream from x = {self._spans()}{self._of_model()}"
-        return [first, f"{'':<20}{friction}"] if others else [first + friction]
+        lines = [first, friction] if others else [first + friction]
+        return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
     def _of_model(self) -> str:
         """What is known of the model where the flow runs upstream, in words."""
@@ -113,11 +113,11 @@ class WallReport:
         if not self.plane and self.outside:
             told += f", along {100 * self.outside:.3g}% of them not from {self._bounds()}"
         if self.applicable:
-            return [f"turbulence          {told}: the law of the wall holds; "]
+            return [f"{told}: the law of the wall holds; "]
         bounds = f"the law of the wall holds from {self._bounds()}"
         if not self.plane:
             bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {self.remedy}", ""]
+        return [f"NOT APPLICABLE: {told}, {bounds}; {self.remedy}", ""]
 
     def _bounds(self) -> str:
         """The bounds within which the law holds, in words."""

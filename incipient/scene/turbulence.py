@@ -65,8 +65,8 @@ class Turbulence(Section):
                 raise self.refused(name, why, "leave it out" if there else "add it")
         if wrong := self._wrong_profile():
             raise self.refused("profile", *wrong)
-        if wrong := self._of_other_model():
-            raise self.refused(*wrong)
+        if other := self._of_other_model():
+            raise self.refused(*other)
         if not 1.0 < self.c_1 < self.c_2:
             raise self.refused(
                 "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
@@ -98,9 +98,9 @@ class Turbulence(Section):
         if self.wall == "rough":
             why = 'is "rough", which model = "k-omega-sst" does not simulate in this version'
             return "wall", why, 'use smooth walls, or model = "k-epsilon"'
-        if self.inflow == "profile":
-            why = 'is "profile", which model = "k-omega-sst" does not simulate in this version'
-            return "inflow", why, 'use "developed" or "given"'
+        if self.inflow != "developed":
+            why = f'is "{self.inflow}", which model = "k-omega-sst" does not simulate in this version'
+            return "inflow", why, 'use "developed", or model = "k-epsilon"'
         usual = Turbulence()
         given = [key for key in OF_K_EPSILON if getattr(self, key) != getattr(usual, key)]
         return (given[0], 'is not read by model = "k-omega-sst"', "leave it out") if given else None

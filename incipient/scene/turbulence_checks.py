@@ -10,7 +10,6 @@ from .numerics import OF_WALLS, Numerics
 from .surface import FREE
 
 FLOWS = ("poiseuille", "open-channel")
-FLOWS_TO_THE_WALL = (*FLOWS, "uniform")
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
 
@@ -24,8 +23,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         return
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
-        yield from _of_resolved_walls(scene)
-    yield from _of_flow(scene.flow, scene.domain, FLOWS_TO_THE_WALL if scene.resolves_walls else FLOWS)
+        motion = scene.body.motion if scene.body is not None and scene.moves else ""
+        yield from _of_resolved_walls(scene.domain, motion)
+    yield from _of_flow(scene.flow, scene.domain)
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
@@ -38,23 +38,17 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_resolved_walls(scene: SceneSections) -> Iterator[Problem]:
-    """What the k-omega model does not serve."""
-    given = scene.turbulence is not None and scene.turbulence.inflow == "given"
-    if scene.domain.width is not None:
+def _of_resolved_walls(domain: Domain, motion: str) -> Iterator[Problem]:
+    """What the k-omega model does not serve; `motion` is that of a grain that moves."""
+    if domain.width is not None:
         remedy = 'leave domain.width out, or use turbulence.model = "k-epsilon"'
         yield problem("domain.width", f"is given, but space {_NOT_TO_THE_WALL}", remedy)
-    if scene.moves:
+    if motion:
         remedy = 'set body.motion = "fixed", or use turbulence.model = "k-epsilon"'
-        yield problem("body.motion", f'"{scene.body.motion}" {_NOT_TO_THE_WALL}', remedy)  # type: ignore[union-attr]
-    if scene.flow.kind == "uniform" and not given:
-        why = 'is not "given", as a uniform stream is'
-        yield problem("turbulence.inflow", why, 'use "given", with intensity and length')
-    if scene.flow.kind == "uniform" and scene.bed is None:
-        yield problem("bed", "is missing, below a uniform stream with turbulence", "add a section [bed]")
+        yield problem("body.motion", f'"{motion}" {_NOT_TO_THE_WALL}', remedy)
 
 
-def _of_flow(flow: Flow, domain: Domain, flows: tuple[str, ...]) -> Iterator[Problem]:
+def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
     if domain.sides == "stream":
         yield problem(
             "domain.sides", f'"stream" {_NOT_SIMULATED}', 'use "wall", or "slip", sides without friction'
@@ -63,11 +57,10 @@ def _of_flow(flow: Flow, domain: Domain, flows: tuple[str, ...]) -> Iterator[Pro
         yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     if domain.top == FREE:
         yield problem("domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction')
-    if flow.kind not in flows:
-        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(flows)}")
-    elif domain.top == "stream" or (flow.kind == "uniform" and domain.top == "auto"):
-        remedy = 'use "slip"' if flow.kind == "uniform" else 'use "auto"'
-        yield problem("domain.top", '"stream" contradicts turbulence below it', remedy)
+    if flow.kind not in FLOWS:
+        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
+    elif domain.top == "stream":
+        yield problem("domain.top", '"stream" contradicts turbulence below it', 'use "auto"')
     elif getattr(flow, "datum", "auto") != "auto":
         why = "is not read with turbulence, whose profile starts at the bed's height at the inflow"
         yield problem("flow.datum", why, "leave it out")

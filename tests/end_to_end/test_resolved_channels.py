@@ -4,6 +4,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from one_dimensional import k_omega_channel
 
 import incipient
@@ -23,6 +24,7 @@ from incipient.scene import (
     Scene,
     Time,
     Turbulence,
+    Uniform,
 )
 
 # U_b+ of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
@@ -70,29 +72,37 @@ def test_slow_flow_is_laminar():
     assert any("laminar by the k-omega model" in line for line in result.plan.warnings)
 
 
-def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
-    """u* d/nu = 3 in a channel of 20 grains: drag and lift in u*^2 d as below a log-law within 3%.
+def over_mean_profile(number, depth=60.0):
+    """Drag, lift and couple of a disc in a channel, over those in laminar flow below a log-law, less one."""
+    from incipient.planning.developed_channel import developed
 
-    The mean profiles, here by the model, there van Driest's, are linear that far up but for 1%.
-    """
     grain = {
         "bed": Flat(),
         "body": Disc(diameter=1.0, x=0.0, density=2.65),
         "contact": Contact(friction=0.5),
-        "domain": Domain(length=20.0, height=20.0, origin=(-8.0, 0.0)),
+        "domain": Domain(length=24.0, height=depth, origin=(-9.6, 0.0)),
         "numerics": Numerics(order=2, error_bars=False, mesh_size=1.5),
     }
-    from incipient.planning.developed_channel import developed
-
-    entering = developed(60.0)
-    model = incipient.run(channel(60.0 * entering.mean, **grain))
-    plain = {"turbulence": None, "effects": Effects()}
-    law = channel(3.0, **grain | plain, flow=LogLaw(shear_velocity=1.0))
-    law = law.model_copy(update={"fluid": Fluid(reynolds=3.0, scale="grain")})
+    mean = developed(number * depth).mean
+    model = incipient.run(channel(number * depth * mean, **grain))
+    assert model.turbulence.applicable
+    plain = {"turbulence": None, "effects": Effects(), "flow": LogLaw(shear_velocity=1.0)}
+    law = channel(3.0, **grain | plain).model_copy(update={"fluid": Fluid(reynolds=number, scale="grain")})
     laminar = incipient.run(law)
-    found = np.array(model.force.flow[:2]) * entering.mean**2
-    print(found, laminar.force.flow[:2])
-    assert found == pytest.approx(np.array(laminar.force.flow[:2]), rel=0.03)
+    loads = [[*one.force.flow[:2], one.couple.flow[2]] for one in (model, laminar)]
+    found = np.array(loads[0]) * mean**2 / loads[1] - 1.0
+    print(number, found)
+    return found
+
+
+def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
+    """u* d/nu = 1 within 3%, nearer than at 10, where the model's own mean profile and eddies count.
+
+    Stress falls to zero over the 60 grains of depth, below a log-law it does not: that alone is 1% of drag, 2% of lift.
+    """
+    slow, fast = over_mean_profile(1.0), over_mean_profile(10.0)
+    assert np.abs(slow).max() < 0.03
+    assert (np.abs(slow) < np.abs(fast)).all()
 
 
 def in_short_steps(end):
@@ -140,17 +150,8 @@ def test_ranks_agree(mpirun):
         ({"domain": Domain(length=4.0, width=2.0, height=1.0)}, "domain.width"),
         ({"turbulence": {"wall": "rough", "roughness": 0.01}}, "turbulence.wall"),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
-        (
-            {
-                "turbulence": {
-                    "inflow": "profile",
-                    "profile": [[0.1, 1.0], [0.5, 1.2]],
-                    "intensity": 0.1,
-                    "length": 0.1,
-                }
-            },
-            "inflow",
-        ),
+        ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
+        ({"flow": Uniform(), "bed": Flat()}, "flow.kind"),
         ({"body": Disc(diameter=0.2, centre=(2.0, 0.5), motion="free", density=2.0)}, "body.motion"),
     ],
 )
@@ -173,4 +174,4 @@ def test_a_threshold_is_refused():
         gravity={"acceleration": 1.0},
     )
     with pytest.raises(SceneError, match="thresholds are not sought with k-omega"):
-        find_threshold(scene)
+        find_threshold(scene, MPI.COMM_SELF)

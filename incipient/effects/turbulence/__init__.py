@@ -13,13 +13,11 @@ from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
 from ..effect import Effect, Findings, SlowestFlow, Solved
-from ..run_part import Stage
-from .models import model_of
+from ..run_part import RunPart, Stage
 from .transition import REMEDY, transition, turbulent_from
 
 if TYPE_CHECKING:
     from ...mesh.domain import Domain
-    from .part import TurbulentFlow
 
 
 def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
@@ -57,6 +55,13 @@ BY_LAW = "the law of the wall holds", "the law of the wall does NOT hold"
 RESOLVED = "the walls are resolved", "the walls are NOT resolved"
 
 
+def _model_of(setup: Setup) -> Any:
+    """The model that a scene asks for, a `models.TurbulenceModel`."""
+    from .models import MODELS
+
+    return MODELS[setup.turbulence.model]
+
+
 class TurbulenceEffect(Effect):
     """A model of the mean flow."""
 
@@ -73,7 +78,7 @@ class TurbulenceEffect(Effect):
         """Present where the scene asks for it; else the plan says where the flow may be turbulent."""
         scene = setup.scene
         if scene.is_averaged:
-            told = model_of(setup).text(setup)
+            told = _model_of(setup).text(setup)
             return Decision(self.name, True, f"effects.turbulence = true: {told}", True)
         off = scene.effects.turbulence is False
         reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
@@ -97,7 +102,7 @@ class TurbulenceEffect(Effect):
     def warnings(self, setup: Setup) -> Iterator[str]:
         """What the model says; where it is not for the scene it raises."""
         if setup.is_averaged:
-            yield from model_of(setup).warnings(setup)
+            yield from _model_of(setup).warnings(setup)
 
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup of a flow as fast, whose law of the wall has another distance."""
@@ -105,12 +110,12 @@ class TurbulenceEffect(Effect):
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
         """The slowest flow that the model is for."""
-        return model_of(setup).slowest_flow(setup) if setup.is_averaged else None
+        return _model_of(setup).slowest_flow(setup) if setup.is_averaged else None
 
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
         """What the model needs."""
         if setup.is_averaged:
-            yield from model_of(setup).threshold_needs(setup)
+            yield from _model_of(setup).threshold_needs(setup)
 
     def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
         """What flow the threshold is for, and whether that can be laminar."""
@@ -120,9 +125,9 @@ class TurbulenceEffect(Effect):
         if found := transition(setup, numbers_of(setup), factor):
             yield found.text(" at the threshold")
 
-    def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow | None:
+    def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
         """Both quantities of the model."""
-        return model_of(setup).part(setup, domain, stage) if setup.is_averaged else None
+        return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""

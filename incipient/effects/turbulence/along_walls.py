@@ -1,4 +1,4 @@
-"""What is found along the walls of a turbulent flow, at the nodes of the velocity."""
+"""What is found along the walls of a mean flow, at the nodes of the velocity."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that the turbulence stands for
+    those that k stands for
     """
 
     places: np.ndarray

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -16,14 +16,12 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...errors import ConvergenceError
+from ...fluid import Fluid
 from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from .linear import Incomplete
-
-if TYPE_CHECKING:
-    from ...fluid import Fluid
 
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20

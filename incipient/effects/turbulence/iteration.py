@@ -51,9 +51,9 @@ def solve_steadily(
     """Find the steady flow with its turbulence from their present states. Collective.
 
     In turn the flow is solved with the eddy viscosity as it is, and the turbulence takes an implicit step of
-    pseudo-time in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy viscosity is
-    raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the flow
-    passes its depth; within `stage` both quantities are solved.
+    pseudo-time in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy
+    viscosity is raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the
+    flow passes its depth; within `stage` both quantities are solved.
 
     Raises:
         ConvergenceError: the flow does not converge, or both quantities still change after 200 rounds.

@@ -63,6 +63,8 @@ class KEpsilon(TurbulenceFields):
 class KEpsilonFlow(TurbulentFlow):
     """The k-epsilon model in a scene's flow, judged by the distance of its walls. Every method is collective."""
 
+    fields: KEpsilon
+
     def _made(self, domain: Domain) -> KEpsilon:
         walls = self._walls
         given = TurbulenceConditions(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dolfinx
 import numpy as np
 import ufl
+from scipy.spatial import cKDTree
 
 from ... import compat
 from ...arrays import Floats, Integers
+from ...fluid import Fluid
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
 from ...mesh.domain import Domain
@@ -21,9 +23,6 @@ from ...results.resolved_wall_report import THICKEST, ResolvedWallReport
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .part import ORDER, TurbulentFlow
-
-if TYPE_CHECKING:
-    from ...fluid import Fluid
 
 ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
@@ -106,8 +105,6 @@ class KOmegaSST(TurbulenceFields):
 
     def _from_next(self, places: Floats) -> None:
         """For nodes within the cells at walls: the next node beyond, and what ln k is less there."""
-        from scipy.spatial import cKDTree
-
         edge = self._edge
         if not len(edge) or not len(self._within):
             self._source, self._drop = np.empty(0, dtype=np.int64), np.empty(0)
@@ -194,6 +191,8 @@ class KOmegaSST(TurbulenceFields):
 class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
 
+    fields: KOmegaSST
+
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), walls.logarithms, walls.names)
@@ -246,8 +245,6 @@ class KOmegaFlow(TurbulentFlow):
 
     def _thickness(self, walls: Sequence[AlongWall]) -> Floats:
         """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks."""
-        from scipy.spatial import cKDTree
-
         places, away = self.fields.at_edge()
         at_walls = np.concatenate([one.places for one in walls])
         found = np.concatenate([one.shear_velocities for one in walls])

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 from ...errors import SceneError
 from ...planning.flow_setup import Setup
 from ..effect import SlowestFlow
-from ..run_part import Stage
+from ..run_part import RunPart
+from . import limits
 
-if TYPE_CHECKING:
-    from ...mesh.domain import Domain
-    from .part import TurbulentFlow
+Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
 
 class TurbulenceModel(ABC):
-    """A model of turbulence, as the effect asks for it. No method but `part` is collective."""
+    """A model of turbulence, as the effect asks for it. No method is collective."""
 
     @abstractmethod
     def text(self, setup: Setup) -> str:
@@ -28,8 +26,8 @@ class TurbulenceModel(ABC):
         """What makes the result less sure; raises SceneError where the model is not for the scene."""
 
     @abstractmethod
-    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
-        """The unknowns of the model in a run. Collective."""
+    def flow(self) -> Flow:
+        """What makes the unknowns of the model in a run, from its setup, domain and stages."""
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
         """The slowest flow that a search for a threshold may begin with; None: any."""
@@ -49,24 +47,20 @@ class KEpsilonModel(TurbulenceModel):
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
-        from . import limits
-
         for why in limits.refusals(setup):
             raise SceneError(why)
         yield from limits.doubts(setup)
 
-    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
+    def flow(self) -> Flow:
         """k and epsilon."""
         from .k_epsilon import KEpsilonFlow
 
-        return KEpsilonFlow(setup, domain, stage)
+        return KEpsilonFlow
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
         """The slowest flow in which the law of the wall is for grain and depth."""
-        from .limits import slowest
-
         remedy = 'flow.kind = "log-law" without turbulence'
-        return SlowestFlow(slowest(setup), "that the law of the wall is for", remedy)
+        return SlowestFlow(limits.slowest(setup), "that the law of the wall is for", remedy)
 
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
         """No accuracy: the mesh is made for the flow's speed."""
@@ -83,17 +77,17 @@ class KOmegaModel(TurbulenceModel):
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Flows that are laminar by the model."""
-        if (found := setup.resolved_walls.developed) is not None and found.is_laminar:
+        if (found := setup.resolved_walls.developed).is_laminar:
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"
             )
 
-    def part(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow:
+    def flow(self) -> Flow:
         """k and omega."""
         from .k_omega_sst import KOmegaFlow
 
-        return KOmegaFlow(setup, domain, stage)
+        return KOmegaFlow
 
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
         """Another model, whose mesh does for faster flows as well."""
@@ -102,8 +96,3 @@ class KOmegaModel(TurbulenceModel):
 
 # Each model by its name in the section [turbulence].
 MODELS: dict[str, TurbulenceModel] = {"k-epsilon": KEpsilonModel(), "k-omega-sst": KOmegaModel()}
-
-
-def model_of(setup: Setup) -> TurbulenceModel:
-    """The model that a scene asks for."""
-    return MODELS[setup.turbulence.model]

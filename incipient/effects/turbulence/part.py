@@ -21,6 +21,7 @@ from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
+from ...restart.redistribution import spread_values, stored_values
 from ...results.wall_report import WallReport
 from ..run_part import RunPart, Solving, Stage
 from .fields import TurbulenceFields, Values
@@ -45,6 +46,7 @@ class TurbulentFlow(RunPart):
     """
 
     effect = EffectName.TURBULENCE
+    fields: TurbulenceFields
     in_time: InTime | None = None
 
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
@@ -171,15 +173,11 @@ class TurbulentFlow(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """The logarithms of both quantities, now and before."""
-        from ...restart.redistribution import stored_values
-
         assert self.in_time is not None
         return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take the logarithms of both quantities from a checkpoint."""
-        from ...restart.redistribution import spread_values
-
         assert kept.turbulence is not None and self.in_time is not None
         self.in_time.past = spread_values(self.fields.space, kept.turbulence)
         self.fields.state.x.array[:] = self.in_time.past[0]

@@ -8,10 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...planning.wall_law import WallLaw
+from ...results.resolved_wall_report import THICKEST
 from ..record import StoredRun
 from ..style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
+LEAST = 0.1  # y+ from which on resolved walls are drawn
 _SIZE = (9.0, 5.5)  # inches
 
 
@@ -21,17 +23,24 @@ def has_walls(run: StoredRun) -> bool:
 
 
 def picture(run: StoredRun) -> Figure:
-    """y+ above, with the range in which the law of the wall holds, and below it the friction, which is signed."""
+    """y+ above, with the range in which walls are as the model asks, and below it the friction, which is signed."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    holds = _bounds(run.result["turbulence"])
-    upper.axhspan(*holds, color=GROUND, alpha=0.3, label="the law of the wall holds")
+    walls = run.result["turbulence"]
+    resolved = walls.get("model") == "k-omega-sst"  # results of earlier versions have no model
+    bounds = (LEAST, THICKEST) if resolved else _bounds(walls)
+    label = "walls are resolved" if resolved else "the law of the wall holds"
+    upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
     lower.axhline(0.0, color=GROUND)
-    for colour, (name, found) in zip(_COLOURS, run.result["turbulence"]["along"].items(), strict=False):
+    for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
             axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
-    upper.set(yscale="log", ylabel="y+ of the wall", title="Along the walls")
+    upper.set(
+        yscale="log",
+        ylabel="y+ of the wall" if not resolved else "y+ of the first cells",
+        title="Along the walls",
+    )
     lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
     upper.legend(loc="best")
     return figure
