@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 LEFT = 0.35
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 POCKET, INTERACTION = "pocket", "interaction"
-LAW = "law of the wall, which is not applicable here"
 OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
 
 
@@ -122,7 +121,7 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     if bar is not None and (walls := run.wall_report()) is not None:
-        bar = replace(bar, certain=False, decisive=OF_MODEL if walls.applicable else LAW)
+        bar = replace(bar, certain=False, decisive=OF_MODEL if walls.applicable else walls.unsuited)
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))

@@ -29,6 +29,11 @@ class ResolvedWallReport(WallReport):
         return self.outside <= MOST_OUTSIDE
 
     @property
+    def unsuited(self) -> str:
+        """What decides how sure a result is where walls are not resolved, in words."""
+        return "cells at the walls, which do not resolve them"
+
+    @property
     def suitable(self) -> float:
         """The thickness that the cells at walls might have."""
         return THICKEST * self.viscosity / self.shear_velocity if self.shear_velocity else float("inf")

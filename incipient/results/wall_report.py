@@ -53,6 +53,11 @@ class WallReport:
         return self.outside <= MOST_OUTSIDE
 
     @property
+    def unsuited(self) -> str:
+        """What decides how sure a result is where the walls are not as the model asks, in words."""
+        return "law of the wall, which is not applicable here"
+
+    @property
     def _law(self) -> WallLaw:
         return WallLaw(self.roughness)
 

@@ -32,7 +32,7 @@ class Effects(Section):
         'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
     )
     turbulence: Choice = key(
-        "The k-epsilon model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
+        "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
         "auto",
     )
     third_dimension: Choice = key("Flow in space; auto: with domain.width", "auto")

@@ -64,7 +64,7 @@ def thrown(fluid, fields, values_at, radius=0.06, count=4):
     past = [fields.state.x.array.copy()]
     for number in range(count):
         steps.advance(STEP * (1 + 0.3 * (number % 2)), motion.places())
-        fields.give(values_at(fluid.time), 0.0)
+        fields.give(values_at(fluid.time))
         rate = [float(one.value) for one in fluid.rate]
         assert fields.step(rate, (past[0], past[-1]), 1e-12) <= 1e-12
         past = [fields.state.x.array.copy(), past[0]]
