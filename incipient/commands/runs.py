@@ -21,7 +21,8 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
     """Simulates a scene, says what came out and where it is."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
-    ranks, plan = f"{comm.size} rank" + ("s" if comm.size > 1 else ""), incipient.make_plan(scene).text()
+    ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
+    plan = incipient.make_plan(scene).text()
     if comm.rank == 0:
         log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
     with telling(comm.rank) as voice:

@@ -163,7 +163,8 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
     borders = _borders(comm, stored.values[:, 0])
     numbers = np.arange(stored.first, stored.first + len(stored.values))
     owners = np.searchsorted(borders, stored.values[:, 0], side="right")
-    by_owner, table = np.argsort(owners, kind="stable"), np.column_stack([stored.values, numbers])
+    by_owner = np.argsort(owners, kind="stable")
+    table = np.column_stack([stored.values, numbers])
     here = exchanged(comm, table[by_owner], np.bincount(owners, minlength=comm.size))
     # A point so near to a border that rounding may have taken it across asks on both sides.
     first, last = (np.searchsorted(borders, points[:, 0] + d, side="right") for d in (-tolerance, tolerance))

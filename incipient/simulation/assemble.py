@@ -142,9 +142,14 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     if bars is None or bars.correction is None or result.force is None or result.couple is None:
         return result
     force, couple = bars.corrected(result.force, result.couple)
-    si, found = in_si(run.scene, 1.0, force.flow, couple.flow), coefficients(run, force, couple)
-    verdict = judged(run, force, couple)
-    return replace(result, force=force, couple=couple, coefficients=found, si=si, verdict=verdict)
+    return replace(
+        result,
+        force=force,
+        couple=couple,
+        coefficients=coefficients(run, force, couple),
+        si=in_si(run.scene, 1.0, force.flow, couple.flow),
+        verdict=judged(run, force, couple),
+    )
 
 
 def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:

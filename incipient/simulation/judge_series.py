@@ -185,7 +185,8 @@ def read_columns(path: Path) -> dict[str, Floats]:
     if table.size == 0 or table.shape[1] != len(names):
         why = f"has {len(names)} names and {table.shape[1]} columns"
         raise SceneError(f"{path}: {why}; give a name to each column")
-    if (twice := next((name for name in names if names.count(name) > 1), None)) is not None:
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
     return dict(zip(names, table.T, strict=True))
 

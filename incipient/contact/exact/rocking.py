@@ -187,8 +187,9 @@ class _Pocket:
             force, couple = force[:2], couple[2:]
         if not force.any():
             return None
-        given = self.grain, self.bed, start, force, couple, self.friction
-        found = settle_under(*given, 2.0 * POCKET, MOST_WAY)
+        found = settle_under(
+            self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
+        )
         placement, contacts = found.placement, found.contacts
         if not found.stable or contacts is None or self._far(start, placement):
             return None

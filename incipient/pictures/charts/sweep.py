@@ -115,13 +115,15 @@ def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path
 def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
     """Values with their error bars, joined in the order of x; infinite ones are left out."""
     order = np.argsort(x, kind="stable")
-    rows_of = [mine[number] for number in order]
-    ends = ([float(row.get(quantity + end, row[quantity])) for row in rows_of] for end in ("", LOW, HIGH))
-    y, low, high = (np.array(values) for values in ends)
+    rows_in_order = [mine[number] for number in order]
+    y = np.array([float(row[quantity]) for row in rows_in_order])
+    low = np.array([float(row.get(quantity + LOW, row[quantity])) for row in rows_in_order])
+    high = np.array([float(row.get(quantity + HIGH, row[quantity])) for row in rows_in_order])
     with np.errstate(invalid="ignore"):
         bars = np.nan_to_num(np.array([y - low, high - y]), nan=0.0, posinf=0.0, neginf=0.0)
     finite = np.isfinite(y)
-    errors, looks = np.maximum(bars[:, finite], 0.0), {"lw": 1.1, **looks, "label": label or None}
+    looks = {"lw": 1.1, **looks, "label": label or None}
+    errors = np.maximum(bars[:, finite], 0.0)
     axes.errorbar(x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks)
 
 

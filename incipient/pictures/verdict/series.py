@@ -24,7 +24,8 @@ def draw(directory: Path) -> list[Path]:
     Raises:
         OutputError: when they are missing or damaged, or the picture cannot be written.
     """
-    path, stored, samples = directory / "series.png", parsed_json(directory / SUMMARY), directory / SAMPLES
+    path, samples = directory / "series.png", directory / SAMPLES
+    stored = parsed_json(directory / SUMMARY)
     try:
         times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T
     except (OSError, ValueError) as error:
