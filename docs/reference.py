@@ -32,6 +32,13 @@ PUBLIC = {
     "incipient.results.result": "What a run gives back.",
     "incipient.critical.outcome": "What `incipient.threshold` gives back.",
 }
+# How annotations and defaults of calls are shortened to what a reader knows them by.
+SHORTER = (
+    (r"numpy\.ndarray\[typing\.Any, numpy\.dtype\[numpy\.float64\]\]", "Floats"),
+    (r"<class '([^']*)'>", r"\1"),
+    (r"<function [^=]*? at 0x[0-9a-f]+>|<factory>", "..."),
+    (r"\b(?:[a-z_]\w*\.)+(?=[A-Z])", ""),
+)
 FOREIGN = re.compile(
     r"""<(?:script|img|link|iframe|source)\b[^>]*?\b(?:src|href)=["']?(?:https?:)?//""", re.I
 )
@@ -255,6 +262,7 @@ def documented(name: str, thing: Any) -> Iterator[str]:
     if not inspect.isclass(thing) or "__init__" in vars(thing) or hasattr(thing, "__dataclass_fields__"):
         yield f"```python\n{signature(name, thing)}\n```"
     yield told(thing)
+    yield from described_fields(thing)
     if not inspect.isclass(thing) or hasattr(thing, "model_fields"):
         return
     for method, made in vars(thing).items():
@@ -266,6 +274,26 @@ def documented(name: str, thing: Any) -> Iterator[str]:
             yield f"- `{method}{'' if isinstance(made, property) else '()'}`: {said}"
 
 
+def described_fields(thing: Any) -> Iterator[str]:
+    """The fields of a dataclass with the comments beside or above them."""
+    if not inspect.isclass(thing) or not hasattr(thing, "__dataclass_fields__"):
+        return
+    lines, above = [], []
+    for line in map(str.strip, inspect.getsource(thing).splitlines()[1:]):
+        if line.startswith(("def ", "@")):
+            break
+        if line.startswith("#"):
+            above.append(line.lstrip("# "))
+            continue
+        field = re.match(r"(\w+): [^#]*(?:#\s*(.*))?$", line)
+        comment = (field and field[2]) or " ".join(above)
+        if field and field[1] in thing.__dataclass_fields__ and comment:
+            lines.append(f"- `{field[1]}`: {escaped_html(comment)}")
+        above = []
+    if lines:
+        yield "\n".join(lines)
+
+
 def signature(name: str, thing: Any) -> str:
     """A call on as many lines as it needs."""
     try:
@@ -275,6 +303,9 @@ def signature(name: str, thing: Any) -> str:
     parameters = [re.sub(r": '([^']*)'", r": \1", str(one)) for one in found.parameters.values()]
     given = found.return_annotation
     result = "" if given is inspect.Signature.empty or inspect.isclass(thing) else f" -> {given}"
+    for long, short in SHORTER:
+        parameters = [re.sub(long, short, one) for one in parameters]
+        result = re.sub(long, short, result)
     line = f"{name}({', '.join(parameters)}){result}"
     return line if len(line) <= 96 else f"{name}(\n    " + ",\n    ".join(parameters) + f",\n){result}"
 

@@ -55,7 +55,8 @@ def gusts(
         durations: of the gusts [time].
         directory: where to write gusts.json, gusts.csv and the resolved scene, anew with each strength that is found;
             None writes nothing.
-        voice: told of every run; default: nobody. announce: is given each strength as soon as it is found.
+        voice: told of every run; default: nobody.
+        announce: is given each strength as soon as it is found.
 
     Raises:
         IncipientError: on all ranks, one line; what has been found stays in the directory.

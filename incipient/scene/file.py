@@ -1,5 +1,7 @@
 """Scenes as TOML files: reading, overriding, writing, an example with comments, a schema for editors."""
 
+from __future__ import annotations
+
 import re
 import tomllib
 from collections.abc import Sequence

@@ -1,5 +1,6 @@
 """The documents name commands, keys of scenes and files that exist."""
 
+import importlib
 import re
 import sys
 import typing
@@ -100,6 +101,17 @@ def test_named_files_exist(page: Path) -> None:
 def test_the_navigation_names_pages_that_exist() -> None:
     named = set(re.findall(r"^ *- (?:[^:\n]+: )?([\w/]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M))
     assert len(named) > 20 and not {name for name in named - MADE if not (ROOT / "docs" / name).exists()}
+
+
+def test_the_page_on_python_says_what_calls_take_and_fields_are() -> None:
+    """Names as a reader knows them, no places in memory; fields with the comments beside or above them."""
+    pytest.importorskip("mkdocs")
+    page = importlib.import_module("reference").python_page()
+    assert not re.search(r"<class|<function|numpy\.dtype|\bat 0x", page)
+    assert "load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = None) -> Scene" in page
+    plan = page.partition("### `Plan`")[2].partition("### ")[0]
+    assert "- `warnings`: what in the scene makes the result less sure, in words" in plan
+    assert "- `sought`: What mesh and order are chosen for by the run" in plan
 
 
 def test_the_gallery_has_every_demo() -> None:
