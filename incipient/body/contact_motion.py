@@ -207,6 +207,9 @@ class ContactMotion:
             settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(self.reach, 1.0)
             pressed = touched
             touched, left = self._next(touched, local, self._as_entered(seen, entered, start), left, start)
+            if len(touched) == 0:
+                # Along a side that lies on the bed the nearest place may be elsewhere now: what presses goes on.
+                touched = pressed.only(local[: len(pressed), 0] > 0.0)
             if number >= IN_TURN:
                 touched = _together(touched, pressed, start.apart)
             if settled and len(touched) == len(pressed):

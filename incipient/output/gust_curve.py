@@ -68,6 +68,7 @@ def gusts(
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:
+        """Announce a strength, and write all found so far. Collective."""
         found.append(point)
         announce(point)
         if directory is not None:

@@ -16,26 +16,32 @@ import ufl
 from ..arrays import Floats, cross, spatial
 from ..fluid.model import Driven
 from ..geometry.placement import Placement
-from ..geometry.shape import Shape
+from ..geometry.plane.grain import Grain
+from ..geometry.space.solid import Solid
 from .base_flow import ROUND_OFF, BaseFlow
 
-ACROSS = {2: 96, 3: 32}  # points across a grain, by the dimension
+ACROSS = {2: 48, 3: 16}  # points across a grain, by the dimension
 
 
 @dataclass(frozen=True, eq=False)
 class DisplacedFluid:
     """The fluid whose place a grain takes in a base flow."""
 
-    grain: Shape
+    grain: Grain | Solid
     base_flow: BaseFlow
 
     @cached_property
     def _points(self) -> Floats:
         """(n, gdim) in the frame of the grain, of equal volumes, about its centroid."""
-        gdim = self.base_flow.domain.gdim
-        axis = self.grain.size * (np.arange(ACROSS[gdim]) + 0.5 - 0.5 * ACROSS[gdim]) / ACROSS[gdim] * 2.0
-        points = np.stack(np.meshgrid(*[axis] * gdim), axis=-1).reshape(-1, gdim)
-        inside = points[self.grain.level(points) < 0.0]
+        grain, gdim = self.grain, self.base_flow.domain.gdim
+        skin = (
+            grain.chain.points(ACROSS[gdim])
+            if isinstance(grain, Grain)
+            else grain.surface(0.1 * grain.size).points
+        )
+        share, low, high = (np.arange(ACROSS[gdim]) + 0.5) / ACROSS[gdim], skin.min(axis=0), skin.max(axis=0)
+        points = np.stack(np.meshgrid(*np.outer(high - low, share) + low[:, None]), axis=-1).reshape(-1, gdim)
+        inside = points[grain.level(points) < 0.0]
         return np.asarray(inside - inside.mean(axis=0))
 
     def load(self, placement: Placement) -> Floats:
@@ -48,7 +54,7 @@ class DisplacedFluid:
         return np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
 
 
-def driven(base_flow: BaseFlow, grain: Shape | None) -> Driven:
+def driven(base_flow: BaseFlow, grain: Grain | Solid | None) -> Driven:
     """The base flow with its gust, for `FlowModel.driven`."""
     displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
     return Driven(_velocity(base_flow), base_flow.factor, displaced)
@@ -59,6 +65,7 @@ def _velocity(base_flow: BaseFlow) -> Any:
     up = base_flow.domain.up
 
     def velocity(place: Any) -> Any:
+        """The base flow without its gust at a place, both in UFL; zero below the datum."""
         above, depth = place[up] - base_flow.datum, base_flow.depth
         speed = base_flow.speed_at(ufl.max_value(0.0, ufl.min_value(above, depth)))
         flows = ufl.gt(above, -ROUND_OFF * depth)

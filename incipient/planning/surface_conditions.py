@@ -86,6 +86,7 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
     stream, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
+        """Velocities (n,) along the channel at places (3, n) of the inflow as the mesh was made."""
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
         places[up] = datum + (x[up] - datum) * deeper
         waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
@@ -95,9 +96,11 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
+    """Base flow and wave at the inflow, and the elevation there."""
     stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.domain.up
 
     def velocity(x: Floats, t: float) -> Floats:
+        """Velocities (gdim, n) of base flow and wave at places (3, n)."""
         found = stream(x, t)
         for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
             found[axis] += waving

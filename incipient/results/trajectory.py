@@ -43,7 +43,9 @@ def course_words(course: dict[str, Any]) -> str:
     if course["first_motion"] is None:
         return "has stayed at rest"
     left = "" if course["left_pocket"] is None else f", left its pocket at t = {course['left_pocket']:.4g}"
-    return f"moved first at t = {course['first_motion']:.4g}{left} (mode at the end: {course['mode']})"
+    first, within = course["first_motion"], course.get("first_step")
+    when = f"at t = {first:.4g}" if within is None else f"between t = {first:.4g} and {first + within:.4g}"
+    return f"moved first {when}{left} (mode at the end: {course['mode']})"
 
 
 def number_words(x: Any) -> str:

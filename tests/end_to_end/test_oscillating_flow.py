@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from test_released import POCKET
 
 import incipient
 from incipient.planning.flow_setup import Setup
@@ -22,40 +23,6 @@ from incipient.results.result import Result
 from incipient.scene import Scene, loads
 
 PERIOD, STRENGTH, BESIDE = 1.0, 2.0, 0.5  # BESIDE: of the centre from those of the half-discs
-SCENE = """
-[domain]
-length = 8.0
-height = 4.0
-[fluid]
-reynolds = 4.0
-scale = "grain"
-[flow]
-kind = "shear"
-rate = 1.0
-gust = {{shape = "points", points = {points}}}
-[bed]
-kind = "half-discs"
-radius = 0.5
-spacing = 1.0
-[body]
-shape = "disc"
-diameter = 1.0
-x = 3.5
-density = 2.0
-motion = "{motion}"
-[gravity]
-acceleration = {gravity}
-[contact]
-friction = 1.0
-[time]
-end = 1.25
-step = 0.025
-[numerics]
-error_bars = false
-mesh_size = 2.0
-[output]
-fields = false
-"""
 
 
 def scene(motion: str, gravity: float) -> Scene:
@@ -63,7 +30,11 @@ def scene(motion: str, gravity: float) -> Scene:
     points = [
         [t, STRENGTH * math.sin(2.0 * math.pi * t / PERIOD)] for t in np.linspace(0.0, 2.0, 161).tolist()
     ]
-    return loads(SCENE.format(motion=motion, gravity=gravity, points=points))
+    plain = loads(POCKET.format(gravity=gravity)).model_dump(exclude_unset=True)
+    plain["fluid"]["reynolds"], plain["contact"]["friction"], plain["numerics"]["mesh_size"] = 4.0, 1.0, 2.0
+    plain["body"] |= {"density": 2.0, "motion": motion}
+    plain["flow"]["gust"] = {"shape": "points", "points": points}
+    return Scene(**plain, time={"end": 1.25, "step": 0.025})
 
 
 def history(one: Scene) -> tuple[Result, dict[str, list[str]]]:

@@ -87,6 +87,7 @@ def followed(seed: int, round_grain: bool) -> bool:
         gaps = moves.near(taken.end.placement, 0.05 * moves.reach).gaps
         assert gaps.min(initial=0.0) > -DEEPEST * moves.reach, seed
         impulses = taken.contacts.impulses
+        assert len(impulses) or not taken.pushed.any(), seed  # what has changed the motion is reported
         if len(impulses):
             largest = float(np.abs(impulses).max())
             beyond = np.hypot(*impulses[:, 1:].T) - law.friction * impulses[:, 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,10 @@ BEDS = (
     {"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 2.0},
 )
 GAP = 0.01  # of the grain's size
+# Of the largest energy or work: what the iteration of fluid and grain leaves, XX when written; and of friction and
+# impact, which take energy but for what the turn of normals in a step leaves, YY when written.
+MISSED = 5e-3
+LEAST = 1e-7  # energy that counts as some
 
 
 def drawn(seed: int) -> Scene:
@@ -60,27 +65,49 @@ def drawn(seed: int) -> Scene:
     return Scene(**plain)
 
 
-def released(seed: int, directory: Path) -> bool:
-    """Run it and look at every step; whether it moved."""
-    result = incipient.run(drawn(seed), directory)
-    assert result.trajectory is not None and result.status == "complete", seed
-    with (directory / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    found = {
-        name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0] if name != "mode"
-    }
-    works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
-    energy = max(np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity"))
-    assert np.isfinite(works).all() and np.isfinite(found["velocity_x"]).all(), seed
-    assert np.abs(works - found["energy_body"]).max() < 5e-3 * energy + 1e-9, seed
-    contacts = found["work_friction"] + found["work_impact"]
-    # Friction alone may do work in an impact; the turn of normals in a step leaves some, 0.3% at most when written.
-    assert contacts.max() <= 1e-9 + 5e-3 * energy, seed
-    return result.trajectory["on_bed"]["first_motion"] is not None
+@dataclass(frozen=True)
+class Release:
+    """What a run shows: its end, whether motion is reported and recorded, and relative to the largest energy or work:
+
+    missed: by how much the works miss the energy; created: work that contacts do on the grain
+    """
+
+    status: str
+    finite: bool
+    moved: tuple[bool, bool]
+    missed: float
+    created: float
+
+    @classmethod
+    def of(cls, seed: int, directory: Path) -> Release:
+        """Run a drawn scene and look at every step."""
+        result = incipient.run(drawn(seed), directory)
+        with (directory / "history.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        found = {
+            name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0] if name != "mode"
+        }
+        contacts = found["work_friction"] + found["work_impact"]
+        works = found["work_flow"] + found["work_gravity"] + contacts
+        energy = max(np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity"))
+        assert result.trajectory is not None
+        moved = (
+            result.trajectory["on_bed"]["first_motion"] is not None,
+            any(row["mode"] != "rest" for row in rows),
+        )
+        return cls(
+            result.status,
+            bool(np.isfinite([works, found["velocity_x"]]).all()),
+            moved,
+            float(np.abs(works - found["energy_body"]).max()) / max(energy, LEAST),
+            float(contacts.max()) / max(energy, LEAST),
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(10))
 def test_fifty_random_releases_with_flow(part: int, tmp_path: Path) -> None:
     for seed in range(5 * part, 5 * part + 5):
-        released(seed, tmp_path / str(seed))
+        one = Release.of(seed, tmp_path / str(seed))
+        assert one.status == "complete" and one.finite and one.moved[0] == one.moved[1], seed
+        assert one.missed < MISSED and one.created < MISSED, seed

@@ -42,7 +42,9 @@ def test_what_runs_wrote_is_theirs(tmp_path: Path) -> None:
     for name in ("fields.h5", "fields.xdmf", "flow.png", "checkpoint.h5", "checkpoint.h5.part"):
         (tmp_path / name).write_bytes(b"")
     (tmp_path / "notes.txt").write_text("of the user")
+    before = sorted(tmp_path.iterdir())
     refuse_foreign(tmp_path)
+    assert sorted(tmp_path.iterdir()) == before  # nothing is refused, and nothing is removed yet
 
 
 @pytest.mark.parametrize("name", ["result.json", "result.json.part", "fields.h5"])
@@ -59,3 +61,4 @@ def test_nothing_is_written_through_links(tmp_path: Path, name: str) -> None:
 
 def test_a_directory_that_is_not_there_is_no_one_s(tmp_path: Path) -> None:
     refuse_foreign(tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()

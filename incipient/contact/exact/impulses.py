@@ -142,6 +142,7 @@ def one_contact(gain: Floats, free: Floats, friction: float) -> Floats:
         return np.asarray(stuck)
 
     def sliding(a: float) -> Floats:
+        """The impulse (3,) that leaves no normal velocity and opposes the slip with a resistance a."""
         answer = np.linalg.inv(gain[1:, 1:] + a * np.eye(2))
         normal = (-free[0] + gain[0, 1:] @ answer @ free[1:]) / (
             gain[0, 0] - gain[0, 1:] @ answer @ gain[1:, 0]
@@ -149,6 +150,7 @@ def one_contact(gain: Floats, free: Floats, friction: float) -> Floats:
         return np.array([normal, *(-answer @ (gain[1:, 0] * normal + free[1:]))])
 
     def lacking(part: float) -> float:
+        """By how much the friction asked for exceeds the coefficient, at a = size part/(1 - part)."""
         if part >= 1.0:
             return -1.0
         found = sliding(size * part / (1.0 - part))

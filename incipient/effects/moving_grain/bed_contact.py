@@ -34,13 +34,15 @@ ELSEWHERE = 0.05  # of the grain's size: how far apart two rests are that are no
 class Course:
     """What a grain has done so far.
 
-    mode: of the last step; first_motion: the first time at which it moved; rested: steps without motion since it did
+    mode: of the last step; rested: steps without motion since the first
+    first_motion: start of the first step in which it moved; first_step: length of that step, in which motion begins
     left: the time at which it left its pocket; heights: of the grain against gravity now and a step before, from its
         start; highest: of all so far; flow, gravity, friction, impact: works on the grain
     """
 
     mode: str = REST
     first_motion: float | None = None
+    first_step: float | None = None
     rested: int = 0
     left: float | None = None
     heights: tuple[float, float] = (0.0, 0.0)
@@ -111,12 +113,11 @@ class BedContact:
             name: getattr(course, name) + work
             for name, work in _works(before, after, mean_load, weight, contacts).items()
         }
-        first = course.first_motion
-        if first is None and now != REST:
-            first = before.time
-        rested = course.rested + 1 if now == REST and first is not None else 0
+        if course.first_motion is None and now != REST:
+            course = replace(course, first_motion=before.time, first_step=after.time - before.time)
+        rested = course.rested + 1 if now == REST and course.first_motion is not None else 0
         height = self._height(after)
-        self.course = replace(course, mode=now, first_motion=first, rested=rested, **works)
+        self.course = replace(course, mode=now, rested=rested, **works)
         if course.left is None and self._over_the_top(height) and self._falls_elsewhere(after.placement):
             self.course = replace(self.course, left=after.time)
         highest = max(height, course.highest)
@@ -179,6 +180,7 @@ class BedContact:
         return {
             "mode": course.mode,
             "first_motion": course.first_motion,
+            "first_step": course.first_step,
             "left_pocket": course.left,
             "works": works,
         }
