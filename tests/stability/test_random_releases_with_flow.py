@@ -27,9 +27,13 @@ BEDS = (
     {"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 2.0},
 )
 GAP = 0.01  # of the grain's size
-# Of the largest energy or work: what the iteration of fluid and grain leaves, XX when written; and of friction and
-# impact, which take energy but for what the turn of normals in a step leaves, YY when written.
+# What the works may miss of the energy, relative to the largest energy or work: the iteration of fluid and grain leaves
+# it, 1.9e-3 at most when written. With the default tolerance it is 1.1% for seed 16, at a Reynolds number of 0.1, where loads
+# outweigh inertia, and 0.27% and 0.076% with steps of half and a quarter: of second order.
 MISSED = 5e-3
+# What friction and impact may add, relative to force times way: the turn of normals in a step leaves it, 3.2e-4 when
+# written. In a film that holds the grain back by 20 times its weight that is 0.9% of its energy (seed 2).
+CREATED = 1e-3
 LEAST = 1e-7  # energy that counts as some
 
 
@@ -57,7 +61,7 @@ def drawn(seed: int) -> Scene:
         "gravity": {"acceleration": float(10.0 ** random.uniform(-0.5, 1.5))},
         "contact": contact,
         "time": {"end": 0.8, "step": 0.1, "start": "steady"},
-        "numerics": {"error_bars": False, "mesh_size": 2.5},
+        "numerics": {"error_bars": False, "mesh_size": 2.5, "interface_tolerance": 1e-5},
         "output": {"fields": False},
     }
     if plain["bed"]["kind"] in ("flat", "inclined"):
@@ -67,9 +71,10 @@ def drawn(seed: int) -> Scene:
 
 @dataclass(frozen=True)
 class Release:
-    """What a run shows: its end, whether motion is reported and recorded, and relative to the largest energy or work:
+    """What a run shows: its end, whether motion is reported and recorded.
 
-    missed: by how much the works miss the energy; created: work that contacts do on the grain
+    missed: by how much the works miss the energy, relative to the largest of both
+    created: work that contacts do on the grain, over force times way
     """
 
     status: str
@@ -100,8 +105,15 @@ class Release:
             bool(np.isfinite([works, found["velocity_x"]]).all()),
             moved,
             float(np.abs(works - found["energy_body"]).max()) / max(energy, LEAST),
-            float(contacts.max()) / max(energy, LEAST),
+            float(contacts.max()) / max(_turned_over(found), LEAST),
         )
+
+
+def _turned_over(found: dict[str, np.ndarray]) -> float:
+    """The sum over all steps of the contacts' loads times the grain's ways, all counted as positive."""
+    pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_couple", "spin"))
+    fastest = {name: np.maximum(np.abs(found[name]), np.abs(np.roll(found[name], 1))) for _, name in pairs}
+    return sum(float((np.abs(found[load]) * fastest[name] * found["step"]).sum()) for load, name in pairs)
 
 
 @pytest.mark.slow
@@ -110,4 +122,4 @@ def test_fifty_random_releases_with_flow(part: int, tmp_path: Path) -> None:
     for seed in range(5 * part, 5 * part + 5):
         one = Release.of(seed, tmp_path / str(seed))
         assert one.status == "complete" and one.finite and one.moved[0] == one.moved[1], seed
-        assert one.missed < MISSED and one.created < MISSED, seed
+        assert one.missed < MISSED and one.created < CREATED, seed
