@@ -28,8 +28,8 @@ BEDS = (
 )
 GAP = 0.01  # of the grain's size
 # What the works may miss of the energy, relative to the largest energy or work: the iteration of fluid and grain leaves
-# it, 1.9e-3 at most when written. With the default tolerance it is 1.1% for seed 16, at a Reynolds number of 0.1, where loads
-# outweigh inertia, and 0.27% and 0.076% with steps of half and a quarter: of second order.
+# it, 1.9e-3 at most when written. With the default tolerance it is 1.1% for seed 16, at a Reynolds number of 0.1, where
+# loads outweigh inertia, and 0.27% and 0.076% with steps of half and a quarter: of second order.
 MISSED = 5e-3
 # What friction and impact may add, relative to force times way: the turn of normals in a step leaves it, 3.2e-4 when
 # written. In a film that holds the grain back by 20 times its weight that is 0.9% of its energy (seed 2).
