@@ -192,7 +192,7 @@ BOUNDS = {
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
     "files that name turbulence": 33,
-    "lines": 58007,
+    "lines": 58027,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
