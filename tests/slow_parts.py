@@ -41,6 +41,7 @@ PARTS = {
         "convergence/test_rotation.py",
         "convergence/test_shear_orbit.py",
         "convergence/test_time.py",
+        "end_to_end/test_added_mass.py",
         "end_to_end/test_critical_gusts.py",
         "end_to_end/test_moving_grain.py",
         "end_to_end/test_moving_pictures.py",
