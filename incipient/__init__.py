@@ -29,6 +29,7 @@ from .errors import (
 if TYPE_CHECKING:
     from .effects.plan import make_plan
     from .output.critical_flow import threshold
+    from .output.entrainment import entrainment
     from .output.gust_curve import gusts
     from .output.new_run import run
     from .output.reopening import resume
@@ -45,6 +46,7 @@ __all__ = [
     "Plan",
     "Scene",
     "SceneError",
+    "entrainment",
     "gusts",
     "load",
     "make_plan",
@@ -64,6 +66,7 @@ _LATER = {
     "resume": "output.reopening",
     "threshold": "output.critical_flow",
     "gusts": "output.gust_curve",
+    "entrainment": "output.entrainment",
 }
 
 

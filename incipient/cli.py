@@ -74,6 +74,12 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ("resume", "runs", options.of_resume, "continue a run that was cut short (also under mpirun)"),
         ("threshold", "runs", options.of_threshold, "find the flow at which the scene's grain first moves"),
         ("gust", "gusts", options.of_gust, "find the weakest gusts that move the grain out of its pocket"),
+        (
+            "entrainment",
+            "gusts",
+            options.of_entrainment,
+            "find how probable motion is in a fluctuating stream",
+        ),
         ("plan", "costs", options.of_plan, "say what would be computed and what not, and what it needs"),
         ("cost", "costs", options.of_cost, "measure error against time by runs on ever finer meshes"),
         ("calibrate", "costs", options.no_options, "measure this machine, to predict times and errors"),

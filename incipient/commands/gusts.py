@@ -1,4 +1,4 @@
-"""`incipient gust`."""
+"""`incipient gust` and `incipient entrainment`."""
 
 from __future__ import annotations
 
@@ -27,6 +27,20 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / 'gusts.csv'}", flush=True)
+    tell_of_pictures(directory, scene.output.pictures, comm)
+    return 0
+
+
+def entrainment(options: argparse.Namespace, comm: Comm) -> int:
+    """Finds how probable motion is in a fluctuating stream."""
+    scene = incipient.load(options.scene, options.overrides, comm)
+    directory = options.out or Path("results") / f"{options.scene.stem}_entrainment"
+    asked = (options.probabilities, options.strengths, options.gusts, options.data)
+    with telling(comm.rank) as voice:
+        found = incipient.entrainment(scene, directory, *asked, comm, voice)
+    if comm.rank == 0:
+        print(found.text())
+        print(f"numbers             {directory / 'entrainment.csv'}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 

@@ -83,6 +83,21 @@ def of_gust(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--durations", type=float, nargs="+", default=usual, metavar="TIME", help=text)
 
 
+def of_entrainment(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient entrainment`."""
+    add = parser.add_argument
+    _scene_to(parser, "_entrainment")
+    text = "of motion at an instant, for which the Shields number is found (default: 0.001 0.01 0.05 0.5)"
+    usual = [0.001, 0.01, 0.05, 0.5]
+    add("--probabilities", type=float, nargs="+", default=usual, metavar="P", help=text)
+    text = "mean flows over the scene's, for a curve (default: some that show it)"
+    add("--strengths", type=float, nargs="+", default=[], metavar="FACTOR", help=text)
+    text = "directory of incipient gust: finds how often gusts last long enough, too"
+    add("--gusts", type=named, metavar="DIRECTORY", help=text)
+    text = "CSV of Shields number, probability, measured: drawn on the picture"
+    add("--data", type=named, metavar="FILE", help=text)
+
+
 def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)

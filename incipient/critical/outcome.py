@@ -41,6 +41,7 @@ class Threshold:
     bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
     adaptation:      how the mesh was found, None without `numerics.accuracy`
     stress_power:    the power of the factor with which the stress on the bed goes, nearly
+    steepness:       the power of the factor with which the load goes there; None without a critical flow
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
@@ -66,6 +67,7 @@ class Threshold:
     adaptation: Adaptation | None = None
     si: dict[str, Any] | None = None
     stress_power: float = 1.0
+    steepness: float | None = None
     computed: float | None = None
 
     @property
@@ -91,7 +93,7 @@ class Threshold:
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data for threshold.json."""
         names = (
-            *("computed", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
+            *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
             *("errors", "mode", "verdict", "unsolved", "cost", "si"),
         )
         return {

@@ -151,6 +151,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         cost=cost(run),
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
         stress_power=2.0 if scene.is_averaged else 1.0,
+        steepness=found.path.steepness(found.factor) if found.is_critical else None,
     )
     return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 

@@ -44,9 +44,13 @@ class DisplacedFluid:
         inside = points[grain.level(points) < 0.0]
         return np.asarray(inside - inside.mean(axis=0))
 
+    def points(self, placement: Placement) -> Floats:
+        """(n, gdim) points that stand for equal volumes of the grain where it is."""
+        return placement.to_scene(self._points)
+
     def load(self, placement: Placement) -> Floats:
         """Force and couple about the centroid (2, 3) where the factor of the flow rises by one in unit time."""
-        points = placement.to_scene(self._points)
+        points = self.points(placement)
         speeds = self.base_flow.profile(points.T)
         forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
         forces *= self.grain.volume / len(points)

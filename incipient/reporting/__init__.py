@@ -12,7 +12,7 @@ from pathlib import Path
 from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
 from ..pictures.apart import draw_apart
-from . import gusts, judgement, run, study, sweep, threshold
+from . import entrainment, gusts, judgement, run, study, sweep, threshold
 from .citation import closing
 from .page import Page, PagePart, html
 
@@ -21,6 +21,7 @@ RECORDS: dict[str, tuple[Callable[[Path], PagePart], tuple[str, ...]]] = {
     "result.json": (run.part, ("flow.png", "pressure.png", "mesh.png")),
     "threshold.json": (threshold.part, ("threshold.png",)),
     "gusts.json": (gusts.part, ("gusts.png",)),
+    "entrainment.json": (entrainment.part, ("entrainment.png",)),
     "judgement.json": (judgement.part, ("judgement.png",)),
     "series.json": (judgement.part_of_series, ("series.png",)),
     "cost.json": (study.part, ("cost.png",)),

@@ -19,6 +19,7 @@ from ..geometry.rest import rest
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
+from .fluctuations import Gusts
 from .grains import FRICTIONLESS
 from .kinds import Bed, Body
 from .mass import mass, mean_density
@@ -153,6 +154,7 @@ class SceneSections(Section):
     surface: Surface | None = key('The free surface, with domain.top = "free-surface"', None)
     turbulence: Turbulence | None = key("Turbulence, with effects.turbulence = true", None)
     contact: Contact | None = key("The contact of grain and bed", None)
+    gusts: Gusts | None = key("Fluctuations of the velocity at the grain, for incipient entrainment", None)
     units: Units | None = key(
         "SI units: then fluid.reynolds, gravity and body.density follow, and are left out", None
     )

@@ -48,6 +48,7 @@ FLOORS = (
         ("simulation",),
         ("adaptive",),
         ("critical",),
+        ("entrainment",),
     ),
     *(
         ("output",),

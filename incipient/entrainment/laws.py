@@ -1,0 +1,171 @@
+"""Laws of the factor that multiplies the velocity at a grain: how often it exceeds a level, and how often per time.
+
+The factor g has the mean one. A normal one is 1 + I y with a Gaussian process y of variance one, I the relative
+intensity; a lognormal one is exp(s y - s^2/2), s^2 = log(1 + I^2). Where the correlation of y is 1 - (t/lambda)^2 at
+short times, y rises through z exp(-z^2/2)/(sqrt(2) pi lambda) times in unit time (Rice 1945, Bell Syst. Tech. J. 24,
+46).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.integrate import trapezoid
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from ..arrays import Floats
+from ..errors import SceneError
+
+SHORTEST = 20.0  # a series in units of its integral time
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """The law of a factor that is a function of a Gaussian process.
+
+    intensity: root mean square of the fluctuation over the mean
+    lognormal: whether the factor's logarithm is Gaussian, otherwise the factor is
+    microscale: lambda of the correlation 1 - (t/lambda)^2 at short times; None: not known
+    """
+
+    intensity: float
+    lognormal: bool = True
+    microscale: float | None = None
+
+    @cached_property
+    def _deviation(self) -> float:
+        """Standard deviation of the factor's logarithm."""
+        return math.sqrt(math.log1p(self.intensity**2))
+
+    def standard(self, level: float) -> float:
+        """The Gaussian process of variance one at a level of the factor."""
+        if not self.lognormal:
+            return (level - 1.0) / self.intensity
+        return math.log(level) / self._deviation + 0.5 * self._deviation if level > 0.0 else -math.inf
+
+    def factor(self, standard: Floats) -> Floats:
+        """The factor where the Gaussian process of variance one has given values."""
+        if not self.lognormal:
+            return np.asarray(1.0 + self.intensity * standard)
+        return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
+
+    def growth(self, strength: float) -> float:
+        """How fast a flow of mean `strength` grows where the Gaussian process grows by one in unit time.
+
+        Relative to the flow's own strength at the instant with a lognormal factor, else to the scene's.
+        """
+        return self._deviation if self.lognormal else strength * self.intensity
+
+    def exceeded(self, level: float) -> float:
+        """Probability that the factor is above a level at an instant."""
+        return float(norm.sf(self.standard(level)))
+
+    def level(self, probability: float) -> float:
+        """The level that is exceeded with a probability."""
+        return float(self.factor(norm.isf(probability)))
+
+    def upcrossings(self, level: float) -> float | None:
+        """How often the factor rises through a level in unit time, by Rice's formula; None without a microscale."""
+        if self.microscale is None:
+            return None
+        return math.exp(-0.5 * self.standard(level) ** 2) / (math.sqrt(2.0) * math.pi * self.microscale)
+
+    def spread(self, probability: float) -> float:
+        """Zero: the law is taken as exact."""
+        return 0.0
+
+    def other(self) -> Gaussian:
+        """The other law with the same intensity."""
+        return Gaussian(self.intensity, not self.lognormal, self.microscale)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The law of a measured series, straight between its points.
+
+    times, factors: (n,) the series, over its mean
+    integral_time: of its correlation; None: computed, up to where the correlation is first zero
+
+    Raises SceneError: the series is too short for its integral time.
+    """
+
+    times: Floats
+    factors: Floats
+    integral_time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.duration < SHORTEST * self.integral:
+            why = f"gusts.points: the series lasts {self.duration:.4g}, less than {SHORTEST:g} times its integral time"
+            raise SceneError(f"{why} {self.integral:.4g}; give a longer one")
+
+    @classmethod
+    def of(cls, points: Floats, integral_time: float | None) -> Measured:
+        """The law of a series (n, 2) of times and velocities."""
+        times, speeds = points.T
+        return cls(times, speeds / (trapezoid(speeds, times) / (times[-1] - times[0])), integral_time)
+
+    @property
+    def duration(self) -> float:
+        """How long the series is."""
+        return float(self.times[-1] - self.times[0])
+
+    @cached_property
+    def intensity(self) -> float:
+        """Root mean square of the fluctuation over the mean."""
+        return math.sqrt(trapezoid((self.factors - 1.0) ** 2, self.times) / self.duration)
+
+    @cached_property
+    def integral(self) -> float:
+        """Integral of the correlation over time."""
+        if self.integral_time is not None:
+            return self.integral_time
+        even = np.linspace(self.times[0], self.times[-1], len(self.times))
+        values = np.interp(even, self.times, self.factors) - 1.0
+        spectrum = np.abs(np.fft.rfft(values, 2 * len(values))) ** 2
+        correlation = np.fft.irfft(spectrum)[: len(values)] / np.arange(len(values), 0, -1)
+        correlation /= correlation[0]
+        below = np.flatnonzero(correlation <= 0.0)
+        kept = correlation[: below[0]] if len(below) else correlation
+        return float((even[1] - even[0]) * (kept.sum() - 0.5))
+
+    @property
+    def independent(self) -> float:
+        """Number of independent samples that the series amounts to."""
+        return self.duration / (2.0 * self.integral)
+
+    def exceeded(self, level: float) -> float:
+        """Share of the time in which the factor is above a level."""
+        before, after = self.factors[:-1] - level, self.factors[1:] - level
+        rises = np.abs(after - before)
+        # The share of each straight piece that is above the level.
+        above = np.where(
+            before * after < 0.0,
+            np.maximum(before, after) / np.where(rises > 0.0, rises, 1.0),
+            0.5 * (before + after) > 0.0,
+        )
+        return float(np.diff(self.times) @ above) / self.duration
+
+    def level(self, probability: float) -> float:
+        """The level that is exceeded with a probability; raises SceneError beyond what the series can tell."""
+        least = 1.0 / self.independent
+        if not least <= probability <= 1.0 - least:
+            why = f"probability {probability:g} is beyond what the series can tell, {least:.2g} to {1.0 - least:.2g}"
+            raise SceneError(f"gusts.points: {why}; give a longer series, or a law")
+        low, high = float(self.factors.min()), float(self.factors.max())
+        return float(brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10))
+
+    def upcrossings(self, level: float) -> float | None:
+        """How often the series rises through a level, over its duration."""
+        rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
+        return float(np.count_nonzero(rises)) / self.duration
+
+    def spread(self, probability: float) -> float:
+        """Standard error of a share of the time, by the number of independent samples."""
+        return math.sqrt(probability * (1.0 - probability) / self.independent)
+
+
+Law = Gaussian | Measured

@@ -1,0 +1,121 @@
+"""The stream at a grain: mean velocity, shear velocity and intensity of fluctuation, by the strength of the flow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+
+from ..arrays import Floats, spatial
+from ..errors import SceneError
+from ..planning.driving_force import DisplacedFluid
+from ..planning.flow_setup import Setup
+from ..scene.fluctuations import MODEL, NEAR_WALL, Gusts
+
+LARGEST = 3.0  # intensity, beyond which the laws are not those of a stream
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """The base flow of a scene at its grain. Strengths are relative to the flow of the scene; nothing is collective.
+
+    Raises SceneError where an intensity is asked for that the scene does not have.
+    """
+
+    setup: Setup
+    gusts: Gusts
+
+    def __post_init__(self) -> None:
+        if self.gusts.intensity == MODEL and not self.setup.has_wall_layer:
+            raise SceneError(
+                'gusts.intensity: "model" needs a turbulence model; set effects.turbulence = true, or give a number'
+            )
+
+    @cached_property
+    def stress_unit(self) -> float:
+        """(rho_s - rho_f) g d of the grain."""
+        scene = self.setup.scene
+        assert scene.grain is not None and scene.gravity is not None and scene.density is not None
+        return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
+
+    def shields(self, strength: float) -> float:
+        """Shields number of the mean flow."""
+        return strength * self._stresses(strength) / self.stress_unit
+
+    def shear_velocity(self, strength: float) -> float:
+        """Shear velocity of the mean flow."""
+        return math.sqrt(strength * self._stresses(strength))
+
+    @cached_property
+    def _stresses(self) -> Callable[[float], float]:
+        """The stress on the bed over the strength; a datum that depends on it is found once for each."""
+        return cache(self.setup.bed_stress)
+
+    def intensity(self, strength: float) -> float:
+        """Root mean square of the velocity's fluctuation over its mean, at the grain."""
+        asked = self.gusts.intensity
+        if isinstance(asked, float):
+            return asked
+        assert asked in (NEAR_WALL, MODEL)
+        return self._near_wall(strength) if asked == NEAR_WALL else self._of_model
+
+    def require_intensity(self) -> None:
+        """Raise SceneError where the intensity in the scene's flow is that of no stream."""
+        if self.gusts.law != "measured" and not (found := self.intensity(1.0)) < LARGEST:
+            why = f"is {found:.3g}, of a velocity at the grain of {self.speed:.3g}"
+            raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")
+
+    def _near_wall(self, strength: float) -> float:
+        scene = self.setup.scene
+        assert scene.grain is not None
+        shear_velocity, size = self.shear_velocity(strength), scene.grain.size
+        below = 0.0 if self.gusts.depth is None else size / self.gusts.depth
+        ratio = near_wall(shear_velocity * size / scene.viscosity, below)
+        return ratio * shear_velocity / (strength * self.speed)
+
+    @cached_property
+    def _of_model(self) -> float:
+        """By k of the turbulence that enters, at the heights of the grain: u'^2 = 2k/3."""
+        from ..planning.wall_conditions import logarithms
+
+        energy = np.exp(logarithms(self.setup)(self._at_inflow)[0])
+        return math.sqrt(2.0 / 3.0 * float(energy.mean())) / self.speed
+
+    @cached_property
+    def speed(self) -> float:
+        """The scene's velocity at the grain: the mean over the part of its volume that is above the datum."""
+        if self.setup.has_wall_layer:
+            from ..planning.wall_conditions import velocity
+
+            return float(velocity(self.setup)(self._at_inflow, 0.0)[0].mean())
+        speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
+        flowing = speeds[speeds > 0.0]
+        if not len(flowing):
+            raise SceneError(
+                "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
+            )
+        return float(flowing.mean())
+
+    @cached_property
+    def _places(self) -> Floats:
+        """(n, gdim) points of equal volumes in the grain."""
+        scene = self.setup.scene
+        assert scene.grain is not None and scene.placement is not None
+        return DisplacedFluid(scene.grain, self.setup.base_flow).points(scene.placement)
+
+    @cached_property
+    def _at_inflow(self) -> Floats:
+        """(3, n) points of the inflow at heights of the grain above the datum."""
+        domain = self.setup.scene.domain
+        heights = self._places[:, domain.up]
+        heights = heights[heights > max(self.setup.base_flow.datum, self.setup.walls.floor)]
+        return self.setup.base_flow.column(domain.entrance, heights)
+
+
+def near_wall(shear_reynolds: float, size_over_depth: float = 0.0) -> float:
+    """u'/u* at the height of grains of a bed (Zanke 2003, J. Hydraul. Res. 41, 405), with k+ = u* d/nu and d/h."""
+    damped = math.exp(-0.1 * shear_reynolds)
+    return 0.31 * shear_reynolds * damped + 1.8 * math.exp(-0.88 * size_over_depth) * (1.0 - damped)

@@ -1,0 +1,105 @@
+"""Entrainment by gusts: entrainment.json, entrainment.csv and the scene in a directory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..arrays import Point
+from ..entrainment.find import PROBABILITIES, find_entrainment
+from ..entrainment.lasting import WeakestGusts
+from ..entrainment.outcome import Entrainment, OfStrength
+from ..errors import SceneError
+from ..files import csv_text, write_json, write_text_atomically
+from ..parallel import Comm, collectively, world
+from ..progress import Silent
+from ..scene import Scene, save
+from ..scene.fluctuations import Gusts
+from ..scene.messages import one_line, problems_of
+from ..scene.points import read_points
+from .lock import locked
+from .ownership import SCENE
+
+COLUMNS = (
+    "strength",
+    "shields",
+    "probability",
+    "low",
+    "high",
+    "rate",
+    "lasting",
+    "lasting_low",
+    "lasting_high",
+)
+
+
+def entrainment(
+    scene: Scene,
+    directory: Path | str | None = None,
+    probabilities: Sequence[float] = PROBABILITIES,
+    strengths: Sequence[float] = (),
+    gusts: Path | str | None = None,
+    data: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+) -> Entrainment:
+    """Find how probable motion is in a fluctuating stream, by the scene's [gusts]. Collective over `comm`.
+
+    Args:
+        scene: a grain that rests on a bed, in a steady flow, with [gusts].
+        directory: where to write entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
+        probabilities: of motion at an instant, for which the mean flow and its Shields number are found.
+        strengths: mean flows over the scene's, for a curve; default: some that show it.
+        gusts: directory of `incipient gust`; then the rate of gusts that last long enough is found, too.
+        data: CSV of Shields number and probability, measured, for the picture.
+        voice: told of every flow that is solved; default: nobody.
+
+    Raises:
+        IncipientError: on all ranks, one line.
+    """
+    comm = comm or world()
+    weakest = None if gusts is None else WeakestGusts.of(_stored(Path(gusts) / "gusts.json"))
+    measured = [] if data is None else _points(Path(data))
+    if directory is None:
+        return find_entrainment(scene, comm, probabilities, strengths, weakest, voice)
+    path = Path(directory)
+    with locked(path, comm, make=True):
+        found = find_entrainment(scene, comm, probabilities, strengths, weakest, voice)
+        with collectively(comm):
+            if comm.rank == 0:
+                save(scene, path / SCENE)
+                write_json(path / "entrainment.json", {**found.to_dict(), "data": measured})
+                write_text_atomically(path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve)))
+    return found
+
+
+def _row(one: OfStrength) -> dict[str, Any]:
+    if one.lasting is None:
+        return asdict(one)
+    names = ("lasting", "lasting_low", "lasting_high")
+    return {**asdict(one), **dict(zip(names, asdict(one.lasting).values(), strict=True))}
+
+
+def _stored(path: Path) -> dict[str, Any]:
+    """What a gusts.json holds; raises SceneError without one."""
+    remedy = "give the directory that incipient gust has written"
+    try:
+        stored = json.loads(path.read_text())
+    except (OSError, ValueError):
+        raise SceneError(f"--gusts: {path} cannot be read; {remedy}") from None
+    if not isinstance(stored, dict) or not {"points", "static"} <= stored.keys():
+        raise SceneError(f"--gusts: {path} holds no gusts; {remedy}")
+    return stored
+
+
+def _points(path: Path) -> list[Point]:
+    """Measured Shields numbers and probabilities; raises SceneError."""
+    try:
+        return read_points(path, 1, "data")
+    except ValidationError as error:
+        raise SceneError(one_line("--data", problems_of(error, Gusts))) from None

@@ -1,0 +1,51 @@
+"""The picture of entrainment by gusts: probability of motion at an instant against the Shields number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .. import style
+from ..record import drawn
+
+_WIDE, _HIGH = 6.4, 4.6  # inches
+
+
+def draw(directory: Path) -> list[Path]:
+    """Draw entrainment.png from the entrainment.json of a directory; raises as `record.drawn`. Not collective."""
+    return drawn(directory / "entrainment.json", _figure, "find it again")
+
+
+def _figure(stored: dict[str, Any]) -> Figure:
+    figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
+    axes = figure.add_subplot()
+    names = ("shields", "probability", "low", "high")
+    shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
+    axes.fill_between(
+        shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="errors of the flow"
+    )
+    axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
+    given = stored["quantiles"]
+    places, heights = ([one[name] for one in given] for name in ("shields", "probability"))
+    looks: style.Looks = {"fmt": "o", "color": style.INK, "markersize": 4, "capsize": 3}
+    axes.errorbar(places, heights, xerr=_errors(given), label="with all errors", **looks)
+    looks = {"color": style.PUSH, "linestyle": "--", "linewidth": 0.9}
+    axes.axvline(stored["threshold"]["shields"], label="a steady flow moves it above", **looks)
+    if stored["data"]:
+        axes.plot(*np.array(stored["data"]).T, "x", color=style.MOTION, label="measured")
+    axes.set(
+        xscale="log", yscale="log", xlabel="Shields number of the mean flow [-]", ylabel="probability [-]"
+    )
+    axes.set_ylim(0.5 * min(*found, *heights), 1.5)
+    axes.set_title(stored["title"] or "Motion in a fluctuating stream")
+    axes.legend(loc="lower right")
+    return figure
+
+
+def _errors(given: list[dict[str, Any]]) -> np.ndarray:
+    """(2, n) errors below and above, none below zero."""
+    errors = np.array([one["error"] or sum(one["terms"].values()) for one in given])
+    return np.array([np.minimum(errors, [0.99 * one["shields"] for one in given]), errors])

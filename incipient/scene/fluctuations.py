@@ -1,0 +1,100 @@
+"""The fluctuations of the stream about its mean, for the probability that a grain moves: `incipient entrainment`."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from .points import file_key, read_points, with_file_read
+from .section import Pair, Positive, Section, key
+
+FEWEST = 100  # points of a measured series
+NEAR_WALL, MODEL = "near-wall", "model"
+ENDLESS = (
+    "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
+    "give gusts.microscale, too",
+)
+
+
+class Gusts(Section):
+    """A random factor, of mean one, that multiplies the velocity at the grain."""
+
+    law: Literal["lognormal", "normal", "measured"] = key("Distribution of the factor", "lognormal")
+    intensity: Positive | Literal["near-wall", "model"] | None = key(
+        "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
+        "wall region; model: by k of the turbulence model",
+        None,
+        examples=[0.3],
+    )
+    depth: Positive | None = key(
+        'Depth of the stream, for intensity = "near-wall"; by default much more than the grain\'s size [length]',
+        None,
+        examples=[20.0],
+    )
+    microscale: Positive | None = key(
+        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]",
+        None,
+        examples=[0.5],
+    )
+    integral_time: Positive | None = key(
+        "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]",
+        None,
+        examples=[2.0],
+    )
+    file: str | None = file_key("CSV file of time, velocity,", "points", "velocity.csv")
+    points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
+        'With law = "measured": time and velocity at the grain, in any unit [time, -]', ()
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its points."""
+        if not isinstance(data, dict) or data.get("law") != "measured":
+            return data
+        return with_file_read("Gusts", "points", data, info, _series, "give one of them")
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Gusts:
+        if self.law == "measured":
+            self._check_series()
+        elif self.points or self.file:
+            raise self.refused("points", f'are not read with law = "{self.law}"', 'set law = "measured"')
+        elif self.intensity is None:
+            raise self.refused("intensity", "is missing", 'give a number, "near-wall" or "model"')
+        if self.depth is not None and self.intensity != NEAR_WALL:
+            raise self.refused("depth", 'is read only with intensity = "near-wall"', "leave it out")
+        if self.integral_time is not None:
+            self._check_times(self.integral_time)
+        return self
+
+    def _check_series(self) -> None:
+        for name in ("intensity", "microscale"):
+            if getattr(self, name) is not None:
+                raise self.refused(name, "is that of the series with a measured law", "leave it out")
+        times, speeds = zip(*self.points, strict=True) if self.points else ((), ())
+        if len(times) < FEWEST:
+            raise self.refused("points", f"are {len(times)}", f"give {FEWEST} or more")
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise self.refused("points", "their times do not rise", "give one after the other")
+        if not math.fsum(speeds) > 0.0 or min(speeds) == max(speeds):
+            raise self.refused(
+                "points", "have no mean above zero, or no fluctuation", "give velocities downstream"
+            )
+
+    def _check_times(self, integral: float) -> None:
+        if self.law == "measured":
+            return
+        if self.microscale is None:
+            raise self.refused("integral_time", *ENDLESS)
+        if integral < math.sqrt(2.0) * self.microscale:
+            why = f"is {integral:g}, less than the microscale times the square root of two"
+            raise self.refused("integral_time", why, "enlarge it, or reduce gusts.microscale")
+
+
+def _series(path: Path) -> dict[str, Any]:
+    return {"points": read_points(path, FEWEST, "Gusts")}
