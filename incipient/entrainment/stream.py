@@ -29,7 +29,7 @@ class Stream:
     gusts: Gusts
 
     def __post_init__(self) -> None:
-        if self.gusts.intensity == MODEL and not self.setup.has_wall_layer:
+        if self.gusts.intensity == MODEL and not self.setup.is_averaged:
             raise SceneError(
                 'gusts.intensity: "model" needs a turbulence model; set effects.turbulence = true, or give a number'
             )
@@ -79,18 +79,16 @@ class Stream:
     @cached_property
     def _of_model(self) -> float:
         """By k of the turbulence that enters, at the heights of the grain: u'^2 = 2k/3."""
-        from ..planning.wall_conditions import logarithms
-
-        energy = np.exp(logarithms(self.setup)(self._at_inflow)[0])
+        _, logarithms = self._entering
+        energy = np.exp(logarithms(self._at_inflow)[0])
         return math.sqrt(2.0 / 3.0 * float(energy.mean())) / self.speed
 
     @cached_property
     def speed(self) -> float:
         """The scene's velocity at the grain: the mean over the part of its volume that is above the datum."""
-        if self.setup.has_wall_layer:
-            from ..planning.wall_conditions import velocity
-
-            return float(velocity(self.setup)(self._at_inflow, 0.0)[0].mean())
+        if self.setup.is_averaged:
+            velocity, _ = self._entering
+            return float(velocity(self._at_inflow, 0.0)[0].mean())
         speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
         flowing = speeds[speeds > 0.0]
         if not len(flowing):
@@ -98,6 +96,15 @@ class Stream:
                 "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
             )
         return float(flowing.mean())
+
+    @cached_property
+    def _entering(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
+        """Velocity, and logarithms of k and its loss or frequency, that enter with a turbulence model."""
+        if self.setup.has_wall_layer:
+            from ..planning import wall_conditions
+
+            return wall_conditions.velocity(self.setup), wall_conditions.logarithms(self.setup)
+        return self.setup.resolved_walls.velocity, self.setup.resolved_walls.logarithms
 
     @cached_property
     def _places(self) -> Floats:
@@ -111,7 +118,7 @@ class Stream:
         """(3, n) points of the inflow at heights of the grain above the datum."""
         domain = self.setup.scene.domain
         heights = self._places[:, domain.up]
-        heights = heights[heights > max(self.setup.base_flow.datum, self.setup.walls.floor)]
+        heights = heights[heights > self.setup.base_flow.datum]
         return self.setup.base_flow.column(domain.entrance, heights)
 
 

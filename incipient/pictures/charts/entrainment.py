@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
 
 from .. import style
 from ..record import drawn
@@ -40,7 +42,8 @@ def _figure(stored: dict[str, Any]) -> Figure:
         xscale="log", yscale="log", xlabel="Shields number of the mean flow [-]", ylabel="probability [-]"
     )
     axes.set_ylim(0.5 * min(*found, *heights), 1.5)
-    axes.set_title(stored["title"] or "Motion in a fluctuating stream")
+    axes.xaxis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(2, 1)))
+    figure.suptitle(textwrap.fill(stored["title"] or "Motion in a fluctuating stream", 80), fontsize="medium")
     axes.legend(loc="lower right")
     return figure
 

@@ -1,0 +1,126 @@
+"""`incipient entrainment`: what it writes and says, on two ranks as on one, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import incipient
+
+SCENE = """
+title = "A disc between half-discs in gusts"
+[domain]
+length = 8.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+[bed]
+kind = "half-discs"
+radius = 0.5
+spacing = 1.0
+[body]
+shape = "disc"
+diameter = 1.0
+x = 3.5
+settle = true
+density = 2.65
+[gravity]
+acceleration = 10.0
+[contact]
+friction = 0.6
+[numerics]
+mesh_size = 3.0
+[output]
+pictures = true
+"""
+LOGNORMAL = SCENE + "[gusts]\nintensity = 0.3\nmicroscale = 1.0\nintegral_time = 4.0\n"
+# Weakest gusts as those of a disc in its pocket in docs/released.md.
+GUSTS = {
+    "static": 1.601,
+    "points": [
+        {"duration": 0.5, "strength": 6.87, "error": 0.2},
+        {"duration": 4.0, "strength": 2.58, "error": 0.1},
+    ],
+}
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "scene.toml").write_text(LOGNORMAL)
+    (tmp_path / "gusts").mkdir()
+    (tmp_path / "gusts" / "gusts.json").write_text(json.dumps(GUSTS))
+    (tmp_path / "flume.csv").write_text("shields,probability\n0.003,0.01\n0.005,0.1\n")
+    return tmp_path / "scene.toml"
+
+
+def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) -> None:
+    options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
+    done = command("entrainment", scene, "--out", "out", *options)
+    assert done.returncode == 0, done.stderr
+    for said in ("steady flow         moves the grain", "of them long enough", "Rice 1945", "added mass"):
+        assert said in done.stdout
+    out = scene.parent / "out"
+    stored = json.loads((out / "entrainment.json").read_text())
+    assert [one["probability"] for one in stored["quantiles"]] == [0.001, 0.01, 0.05, 0.5]
+    assert stored["data"] == [[0.003, 0.01], [0.005, 0.1]]
+    with (out / "entrainment.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["strength"]) for row in rows] == [0.5, 1.0, 2.0]
+    # Gusts that last long enough are fewer than those that are strong enough for an instant.
+    last = rows[-1]
+    assert 0.0 < float(last["lasting"]) < float(last["rate"])
+    assert float(last["lasting_low"]) <= float(last["lasting"]) <= float(last["lasting_high"])
+    assert (out / "entrainment.png").stat().st_size > 10_000
+    page = incipient.report(out).read_text()
+    assert "probability at an instant" in page and "moves the grain from Shields number" in page
+
+
+def test_two_ranks_find_the_same(command, scene: Path) -> None:
+    numbers = []
+    for ranks in (1, 2):
+        out = scene.parent / f"ranks_{ranks}"
+        options = ("--set", "output.pictures=false", "--set", "numerics.error_bars=false")
+        done = command("entrainment", scene, "--out", out, *options, ranks=ranks)
+        assert done.returncode == 0, done.stderr
+        stored = json.loads((out / "entrainment.json").read_text())
+        numbers.append([one["shields"] for one in stored["quantiles"]])
+        assert all(one["error"] is None for one in stored["quantiles"])
+    assert numbers[0] == pytest.approx(numbers[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--set", "gusts.intensity=-1"), "gusts.intensity"),
+        (("--probabilities", "2"), "probabilities: give one or more, each between 0 and 1"),
+        (("--strengths", "0"), "strengths: give numbers above zero"),
+        (("--gusts", "nowhere"), "--gusts: nowhere/gusts.json cannot be read; give the directory"),
+        (("--data", "nowhere.csv"), "nowhere.csv cannot be read"),
+        (("--set", 'gusts.intensity="model"'), 'gusts.intensity: "model" needs a turbulence model'),
+        (("--set", "flow.kind=still"), "flow"),
+    ],
+)
+def test_bad_input_is_one_line(command, scene: Path, options: tuple[str, ...], said: str) -> None:
+    done = command("entrainment", scene, "--out", "out", *options)
+    assert done.returncode not in (0, 70)
+    assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_measured_series(command, scene: Path) -> None:
+    times = [0.25 * k for k in range(4000)]
+    rows = (f"{t},{2.0 + 0.5 * math.sin(t) + 0.3 * math.sin(math.sqrt(2.0) * t)}" for t in times)
+    (scene.parent / "velocity.csv").write_text("\n".join(("time,velocity", *rows)))
+    measured = SCENE + '[gusts]\nlaw = "measured"\nfile = "velocity.csv"\n'
+    scene.write_text(measured.replace("pictures = true", "pictures = false"))
+    done = command("entrainment", scene, "--out", "out", "--probabilities", "0.05", "0.5")
+    assert done.returncode == 0, done.stderr
+    assert "as in the series" in done.stdout and "length of the series" in done.stdout
+    done = command("entrainment", scene, "--out", "out", "--probabilities", "0.0001")
+    assert "beyond what the series can tell" in done.stderr and done.returncode not in (0, 70)

@@ -1,0 +1,327 @@
+"""Motion in a fluctuating stream: laws of the fluctuation, rates, acceleration, gusts that last long enough."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from incipient.contact import Contacts, Load
+from incipient.contact.equilibrium import safety_factor
+from incipient.entrainment.find import Motion, find_entrainment
+from incipient.entrainment.lasting import Course, WeakestGusts, rate_of_lasting
+from incipient.entrainment.laws import Gaussian, Measured
+from incipient.entrainment.outcome import Entrainment
+from incipient.entrainment.stream import Stream, near_wall
+from incipient.entrainment.sudden import CriticalStrength, load_of_growth
+from incipient.errors import SceneError
+from incipient.planning.flow_setup import Setup
+from incipient.scene.file import loads
+
+PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
+POCKET = """
+title = "disc between half-discs, Stokes flow"
+[domain]
+length = 8.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+inertia = false
+[flow]
+kind = "shear"
+[bed]
+kind = "half-discs"
+radius = 0.5
+spacing = 1.0
+[body]
+shape = "disc"
+diameter = 1.0
+x = 3.5
+settle = true
+density = 2.65
+[gravity]
+acceleration = 10.0
+[contact]
+friction = 0.6
+[numerics]
+mesh_size = 3.0
+[gusts]
+intensity = 0.3
+"""
+
+
+class TestLaws:
+    def test_levels_of_a_lognormal_factor(self) -> None:
+        # exp(z s - s^2/2) with s^2 = log(1.09) and z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
+        expected = (2.3728, 1.8962, 1.5524, 0.9578)
+        found = [Gaussian(0.3).level(one) for one in PROBABILITIES]
+        assert found == pytest.approx(expected, abs=5e-5)
+
+    def test_levels_of_a_normal_factor(self) -> None:
+        found = [Gaussian(0.3, lognormal=False).level(one) for one in PROBABILITIES]
+        assert found == pytest.approx([1.0 + 0.3 * z for z in (3.090232, 2.326348, 1.644854, 0.0)], abs=1e-6)
+
+    @pytest.mark.parametrize("lognormal", [True, False])
+    def test_mean_and_intensity(self, lognormal: bool) -> None:
+        nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+        factors = Gaussian(0.3, lognormal).factor(nodes)
+        mean = weights @ factors / weights.sum()
+        assert mean == pytest.approx(1.0, abs=1e-12)
+        assert weights @ (factors - 1.0) ** 2 / weights.sum() == pytest.approx(0.09, rel=1e-10)
+
+    @pytest.mark.parametrize("lognormal", [True, False])
+    def test_upcrossings_of_a_series_with_a_stated_microscale(self, lognormal: bool) -> None:
+        # A Gaussian process with the correlation exp(-(t/lambda)^2), made of its spectrum exp(-(omega lambda)^2/4).
+        law, step, count = Gaussian(0.3, lognormal, microscale=0.5), 0.05, 2**21
+        angular = 2.0 * np.pi * np.fft.rfftfreq(count, step)
+        amplitude = np.exp(-((angular * 0.5) ** 2) / 8.0)
+        noise = np.random.default_rng(3).standard_normal((2, len(angular)))
+        values = np.fft.irfft(amplitude * (noise[0] + 1j * noise[1]), count)
+        factors = law.factor(values / values.std())
+        for level in (1.0, 1.3, 1.6):
+            rises = np.count_nonzero((factors[:-1] <= level) & (factors[1:] > level))
+            expected = law.upcrossings(level)
+            assert expected is not None
+            # Three standard errors of the count, and what steps of lambda/10 miss.
+            assert rises == pytest.approx(expected * count * step, rel=3.0 / math.sqrt(rises) + 0.01)
+
+    def test_without_a_microscale_rates_are_not_known(self) -> None:
+        assert Gaussian(0.3).upcrossings(1.5) is None
+
+
+class TestMeasured:
+    def test_share_of_the_time_and_rate_of_a_sine(self) -> None:
+        times = np.linspace(0.0, 200.0 * np.pi, 200_001)
+        law = Measured.of(np.column_stack([times, 3.0 + 1.5 * np.sin(times)]), integral_time=1.0)
+        assert law.intensity == pytest.approx(0.5 / math.sqrt(2.0), rel=1e-6)
+        # 1 + sin(t)/2 is above 1.25 from pi/6 to 5 pi/6: a third of the time, once in each period.
+        assert law.exceeded(1.25) == pytest.approx(1.0 / 3.0, abs=1e-5)
+        assert law.level(1.0 / 3.0) == pytest.approx(1.25, abs=1e-4)
+        assert law.upcrossings(1.25) == pytest.approx(0.5 / np.pi, rel=1e-9)
+
+    def test_integral_time_of_a_series(self) -> None:
+        # Values held for unit times that are independent: a triangular correlation, whose integral is 1/2.
+        values = np.random.default_rng(1).lognormal(size=20_000)
+        times = np.arange(200_000) * 0.1
+        law = Measured.of(np.column_stack([times, np.repeat(values, 10)]), None)
+        assert law.integral == pytest.approx(0.5, rel=0.1)
+
+    def test_series_too_short_is_refused(self) -> None:
+        times = np.linspace(0.0, 10.0, 200)
+        with pytest.raises(
+            SceneError, match=r"gusts\.points: the series lasts 10, less than 20 times.*longer"
+        ):
+            Measured.of(np.column_stack([times, 1.0 + 0.1 * np.sin(times)]), integral_time=1.0)
+
+    def test_probability_beyond_the_series_is_refused(self) -> None:
+        times = np.linspace(0.0, 200.0, 2001)
+        law = Measured.of(np.column_stack([times, 2.0 + np.sin(times)]), integral_time=1.0)
+        with pytest.raises(SceneError, match=r"0\.001 is beyond what the series can tell, 0\.01 to 0\.99"):
+            law.level(0.001)
+
+
+class TestScene:
+    @pytest.mark.parametrize(
+        ("keys", "said"),
+        [
+            ("", r"gusts\.intensity: is missing; give a number"),
+            ("intensity = -0.1", r"gusts\.intensity"),
+            (
+                "intensity = 0.3\nintegral_time = 1.0",
+                r"integral_time: is given without microscale.*infinitely many",
+            ),
+            ("intensity = 0.3\nmicroscale = 1.0\nintegral_time = 1.2", "square root of two"),
+            ("intensity = 0.3\ndepth = 3.0", r"gusts\.depth: is read only with"),
+            ("intensity = 0.3\npoints = [[0.0, 1.0]]", r"are not read with law"),
+            ('law = "measured"', "neither file nor points is given"),
+            ('law = "measured"\npoints = [[0.0, 1.0], [1.0, 2.0]]', "are 2; give 100 or more"),
+        ],
+    )
+    def test_wrong_keys_in_one_line(self, keys: str, said: str) -> None:
+        with pytest.raises(SceneError, match=said) as error:
+            loads(POCKET.replace("intensity = 0.3", keys))
+        assert "\n" not in str(error.value)
+
+    def test_a_series_from_a_file(self, tmp_path) -> None:
+        times = np.arange(200) * 0.5
+        rows = "\n".join(f"{t},{1.0 + 0.3 * math.sin(t)}" for t in times)
+        (tmp_path / "velocity.csv").write_text(f"time,velocity\n{rows}\n")
+        text = POCKET.replace("intensity = 0.3", 'law = "measured"\nfile = "velocity.csv"')
+        (tmp_path / "scene.toml").write_text(text)
+        from incipient.scene import load
+
+        gusts = load(tmp_path / "scene.toml").gusts
+        assert gusts is not None and len(gusts.points) == 200 and gusts.file is None
+
+    def test_model_without_a_model_is_refused(self) -> None:
+        setup = Setup(loads(POCKET.replace("intensity = 0.3", 'intensity = "model"')))
+        assert setup.scene.gusts is not None
+        with pytest.raises(SceneError, match=r'gusts\.intensity: "model" needs a turbulence model'):
+            Stream(setup, setup.scene.gusts)
+
+
+def test_intensity_near_walls_has_its_limits() -> None:
+    # Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
+    assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
+    assert near_wall(300.0) == pytest.approx(1.8, rel=1e-9)
+    assert near_wall(300.0, 0.5) == pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)
+
+
+class TestAcceleration:
+    def growth(self, **changes: str) -> np.ndarray:
+        """Load of growth of a uniform flow of speed one over the volume of the disc or sphere."""
+        text = "\n".join(
+            (
+                f"[domain]\n{changes['domain']}",
+                '[fluid]\nreynolds = 10.0\nscale = "grain"\n[flow]\nkind = "uniform"',
+                f"[body]\ndiameter = 1.0\n{changes['body']}",
+                changes.get("bed", ""),
+            )
+        )
+        scene = loads(text)
+        assert scene.grain is not None
+        return load_of_growth(Setup(scene), MPI.COMM_WORLD) / scene.grain.volume
+
+    def test_disc_far_from_walls(self) -> None:
+        # Added mass is that of the fluid displaced (Lamb 1932, section 68): the whole is twice it.
+        found = self.growth(
+            domain="length = 30.0\nheight = 30.0", body='shape = "disc"\ncentre = [15.0, 15.0]'
+        )
+        assert found[0] == pytest.approx(2.0, rel=3e-3)
+        assert np.abs(found[1:]).max() < 1e-3
+
+    def test_disc_next_to_a_plane(self) -> None:
+        # By the images of a doublet in the disc and its mirror image, as Milne-Thomson (1968, section 8.81): each at
+        # 1/d from the centre, weaker by 1/d^2. At a gap of zero the whole is pi^2/3.
+        away, strength, expected = 2.0 * 1.0002, 1.0, 2.0
+        apart = away
+        while strength > 1e-14:
+            strength /= apart**2
+            expected += 2.0 * strength
+            apart = away - 1.0 / apart
+        found = self.growth(
+            domain="length = 60.0\nheight = 30.0",
+            body='shape = "disc"\nx = 30.0',
+            bed='[bed]\nkind = "flat"\n[contact]\nfriction = 0.5\ngap = 1e-4',
+        )
+        assert expected == pytest.approx(3.25044, abs=1e-5)
+        assert found[0] == pytest.approx(expected, rel=2e-3)
+
+    @pytest.mark.slow
+    def test_sphere_that_touches_a_plane(self) -> None:
+        # Added mass 0.621 along the plane (Milne-Thomson 1968, section 16.41, of two spheres that touch).
+        found = self.growth(
+            domain="length = 24.0\nwidth = 20.0\nheight = 12.0",
+            body='shape = "sphere"\nx = 12.0',
+            bed='[bed]\nkind = "flat"\n[contact]\nfriction = 0.5\ngap = 1e-3',
+        )
+        assert found[0] == pytest.approx(1.621, rel=5e-3)
+
+    def test_critical_strength_of_a_flow_that_grows(self) -> None:
+        # A push through the centre in a symmetric pocket: lost at a push F, be it of the flow or of its growth.
+        normals = np.array([[math.sin(one), -math.cos(one), 0.0] for one in (-0.5, 0.5)])
+        contacts = Contacts(0.5 * normals, normals)
+        weight = np.array([0.0, -1.0, 0.0])
+        push = np.array(
+            [safety_factor(Load([1.0, 0, 0], [0, 0, 0], weight, [0, 0, 0]), contacts, 0.3).value, 0, 0]
+        )
+        load = Load(push, [0, 0, 0], weight, [0, 0, 0])
+        growth = np.concatenate([0.4 * push, np.zeros(3)])
+        critical = CriticalStrength(2.0, load, 2.0, growth, contacts, 0.3)
+        assert critical.at(0.0, relative=False) == pytest.approx(2.0, rel=1e-6)
+        # (x/2)^2 + 0.4 = 1, and (x/2)^2 + 0.4 x = 1.
+        assert critical.at(1.0, relative=False) == pytest.approx(2.0 * math.sqrt(0.6), rel=1e-6)
+        assert critical.at(1.0, relative=True) == pytest.approx(2.0 * (math.sqrt(1.16) - 0.4), rel=1e-6)
+
+
+class TestLasting:
+    WEAKEST = WeakestGusts(np.array([0.5, 2.0]), np.array([4.0, 2.0]), np.zeros(2), static=1.5)
+
+    def test_gusts_are_counted_that_last_as_long_as_the_weakest(self) -> None:
+        step = 0.01
+        factors = np.ones(10_000)
+        for start, duration, strength in (
+            (10.0, 0.6, 4.1),
+            (20.0, 0.4, 4.1),
+            (30.0, 2.2, 2.1),
+            (40.0, 1.0, 2.1),
+        ):
+            factors[round(start / step) : round((start + duration) / step)] = strength
+        found = rate_of_lasting(Course(factors, step), self.WEAKEST, 1.0)
+        assert found.rate * 10_000 * step == pytest.approx(2.0, rel=1e-3)
+        assert found.low < found.rate < found.high
+
+    def test_between_durations_the_logarithms_are_straight(self) -> None:
+        levels, durations = self.WEAKEST.needed()
+        assert np.interp(math.sqrt(8.0), levels, durations) == pytest.approx(1.0, rel=2e-3)
+
+    def test_made_series_has_the_correlation_that_is_stated(self) -> None:
+        microscale, integral = 0.5, 2.0
+        course = Course.of(Gaussian(0.3, False, microscale), integral)
+        values = (course.factors - 1.0) / 0.3
+        root = math.sqrt(integral**2 - 2.0 * microscale**2)
+        first, second = 0.5 * (integral + root), 0.5 * (integral - root)
+        for steps in (16, 64, 128):
+            time = steps * course.step
+            expected = (first * math.exp(-time / first) - second * math.exp(-time / second)) / (
+                first - second
+            )
+            assert np.mean(values[steps:] * values[:-steps]) == pytest.approx(expected, abs=0.02)
+
+    def test_times_that_are_missing_are_named(self) -> None:
+        with pytest.raises(SceneError, match=r"gusts\.integral_time: is missing"):
+            Course.of(Gaussian(0.3, True, 0.5), None)
+
+
+@pytest.fixture(scope="module")
+def found() -> Entrainment:
+    return find_entrainment(loads(POCKET), MPI.COMM_WORLD)
+
+
+class TestEntrainment:
+    def test_mean_flows_are_the_critical_one_over_the_levels(self, found: Entrainment) -> None:
+        levels = [2.37282, 1.89617, 1.55236, 0.95783]  # see TestLaws
+        strengths = [one.strength for one in found.quantiles]
+        assert strengths == pytest.approx([found.threshold.factor / level for level in levels], rel=1e-5)
+        # The stress of a laminar shear goes with its strength.
+        for one in found.quantiles:
+            assert one.shields / found.threshold.shields == pytest.approx(
+                one.strength / found.threshold.factor, rel=1e-6
+            )
+
+    def test_errors_are_of_the_flow_and_of_the_law(self, found: Entrainment) -> None:
+        first = found.quantiles[0]
+        bars = found.threshold.bars
+        assert bars is not None
+        share = max(bars.high, 2.0 * found.threshold.factor - bars.low) / found.threshold.factor - 1.0
+        assert first.terms["flow"] == pytest.approx(first.shields * share, rel=0.05)
+        # The normal law needs a flow stronger by 2.37282/1.92707.
+        assert first.terms["law of fluctuations"] == pytest.approx(
+            first.shields * (2.37282 / 1.92707 - 1.0), rel=1e-4
+        )
+        assert first.error == pytest.approx(sum(first.terms.values()))
+
+    def test_curve_rises_and_scene_is_on_it(self, found: Entrainment) -> None:
+        probabilities = [one.probability for one in found.curve]
+        assert probabilities == sorted(probabilities)
+        own = found.scene
+        assert own.probability == pytest.approx(Gaussian(0.3).exceeded(found.threshold.factor), rel=1e-9)
+        assert own.low <= own.probability <= own.high and own.rate is None
+
+    def test_without_acceleration_slow_changes_are_the_limit(self, found: Entrainment) -> None:
+        # With a long microscale the load of acceleration vanishes.
+        scene = loads(POCKET + "microscale = 1000.0\n")
+        assert scene.gusts is not None and scene.contact is not None
+        growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
+        motion = Motion(scene.gusts, Stream(Setup(scene), scene.gusts), found.threshold, growth, 0.6)
+        assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)
+
+    def test_scenes_that_lack_something(self) -> None:
+        text = POCKET[: POCKET.index("[gusts]")]
+        with pytest.raises(SceneError, match=r"gusts: is missing; add \[gusts\]"):
+            find_entrainment(loads(text), MPI.COMM_WORLD)
+        with pytest.raises(SceneError, match="probabilities: give one or more, each between 0 and 1"):
+            find_entrainment(loads(POCKET), MPI.COMM_WORLD, probabilities=[1.5])
