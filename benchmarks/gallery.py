@@ -24,6 +24,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "shear_orbit": ("", "trajectory.png"),
     "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
+    "pocket_in_gusts": ("", "entrainment.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),
     "cylinder": ("numerics.error_bars=false", "flow.png"),
@@ -38,9 +39,10 @@ SHOWN: dict[str, tuple[str, str]] = {
 def shown(name: str) -> Path:
     """Run a scene if need be, draw its pictures, and put the one chosen into the docs."""
     directory, (setting, picture) = RESULTS / name, SHOWN[name]
-    if not (directory / "result.json").exists():
+    command = "entrainment" if picture == "entrainment.png" else "run"
+    if not (directory / "scene.toml").exists():
         told = ["--set", setting] if setting else []
-        incipient("run", ROOT / "demos" / "scenes" / f"{name}.toml", "--out", directory, *told)
+        incipient(command, ROOT / "demos" / "scenes" / f"{name}.toml", "--out", directory, *told)
     if not (directory / picture).exists():
         incipient("show", directory)
     FIGURES.mkdir(parents=True, exist_ok=True)

@@ -20,6 +20,7 @@ PARTS = {
         "unit/test_corrections.py",
         "unit/test_doubt.py",
         "unit/test_dual.py",
+        "unit/test_entrainment.py",
         "unit/test_errorbars.py",
         "unit/test_modelling.py",
         "unit/test_threshold.py",
@@ -105,6 +106,7 @@ PARTS = {
         "stability/test_surface.py",
     ),
     "turbulence": (
+        "end_to_end/test_resolved_channels.py",
         "end_to_end/test_turbulent_accuracy.py",
         "end_to_end/test_turbulent_channels.py",
         "unit/test_turbulence.py",

@@ -135,7 +135,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         factor=found.factor,
         held_to=found.held_to,
         reason=found.reason,
-        shields=stress / _stress_unit(scene),
+        shields=stress / run.setup.stress_unit,
         reynolds=found.factor * scene.fluid.reynolds,
         shear_reynolds=float(np.sqrt(stress) * size / scene.viscosity),
         size=size,
@@ -228,9 +228,3 @@ def _judged(run: Run, found: Found, load: Load) -> Verdict:
     scene, contacts = run.scene, _contacts_at(run, found)
     assert scene.body is not None and scene.contact is not None
     return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))
-
-
-def _stress_unit(scene: Scene) -> float:
-    """(rho_s - rho_f) g d."""
-    assert scene.grain is not None and scene.gravity is not None and scene.density is not None
-    return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size

@@ -22,7 +22,6 @@ from ..errors import SceneError
 from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
-from ..scene import Scene
 from ..scene.fluctuations import MODEL, NEAR_WALL, Gusts
 from .lasting import Course, RateOfLasting, WeakestGusts, rate_of_lasting
 from .laws import Gaussian, Law, Measured
@@ -40,7 +39,7 @@ NODES = 15  # of the quadrature over the flow's growth
 
 
 def find_entrainment(
-    scene: Scene,
+    setup: Setup,
     comm: Comm,
     probabilities: Sequence[float] = PROBABILITIES,
     strengths: Sequence[float] = (),
@@ -50,6 +49,7 @@ def find_entrainment(
     """Find how probable motion is in the scene's flow with its [gusts], and in stronger and weaker ones. Collective.
 
     Args:
+        setup: of a grain that rests on a bed, in a steady flow, with [gusts].
         probabilities: of motion at an instant, for which the mean flow is found.
         strengths: mean flows over the scene's, for which the probability is found; default: some that show the curve.
         weakest: gusts that move the grain out of its pocket; then the rate of those as strong is found, too.
@@ -57,7 +57,7 @@ def find_entrainment(
     Raises:
         SceneError: the scene has no gusts or no threshold; a measured series cannot tell a probability.
     """
-    gusts, setup = scene.gusts, Setup(scene)
+    scene, gusts = setup.scene, setup.scene.gusts
     if gusts is None:
         raise SceneError("gusts: is missing; add [gusts] with an intensity, or a measured series")
     _require(probabilities, strengths)

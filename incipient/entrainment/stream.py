@@ -34,16 +34,9 @@ class Stream:
                 'gusts.intensity: "model" needs a turbulence model; set effects.turbulence = true, or give a number'
             )
 
-    @cached_property
-    def stress_unit(self) -> float:
-        """(rho_s - rho_f) g d of the grain."""
-        scene = self.setup.scene
-        assert scene.grain is not None and scene.gravity is not None and scene.density is not None
-        return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
-
     def shields(self, strength: float) -> float:
         """Shields number of the mean flow."""
-        return strength * self._stresses(strength) / self.stress_unit
+        return strength * self._stresses(strength) / self.setup.stress_unit
 
     def shear_velocity(self, strength: float) -> float:
         """Shear velocity of the mean flow."""

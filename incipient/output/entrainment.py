@@ -17,6 +17,7 @@ from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..parallel import Comm, collectively, world
+from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..scene import Scene, save
 from ..scene.fluctuations import Gusts
@@ -66,10 +67,10 @@ def entrainment(
     weakest = None if gusts is None else WeakestGusts.of(_stored(Path(gusts) / "gusts.json"))
     measured = [] if data is None else _points(Path(data))
     if directory is None:
-        return find_entrainment(scene, comm, probabilities, strengths, weakest, voice)
+        return find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
     path = Path(directory)
     with locked(path, comm, make=True):
-        found = find_entrainment(scene, comm, probabilities, strengths, weakest, voice)
+        found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
         with collectively(comm):
             if comm.rank == 0:
                 save(scene, path / SCENE)

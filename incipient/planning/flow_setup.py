@@ -151,6 +151,13 @@ class Setup:
         plain["fluid"]["reynolds"] *= factor
         return Setup(Scene(**{**plain, "units": None}))
 
+    @property
+    def stress_unit(self) -> float:
+        """(rho_s - rho_f) g d, by which the stress on the bed is divided for a Shields number."""
+        scene = self.scene
+        assert scene.grain is not None and scene.gravity is not None and scene.density is not None
+        return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
+
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress of the base flow at its datum, scene units with fluid density one.
 

@@ -26,7 +26,7 @@ class Gusts(Section):
     law: Literal["lognormal", "normal", "measured"] = key("Distribution of the factor", "lognormal")
     intensity: Positive | Literal["near-wall", "model"] | None = key(
         "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
-        "wall region; model: by k of the turbulence model",
+        "wall region; model: by the k that enters",
         None,
         examples=[0.3],
     )

@@ -278,7 +278,7 @@ class TestLasting:
 
 @pytest.fixture(scope="module")
 def found() -> Entrainment:
-    return find_entrainment(loads(POCKET), MPI.COMM_WORLD)
+    return find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD)
 
 
 class TestEntrainment:
@@ -322,6 +322,6 @@ class TestEntrainment:
     def test_scenes_that_lack_something(self) -> None:
         text = POCKET[: POCKET.index("[gusts]")]
         with pytest.raises(SceneError, match=r"gusts: is missing; add \[gusts\]"):
-            find_entrainment(loads(text), MPI.COMM_WORLD)
+            find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
         with pytest.raises(SceneError, match="probabilities: give one or more, each between 0 and 1"):
-            find_entrainment(loads(POCKET), MPI.COMM_WORLD, probabilities=[1.5])
+            find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD, probabilities=[1.5])
