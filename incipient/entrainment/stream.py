@@ -67,7 +67,7 @@ class Stream:
         shear_velocity, size = self.shear_velocity(strength), scene.grain.size
         below = 0.0 if self.gusts.depth is None else size / self.gusts.depth
         ratio = near_wall(shear_velocity * size / scene.viscosity, below)
-        return ratio * shear_velocity / (strength * self.speed)
+        return ratio * shear_velocity / (strength * self._speed_at_top)
 
     @cached_property
     def _of_model(self) -> float:
@@ -89,6 +89,18 @@ class Stream:
                 "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
             )
         return float(flowing.mean())
+
+    @cached_property
+    def _speed_at_top(self) -> float:
+        """The scene's velocity at the height of the grain's top."""
+        domain, scene = self.setup.scene.domain, self.setup.scene
+        assert scene.placement is not None
+        top = np.array([self._places[:, domain.up].max()])
+        if self.setup.is_averaged:
+            velocity, _ = self._entering
+            return float(velocity(self.setup.base_flow.column(domain.entrance, top), 0.0)[0, 0])
+        at = self.setup.base_flow.column(scene.placement.centre, top)
+        return float(self.setup.base_flow.velocity(at, 0.0)[0, 0])
 
     @cached_property
     def _entering(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
@@ -116,6 +128,6 @@ class Stream:
 
 
 def near_wall(shear_reynolds: float, size_over_depth: float = 0.0) -> float:
-    """u'/u* at the height of grains of a bed (Zanke 2003, J. Hydraul. Res. 41, 405), with k+ = u* d/nu and d/h."""
+    """u'/u* at the top of grains of a bed (Zanke 2003, J. Hydraul. Res. 41, 405), with k+ = u* d/nu and d/h."""
     damped = math.exp(-0.1 * shear_reynolds)
     return 0.31 * shear_reynolds * damped + 1.8 * math.exp(-0.88 * size_over_depth) * (1.0 - damped)

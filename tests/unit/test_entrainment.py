@@ -163,6 +163,15 @@ class TestScene:
             Stream(setup, setup.scene.gusts)
 
 
+def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> None:
+    # u'/u* = 0.49 k+ at the top of the grain, where the velocity is u* k+ times its height above the datum over d.
+    setup = Setup(loads(POCKET.replace("intensity = 0.3", 'intensity = "near-wall"')))
+    gusts, placement = setup.scene.gusts, setup.scene.placement
+    assert gusts is not None and placement is not None
+    top = placement.centre[1] + 0.5 - setup.base_flow.datum
+    assert Stream(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
+
+
 def test_intensity_near_walls_has_its_limits() -> None:
     # Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
     assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
