@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts turbulence scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -78,6 +78,9 @@ effects: setup ## one scene with its effects switched on one after another: docs
 
 gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/released.md
 	$(PYTHON) benchmarks/gust_curve.py $(ARGS)
+
+shields: setup ## beads in a fluctuating stream beside flumes and balances of forces: docs/shields.md
+	$(PYTHON) benchmarks/shields.py
 
 turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, and a hump, against measurements: docs/turbulence.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py

@@ -282,7 +282,10 @@ def assert_told(threshold: Threshold, directory: Path) -> None:
     assert {term["name"] for term in stored["error_bars"]["load"]["terms"]} == set(bars.terms)
     text = threshold.text()
     assert text.count(" +- ") == 4
-    assert "largest diameter of the grain" in text and "not a point of Shields' curve" in text
+    assert (
+        "largest diameter of the grain" in text
+        and "in steady laminar shear flow over one grain in the plane" in text
+    )
 
 
 def test_accuracy_is_honoured() -> None:

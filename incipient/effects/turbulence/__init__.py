@@ -38,8 +38,11 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them.
 BYTES = 2500.0
 # What a threshold is of, beside its Shields number.
-TURBULENT = "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner"
-LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
+TURBULENT = (
+    "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner, see "
+    "incipient entrainment"
+)
+LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
 # Name in the report of the walls, words, column, key of the error, ends of the error bar.
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", "", None),
