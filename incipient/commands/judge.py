@@ -6,9 +6,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import SceneError
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
+from ..simulation.forces_of_openfoam import read_forces
 from ..simulation.judge_case import Case, judge_case, load_case, save, text
+from ..simulation.judge_forces import judge_forces, load_case_without_load
 from ..simulation.judge_series import judge_series, read_columns, save_series
 from .drawing import draw_and_tell
 from .options import BESIDE
@@ -18,6 +21,9 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
     """Judge a case and print the verdict; write it with `--out`."""
     with collectively(comm):
         if comm.rank == 0:
+            if options.forces is not None:
+                _judge_forces(options)
+                return 0
             case = load_case(options.case, options.overrides)
             if options.series is not None:
                 _judge_series(case, options)
@@ -37,6 +43,22 @@ def _judge_series(case: Case, options: argparse.Namespace) -> None:
         refuse_foreign(directory, ("series.csv", "series.json"))
         save_series(found, directory)
         print(f"numbers             {directory}/: series.csv, series.json", flush=True)
+        draw_and_tell(directory)
+
+
+def _judge_forces(options: argparse.Namespace) -> None:
+    if options.density is None:
+        why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
+        raise SceneError(why)
+    case = load_case_without_load(options.case, options.overrides)
+    found = judge_forces(case, read_forces(options.forces), options.density, options.since)
+    print(found.text())
+    if options.out is not None:
+        directory = options.case.parent if options.out is BESIDE else options.out
+        refuse_foreign(directory, ("judgement.json", "series.csv", "series.json"))
+        save(found.judgement, directory)
+        save_series(found.series, directory)
+        print(f"numbers             {directory}/: judgement.json, series.csv, series.json", flush=True)
         draw_and_tell(directory)
 
 

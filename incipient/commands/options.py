@@ -190,7 +190,16 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("case", type=Path, help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
     text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
-    add("--series", type=named, metavar="FILE", help=text)
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument("--series", type=named, metavar="FILE", help=text)
+    text = (
+        "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
+    )
+    ways.add_argument("--forces", type=named, metavar="PATH", help=text)
+    text = "with --forces: density of the fluid over the rhoInf that they were computed with"
+    add("--density", type=float, metavar="RATIO", help=text)
+    text = "with --forces: time from which on they are taken (default: all, and the mean of the last half)"
+    add("--since", type=float, metavar="TIME", help=text)
     text = "write judgement.json and its picture there; without a DIRECTORY next to the case"
     add("--out", nargs="?", type=named, const=BESIDE, metavar="DIRECTORY", help=text)
 

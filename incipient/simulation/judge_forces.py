@@ -1,0 +1,101 @@
+"""Forces of another program's run on the grain and contacts of a case: the mean with its error, and all times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SceneError
+from .forces_of_openfoam import SHARE, ForcesInTime
+from .judge_case import Case, CaseErrors, judge_case, load_case, text
+from .judge_series import Series, judge_series
+
+LOAD = ("load.flow_force", "load.flow_couple")
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedForces:
+    """The verdict on the mean of the last part, with standard errors, and on all times."""
+
+    case: Case
+    since: float
+    samples: int
+    judgement: dict[str, Any]
+    series: Series
+
+    def text(self) -> str:
+        """Both in a few lines."""
+        mean = f"mean from time {self.since:.6g} on, {self.samples} samples:"
+        return "\n".join([mean, text(self.case, self.judgement), "", "all times:", self.series.text()])
+
+
+def load_case_without_load(path: Path, overrides: Sequence[str]) -> Case:
+    """The case in a file whose force and couple of the flow come from elsewhere; raises as `load_case`."""
+    try:
+        return load_case(path, overrides)
+    except SceneError as error:
+        if not any(name in str(error) for name in LOAD):
+            raise
+    for zeros in (("[0.0, 0.0]", "0.0"), ("[0.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]")):
+        none = [f"{name}={zero}" for name, zero in zip(LOAD, zeros, strict=True)]
+        try:
+            case = load_case(path, [*none, *overrides])
+        except SceneError as error:
+            last = error
+        else:
+            said = "".join(f", with {one}" for one in none)
+            return case.model_copy(update={"title": case.title.replace(said, "")})
+    raise last
+
+
+def judge_forces(case: Case, found: ForcesInTime, density: float, since: float | None) -> JudgedForces:
+    """Judge the forces of a run on a case, of which everything but the flow's load is taken.
+
+    Args:
+        density: of the fluid, over that which the other program computed the forces with.
+        since: time from which on they are taken; None: all, and the mean of the last half of the time.
+
+    Raises:
+        SceneError: the density is not positive, or too few samples are left.
+    """
+    if not 0.0 < density < np.inf:
+        raise SceneError(
+            f"--density: is {density:g}; give that of the fluid over rhoInf, a number above zero"
+        )
+    kept = found if since is None else found.later(since)
+    start = float(kept.times[0] + SHARE * (kept.times[-1] - kept.times[0])) if since is None else since
+    last = kept.later(start)
+    mean, errors = (density * one for one in last.mean())
+    case = _about(case, found)
+    changes = {"flow_force": _vector(case, mean), "flow_couple": _couple(case, mean)}
+    own = case.errors or CaseErrors()
+    given = {"flow_force": _vector(case, errors), "flow_couple": _couple(case, errors)}
+    of_mean = case.model_copy(
+        update={"load": case.load.model_copy(update=changes), "errors": own.model_copy(update=given)}
+    )
+    force, moment = density * kept.forces, density * kept.moments
+    axes = "xyz"[: case.gdim]
+    columns = {"time": kept.times, **{f"force_{axis}": force[:, i] for i, axis in enumerate(axes)}}
+    if case.gdim == 2:
+        columns["couple"] = moment[:, 2]
+    else:
+        columns |= {f"couple_{axis}": moment[:, i] for i, axis in enumerate(axes)}
+    return JudgedForces(of_mean, start, len(last.times), judge_case(of_mean), judge_series(case, columns))
+
+
+def _about(case: Case, found: ForcesInTime) -> Case:
+    """The case with its couple about the point of the moments."""
+    about = tuple(found.centre[: case.gdim].tolist())
+    return case.model_copy(update={"load": case.load.model_copy(update={"about": about})})
+
+
+def _vector(case: Case, values: Any) -> tuple[float, ...]:
+    return tuple(values[: case.gdim].tolist())
+
+
+def _couple(case: Case, values: Any) -> float | tuple[float, ...]:
+    return float(values[5]) if case.gdim == 2 else tuple(values[3:].tolist())
