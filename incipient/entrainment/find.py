@@ -67,7 +67,7 @@ def find_entrainment(
     for one in probabilities:
         law.level(one)
     if weakest is not None:
-        Course.of(law, gusts.integral_time)
+        Course.of(law, stream.integral_time(1.0))
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
@@ -104,8 +104,8 @@ def _without_growth(setup: Setup, gusts: Gusts) -> str:
 def _law_of(gusts: Gusts, stream: Stream, strength: float) -> Law:
     """The law of the factor in a mean flow of a strength."""
     if gusts.law == "measured":
-        return Measured.of(np.array(gusts.points), gusts.integral_time)
-    return Gaussian(stream.intensity(strength), gusts.law == "lognormal", gusts.microscale)
+        return Measured.of(np.array(gusts.points), stream.integral_time(1.0))
+    return Gaussian(stream.intensity(strength), gusts.law == "lognormal", stream.microscale(strength))
 
 
 def _for_curve(motion: Motion) -> list[float]:
@@ -131,7 +131,8 @@ def _assumed(motion: Motion, without_growth: str) -> list[str]:
     lines.append(f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}")
     if gusts.microscale is None:
         return [*lines, without_growth]
-    lines.append("rates are those of a stationary Gaussian process with the given microscale (Rice 1945)")
+    scale = f"microscale {law.microscale:.3g}{', by the model' if gusts.microscale == MODEL else ''}"
+    lines.append(f"rates are those of a stationary Gaussian process, {scale} (Rice 1945)")
     if without_growth:
         return [*lines, without_growth]
     return [
@@ -204,7 +205,7 @@ class Motion:
         """The rate of gusts that last long enough, where they are known."""
         if self._weakest is None:
             return None
-        return rate_of_lasting(Course.of(law, self.gusts.integral_time), self._weakest, strength)
+        return rate_of_lasting(Course.of(law, self.stream.integral_time(strength)), self._weakest, strength)
 
     def probability(self, strength: float, law: Law, share: float = 1.0) -> float:
         """Probability of motion at an instant in a mean flow; `share` multiplies the critical strength."""

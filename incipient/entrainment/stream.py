@@ -15,6 +15,7 @@ from ..planning.driving_force import DisplacedFluid
 from ..planning.flow_setup import Setup
 from ..scene.fluctuations import MODEL, NEAR_WALL, Gusts
 
+INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon, in the limit of large Reynolds numbers
 LARGEST = 3.0  # intensity, beyond which the laws are not those of a stream
 
 
@@ -29,10 +30,12 @@ class Stream:
     gusts: Gusts
 
     def __post_init__(self) -> None:
-        if self.gusts.intensity == MODEL and not self.setup.is_averaged:
-            raise SceneError(
-                'gusts.intensity: "model" needs a turbulence model; set effects.turbulence = true, or give a number'
-            )
+        if self.setup.is_averaged:
+            return
+        for name in ("intensity", "microscale", "integral_time"):
+            if getattr(self.gusts, name) == MODEL:
+                why = '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
+                raise SceneError(f"gusts.{name}: {why}")
 
     def shields(self, strength: float) -> float:
         """Shields number of the mean flow."""
@@ -69,12 +72,43 @@ class Stream:
         ratio = near_wall(shear_velocity * size / scene.viscosity, below)
         return ratio * shear_velocity / (strength * self._speed_at_top)
 
+    def microscale(self, strength: float) -> float | None:
+        """Time of the correlation at short times, 1 - (t/lambda)^2; None: not known.
+
+        By the model it is the longitudinal microscale of isotropic turbulence, lambda^2 = 30 nu u'^2/epsilon, over the
+        mean velocity.
+        """
+        asked = self.gusts.microscale
+        if not isinstance(asked, str):
+            return asked
+        energy, loss = self._energy_and_loss
+        length = math.sqrt(20.0 * self.setup.scene.viscosity * energy / loss)
+        return length / self.speed * strength**-1.5
+
+    def integral_time(self, strength: float) -> float | None:
+        """Integral of the correlation over time; None: not known.
+
+        By the model it is the longitudinal integral scale 0.43 k^1.5/epsilon (Pope 2000, Turbulent Flows, section 6.5)
+        over the mean velocity.
+        """
+        asked = self.gusts.integral_time
+        if not isinstance(asked, str):
+            return asked
+        energy, loss = self._energy_and_loss
+        return INTEGRAL * energy**1.5 / loss / (self.speed * strength)
+
     @cached_property
     def _of_model(self) -> float:
         """By k of the turbulence that enters, at the heights of the grain: u'^2 = 2k/3."""
+        return math.sqrt(2.0 / 3.0 * self._energy_and_loss[0]) / self.speed
+
+    @cached_property
+    def _energy_and_loss(self) -> tuple[float, float]:
+        """Mean k, and its loss epsilon, of the turbulence that enters at the heights of the grain."""
         _, logarithms = self._entering
-        energy = np.exp(logarithms(self._at_inflow)[0])
-        return math.sqrt(2.0 / 3.0 * float(energy.mean())) / self.speed
+        energy, other = np.exp(logarithms(self._at_inflow))
+        loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
+        return float(energy.mean()), float(loss.mean())
 
     @cached_property
     def speed(self) -> float:

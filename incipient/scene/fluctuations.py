@@ -35,13 +35,14 @@ class Gusts(Section):
         None,
         examples=[20.0],
     )
-    microscale: Positive | None = key(
-        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]",
+    microscale: Positive | Literal["model"] | None = key(
+        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by what enters",
         None,
         examples=[0.5],
     )
-    integral_time: Positive | None = key(
-        "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]",
+    integral_time: Positive | Literal["model"] | None = key(
+        "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
+        "model: by what enters",
         None,
         examples=[2.0],
     )
@@ -68,7 +69,12 @@ class Gusts(Section):
             raise self.refused("intensity", "is missing", 'give a number, "near-wall" or "model"')
         if self.depth is not None and self.intensity != NEAR_WALL:
             raise self.refused("depth", 'is read only with intensity = "near-wall"', "leave it out")
-        if self.integral_time is not None:
+        if self.law == "measured":
+            if self.integral_time == MODEL:
+                raise self.refused(
+                    "integral_time", "is that of the series with a measured law", "leave it out"
+                )
+        elif self.integral_time is not None:
             self._check_times(self.integral_time)
         return self
 
@@ -86,11 +92,11 @@ class Gusts(Section):
                 "points", "have no mean above zero, or no fluctuation", "give velocities downstream"
             )
 
-    def _check_times(self, integral: float) -> None:
-        if self.law == "measured":
-            return
+    def _check_times(self, integral: float | str) -> None:
         if self.microscale is None:
             raise self.refused("integral_time", *ENDLESS)
+        if isinstance(integral, str) or isinstance(self.microscale, str):
+            return
         if integral < math.sqrt(2.0) * self.microscale:
             why = f"is {integral:g}, less than the microscale times the square root of two"
             raise self.refused("integral_time", why, "enlarge it, or reduce gusts.microscale")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from incipient.entrainment.stream import Stream, near_wall
 from incipient.entrainment.sudden import CriticalStrength, load_of_growth
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
+from incipient.scene import load
 from incipient.scene.file import loads
 
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
@@ -145,14 +147,12 @@ class TestScene:
             loads(POCKET.replace("intensity = 0.3", keys))
         assert "\n" not in str(error.value)
 
-    def test_a_series_from_a_file(self, tmp_path) -> None:
+    def test_a_series_from_a_file(self, tmp_path: Path) -> None:
         times = np.arange(200) * 0.5
         rows = "\n".join(f"{t},{1.0 + 0.3 * math.sin(t)}" for t in times)
         (tmp_path / "velocity.csv").write_text(f"time,velocity\n{rows}\n")
         text = POCKET.replace("intensity = 0.3", 'law = "measured"\nfile = "velocity.csv"')
         (tmp_path / "scene.toml").write_text(text)
-        from incipient.scene import load
-
         gusts = load(tmp_path / "scene.toml").gusts
         assert gusts is not None and len(gusts.points) == 200 and gusts.file is None
 
@@ -170,6 +170,24 @@ def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> 
     assert gusts is not None and placement is not None
     top = placement.centre[1] + 0.5 - setup.base_flow.datum
     assert Stream(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
+
+
+def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
+    """k = 1.5 u'^2; lambda^2 = 2 u'^2/<(du/dx)^2> with epsilon = 15 nu <(du/dx)^2>; both over the mean velocity."""
+    stone = Path(__file__).parents[2] / "demos" / "scenes" / "stone_in_turbulence.toml"
+    words = [f'gusts.{name}="model"' for name in ("intensity", "microscale", "integral_time")]
+    setup = Setup(load(stone, words))
+    assert setup.scene.gusts is not None
+    stream = Stream(setup, setup.scene.gusts)
+    intensity, lasts = stream.intensity(1.0), stream.microscale(1.0)
+    length = stream.integral_time(1.0)
+    assert lasts is not None and length is not None
+    fluctuation = (intensity * stream.speed) ** 2
+    epsilon = 0.43 * (1.5 * fluctuation) ** 1.5 / (length * stream.speed)
+    slope = epsilon / (15.0 * setup.scene.viscosity)
+    assert (lasts * stream.speed) ** 2 == pytest.approx(2.0 * fluctuation / slope, rel=1e-9)
+    # Twice the flow at the same viscosity: k goes as its square, epsilon as its cube.
+    assert stream.microscale(2.0) == pytest.approx(lasts / 2.0**1.5, rel=1e-9)
 
 
 def test_intensity_near_walls_has_its_limits() -> None:
