@@ -159,7 +159,11 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     text = "with --refine: the column whose curve is to be known (see table)"
     add("--quantity", metavar="COLUMN", help=text)
     overrides(parser, "numerics.mesh_size=2")
-    add("--do", choices=("run", "threshold", "gust", "judge"), help="for each case (default: run)")
+    add(
+        "--do",
+        choices=("run", "threshold", "gust", "entrainment", "judge"),
+        help="for each case (default: run)",
+    )
     add("--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)")
     add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
     add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")

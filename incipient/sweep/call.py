@@ -88,7 +88,7 @@ def run(
         scenes: a scene or several, or names of files; of cases to be judged names of files.
         file: the SQLite file of the sweep.
         over: values by key, as a list or as text such as ``"log:0.1:200:17"``; None: as the section [sweep] says.
-        do: "run", "threshold", "gust" or "judge".
+        do: "run", "threshold", "gust", "entrainment" or "judge".
         zip: values of several keys go along side by side instead of in every combination.
         cases: a CSV file of cases.
         settings: overrides of all cases, such as ``"numerics.mesh_size=2"``.

@@ -33,7 +33,11 @@ LEAST, USUAL, MOST = 1e-6, 0.02, 1000
 _ROUND = 1e-9  # by which a cell may be longer than the tolerance
 _ELONGATED = 0.5  # a cell is halved in directions in which it is at least so long as in the longest
 _NO_RANGE = 1e-6  # of the largest value: what is constant to that is straight
-_USUAL = {"threshold": "shields", "gust": "strength"}  # what is to be straight; else the safety factor
+_USUAL = {
+    "threshold": "shields",
+    "gust": "strength",
+    "entrainment": "probability",
+}  # what is to be straight; else the safety factor
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..scene.file import dumps, parse
 from ..scene.points import file_text
 from .axes import Settings
 
-TASKS = ("run", "threshold", "gust", "judge")
+TASKS = ("run", "threshold", "gust", "entrainment", "judge")
 SECTION = "sweep"
 _DIGITS = 20  # of an identity
 

@@ -79,7 +79,7 @@ def _predicted(case: SweepCase) -> Expected:
     estimate = found.plan.estimate
     if isinstance(found.prediction, str):
         return Expected(None, None if estimate is None else estimate.memory_mib)
-    times = SEARCH if case.task == "threshold" else 1.0
+    times = SEARCH if case.task in ("threshold", "entrainment") else 1.0
     if case.task == "gust":
         times = runs_expected(1, case.scene.numerics.error_bars)
     return Expected(times * found.prediction.cpu, found.prediction.peak_mib)

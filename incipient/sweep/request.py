@@ -60,7 +60,7 @@ class RefinementOptions:
 class Request:
     """Sources and how they are varied.
 
-    over: axes; together: they go along side by side; table: a CSV file of cases; task: run, threshold, gust or judge
+    over: axes; together: they go along side by side; table: a CSV file of cases; task: one of `cases.TASKS`
     common: overrides of all cases; aim: what cases in between are for, None: there are none
     """
 

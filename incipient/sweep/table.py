@@ -133,6 +133,23 @@ def _of_gust(result: Mapping[str, Any]) -> dict[str, Any]:
     return found | ends
 
 
+def _of_entrainment(result: Mapping[str, Any]) -> dict[str, Any]:
+    steady, own = result["threshold"], result["scene"]
+    found: dict[str, Any] = {"mode": steady["mode"], "shields": steady["shields"]}
+    found |= {
+        "probability": own["probability"],
+        f"probability{LOW}": own["low"],
+        f"probability{HIGH}": own["high"],
+    }
+    found |= {} if own["rate"] is None else {"rate": own["rate"]}
+    for one in result["quantiles"]:
+        name = f"shields_at_{one['probability']:g}"
+        found[name] = one["shields"]
+        if one["error"] is not None:
+            found |= {name + LOW: one["shields"] - one["error"], name + HIGH: one["shields"] + one["error"]}
+    return found
+
+
 def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
     verdict = result["verdict"]
     found: dict[str, Any] = {}
@@ -153,7 +170,7 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-_OF_TASK = {"threshold": _of_threshold, "gust": _of_gust}
+_OF_TASK = {"threshold": _of_threshold, "gust": _of_gust, "entrainment": _of_entrainment}
 
 
 def in_words(row: Mapping[str, Any]) -> str:
@@ -164,6 +181,8 @@ def in_words(row: Mapping[str, Any]) -> str:
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
         return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
+    if row["task"] == "entrainment":
+        return f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
     if row["task"] == "gust":
         return f"critical strength {row['strength']:.4g}"
     words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"

@@ -118,6 +118,11 @@ def _run(text: str, comm: Comm) -> dict[str, Any]:
 def _searched(what: str, text: str, comm: Comm) -> dict[str, Any]:
     from ..critical import gusts, threshold
 
+    if what == "entrainment":
+        from ..entrainment.find import find_entrainment
+        from ..planning.flow_setup import Setup
+
+        return find_entrainment(Setup(loads(text)), comm).to_dict()
     if what == "gust":
         return gusts.GustSearch(loads(text), comm).of_scene().to_dict()
     return threshold.find_threshold(loads(text), comm).to_dict()
@@ -129,7 +134,9 @@ def _judge(text: str, comm: Comm) -> dict[str, Any]:
     return judge_case(Case.model_validate(json.loads(text)))
 
 
-_TASKS = {"run": _run, "judge": _judge} | {one: partial(_searched, one) for one in ("threshold", "gust")}
+_TASKS = {"run": _run, "judge": _judge} | {
+    one: partial(_searched, one) for one in ("threshold", "gust", "entrainment")
+}
 
 
 def _processor_time() -> float:

@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 
 import incipient
+import incipient.sweep
+from incipient.scene import loads
+from incipient.sweep.table import rows
 
 SCENE = """
 title = "A disc between half-discs in gusts"
@@ -111,6 +114,20 @@ def test_bad_input_is_one_line(command, scene: Path, options: tuple[str, ...], s
     done = command("entrainment", scene, "--out", "out", *options)
     assert done.returncode not in (0, 70)
     assert said in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_sweep_of_intensities(tmp_path: Path) -> None:
+    coarse = loads(SCENE + "[gusts]\nintensity = 0.3\n")
+    path = tmp_path / "sweep.sqlite"
+    incipient.sweep.run(coarse, path, {"gusts.intensity": [0.1, 0.3]}, do="entrainment", jobs=1)
+    weak, strong = rows(path)
+    assert (weak["gusts.intensity"], strong["gusts.intensity"]) == (0.1, 0.3)
+    assert weak["shields"] == pytest.approx(strong["shields"], rel=1e-9)
+    assert weak["probability"] < strong["probability"] and "rate" not in weak
+    # Levels of lognormal factors, exp(z s - s^2/2): 1.2549 at intensity 0.1 and 1.8962 at 0.3, exceeded with 1%.
+    ratio = weak["shields_at_0.01"] / strong["shields_at_0.01"]
+    assert ratio == pytest.approx(1.8962 / 1.2549, rel=1e-3)
+    assert weak["shields_at_0.01_low"] < weak["shields_at_0.01"] < weak["shields_at_0.01_high"]
 
 
 def test_a_measured_series(command, scene: Path) -> None:
