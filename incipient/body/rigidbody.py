@@ -235,8 +235,15 @@ class RigidBody:
     def _solved(self, start: BodyState, dt: float, impulse: Floats, added: Floats, last: Floats) -> Motion:
         """The motion whose drive satisfies the balance of momentum."""
         f, end = self.mask, start.time + dt
-        frame = self._frame(start.orientation)
         inverse = self._inverse(start, added)
+        if self.gdim == 2 and f.all() and not callable(self.body_force):
+            # In the plane velocities are linear in time, and the balance is linear in them.
+            falls = np.append(self._field(start.time), 0.0)
+            gain = inverse @ (impulse - added @ (start.velocities + dt * falls - last)) + dt * falls
+            way = dt * (start.velocities + 0.5 * gain)
+            state = BodyState.unpacked(start.packed() + np.concatenate([way, gain]), end)
+            return Motion(self, start, state, gain / dt - falls, 0, 0)
+        frame = self._frame(start.orientation)
         sizes = self._mobility(frame, 1.0)[np.ix_(f, f)]
         drive = np.zeros(self.size)
         free_acceleration = self._acceleration(start.time, start.velocities, frame, drive)

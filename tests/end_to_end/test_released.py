@@ -224,6 +224,7 @@ def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
     assert stored["ended"]["by"] == "out-of-pocket" and result.trajectory is not None
     assert stored["on_bed"]["left_pocket"] == pytest.approx(found["time"][-1])
     assert found["meshes"][-1] > 3 and found["x"][-1] > 3.9
+    assert found["step"].min() == pytest.approx(0.02)  # no mesh folds
     assert max(one["change"] for one in stored["remeshings"]) < 1e-2
 
 

@@ -17,8 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from incipient.arrays import Floats
@@ -28,6 +30,7 @@ from incipient.errors import ConvergenceError
 
 GOOD = 1e-9  # what a solution may miss the laws by, in impulses of order one
 FEW_SWEEPS, MANY_SWEEPS = 100, 5000  # of the iteration contact by contact
+LEAST = 1e-9  # singular values, relative to the largest, that count as none
 REGULAR = 1e-12  # added to the diagonal of W, relative to its mean: contacts whose impulses are not unique
 
 
@@ -58,6 +61,8 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats, start: Floats
     b = scale * free / speed
     law = law_of(w, b, most)
     unit = speed / size
+    if (local := _by_cases(law)) is not None:
+        return np.asarray(unit * weight * local)
     sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
     starts = [np.zeros((count, 3)), sticking]
     if start is not None:
@@ -93,6 +98,27 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
     gain[couples], gain[:, couples], free[couples] = 0.0, 0.0, 0.0
     gain[couples, couples], gain[couples, pressures] = size, -size
     return contact_impulses(gain, free, np.concatenate([friction, np.full(count, rolling)]))
+
+
+def _by_cases(law: Law) -> Floats | None:
+    """Impulses (k, 3) of one or two contacts in the plane, by trying what each may do; None: not found so.
+
+    It sticks, slides either way or opens: in each case the laws are linear equations. Of forces that are not unique
+    these are the smallest ones.
+    """
+    gain, free = law.compliance, law.free
+    count = len(free) // 3
+    if count > 2 or np.abs(gain[2::3]).max() > 2.0 * REGULAR or np.abs(free[2::3]).max() > 0.0:
+        return None
+    sticks = np.eye(2, 3)
+    slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
+    for cases in product((sticks, *slides, np.zeros((0, 3))), repeat=count):
+        pushes, asked = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))
+        sizes = np.linalg.lstsq(asked @ gain @ pushes.T, -asked @ free, rcond=LEAST)[0]
+        local = (sizes @ pushes).reshape(-1, 3)
+        if law_residual(law, local) <= GOOD * max(1.0, float(np.abs(local).max())):
+            return np.asarray(local)
+    return None
 
 
 def _starts(law: Law, first: Floats) -> Iterator[Floats]:

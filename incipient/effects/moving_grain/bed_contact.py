@@ -23,6 +23,7 @@ from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
 
 REST, FLIGHT = "rest", "flight"
+WORKS = ("flow", "gravity", "friction", "impact")
 STILL = 1e-6  # velocity, relative to the flow's, below which nothing moves
 RESTED = 3  # steps without motion after which a grain rests
 RISEN = 1e-3  # of the grain's size: a rise below it is none
@@ -109,10 +110,8 @@ class BedContact:
         (k,), and the contacts at its end."""
         (before, after), course = ends, self.course
         now = self._mode(after, contacts)
-        works = {
-            name: getattr(course, name) + work
-            for name, work in _works(before, after, mean_load, weight, contacts).items()
-        }
+        done = _works(before, after, mean_load, weight, contacts)
+        works = {name: getattr(course, name) + work for name, work in done.items()}
         if course.first_motion is None and now != REST:
             course = replace(course, first_motion=before.time, first_step=after.time - before.time)
         rested = course.rested + 1 if now == REST and course.first_motion is not None else 0
@@ -170,20 +169,15 @@ class BedContact:
             "contacts": len(contacts),
             "slip": float(slip.max()),
             "mode": course.mode,
-            **{f"work_{name}": getattr(course, name) for name in ("flow", "gravity", "friction", "impact")},
+            **{f"work_{name}": getattr(course, name) for name in WORKS},
         }
 
     def reported(self) -> dict[str, Any]:
         """What the grain has done, as plain data."""
         course = self.course
-        works = {name: getattr(course, name) for name in ("flow", "gravity", "friction", "impact")}
-        return {
-            "mode": course.mode,
-            "first_motion": course.first_motion,
-            "first_step": course.first_step,
-            "left_pocket": course.left,
-            "works": works,
-        }
+        times = {name: getattr(course, name) for name in ("mode", "first_motion", "first_step")}
+        works = {name: getattr(course, name) for name in WORKS}
+        return {**times, "left_pocket": course.left, "works": works}
 
     # -- checkpoints ------------------------------------------------------------------------------
 
@@ -210,10 +204,4 @@ def _works(
     """The works of flow, weight and contact in a step."""
     way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
     gravity = float(weight @ way)
-    friction, impact = contacts.work
-    return {
-        "flow": float(mean_load @ way) - gravity,
-        "gravity": gravity,
-        "friction": friction,
-        "impact": impact,
-    }
+    return dict(zip(WORKS, (float(mean_load @ way) - gravity, gravity, *contacts.work), strict=True))

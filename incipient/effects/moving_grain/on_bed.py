@@ -12,6 +12,7 @@ from ...coupled.coupling import Coupling
 from ...coupled.rigid_on_bed import RigidPartOnBed
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
+from ...geometry.placement import Placement
 from ...planning.clearance import Surroundings
 from ...results.loads import named
 from .bed_contact import BedContact
@@ -52,6 +53,16 @@ class GrainOnBed(MovingGrain):
     def _in_the_way(self) -> Surroundings:
         """All around the grain but the bed."""
         return self._around
+
+    def _meshed_at(self) -> Placement:
+        """The placement half-way through the next step: along a bed cells in the gap shear half as much."""
+        now, length = self.state, self.last_step()
+        if length is None:
+            return now.placement
+        end = self.part.predicted(length, 2)
+        return now.placement.moved(
+            0.5 * (end.place - now.place), 0.5 * end.placement.turn_since(now.placement)
+        )
 
     # -- the run ----------------------------------------------------------------------------------
 

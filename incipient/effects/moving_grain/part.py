@@ -114,9 +114,13 @@ class MovingGrain(RunPart):
         return (self.part,)
 
     def drawn(self) -> Placement:
-        """The placement for which a new mesh is made: that at present, rounded."""
+        """The placement for which a new mesh is made, rounded."""
         assert self.scene.placement is not None
-        return rounded(self.state.placement, self.scene.placement, ROUNDING * self.grain.size)
+        return rounded(self._meshed_at(), self.scene.placement, ROUNDING * self.grain.size)
+
+    def _meshed_at(self) -> Placement:
+        """The placement at present."""
+        return self.state.placement
 
     def on(self, domain: Domain) -> MovingGrain:
         """The grain as it is on a mesh that was made for `drawn`."""

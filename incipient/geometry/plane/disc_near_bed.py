@@ -4,6 +4,7 @@ What `distance.approaches` finds for any grain and bed by sampling takes millise
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,7 +27,10 @@ def disc_near_bed(centre: Point, radius: float, bed: Bed, within: float) -> tupl
     reach = radius + within
     if y <= float(bed.height([x])[0]):
         return None
-    curves = bed.curves(x - reach, x + reach)
+    # As long as the disc stays near, so do these.
+    ends = (radius * math.floor((x - reach) / radius), radius * math.ceil((x + reach) / radius))
+    lowest, highest = bed.extent
+    curves = _curves(bed, *(ends if lowest <= ends[0] and ends[1] <= highest else (x - reach, x + reach)))
     if not all(isinstance(one, Line) or (isinstance(one, Arc) and one.major is None) for one in curves):
         return None
     feet = [_foot(one, centre) for one in curves]
@@ -39,6 +43,11 @@ def disc_near_bed(centre: Point, radius: float, bed: Bed, within: float) -> tupl
     seen = bed.distance(centre + (points - centre) * (radius / (gaps + radius))[:, None])
     shown = seen >= gaps - HIDDEN * radius
     return gaps[shown], points[shown]
+
+
+@lru_cache(maxsize=8)
+def _curves(bed: Bed, start: float, end: float) -> tuple[Curve, ...]:
+    return bed.curves(start, end)
 
 
 def _foot(curve: Curve, point: Point) -> Foot:
