@@ -55,9 +55,9 @@ class GrainOnBed(MovingGrain):
         return self._around
 
     def _meshed_at(self) -> Placement:
-        """The placement half-way through the next step: along a bed cells in the gap shear half as much."""
+        """Next to contact the placement half-way through the next step: cells in the gap shear half as much."""
         now, length = self.state, self.last_step()
-        if length is None:
+        if length is None or not len(self.bed_contact.motion.near(now.placement, self.setup.geometry.gap)):
             return now.placement
         end = self.part.predicted(length, 2)
         return now.placement.moved(
