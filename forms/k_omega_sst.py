@@ -36,9 +36,11 @@ class Closure:
     """The model with its constants.
 
     distance: of a place from the next wall (UFL), above zero
+    least:    k at which no more of it is destroyed: far below any that matters
     """
 
     distance: Any
+    least: Any = 0
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
         """nu_t = k/max(omega, S F_2/a_1)."""
@@ -60,7 +62,8 @@ class Closure:
         made = ufl.min_value(square * self._time(logarithms, stream), MOST_PRODUCED * BETA_STAR * omega)
         along = ufl.inner(ufl.grad(logarithms[0]), ufl.grad(logarithms[1]))
         cross = 2 * (1 - inner) * SIGMA_CROSS * ufl.exp(logarithms[0] - logarithms[1]) * along
-        return made - BETA_STAR * omega, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
+        lost = BETA_STAR * omega * (1 - self.least * ufl.exp(-logarithms[0]))
+        return made - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
 
     def _time(self, logarithms: Any, stream: Stream) -> Any:
         """nu_t/k."""

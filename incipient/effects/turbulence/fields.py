@@ -56,10 +56,13 @@ class TurbulenceFields(ABC):
         second: name of the second quantity.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
+        form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
     """
 
     second: str
     closure: Any
+    form: Any
+    of_molecules: Any
 
     def __init__(self, domain: Domain, surroundings: TurbulenceConditions, order: int):
         self.domain, self.surroundings, self.order = domain, surroundings, order
@@ -107,6 +110,35 @@ class TurbulenceFields(ABC):
     def look(self) -> None:  # noqa: B027
         """Take note of the flow as it is, where the eddy viscosity depends on more than both quantities."""
 
+    def watching(self, form: Any, velocity: Any) -> Any:
+        """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
+        return form
+
+    # -- a steady state, solved together with the flow ------------------------------------------------
+
+    @property
+    def conditions(self) -> list[Any]:
+        """Where one or both logarithms are given."""
+        return self._conditions
+
+    @property
+    def inside(self) -> Any:
+        """One in the cells whose equations are solved, zero elsewhere (UFL)."""
+        return 1
+
+    def impose(self) -> None:
+        """Let the state be as it is given."""
+        self._prepare()
+        compat.impose(self.state.x.array, self._conditions)
+        self.state.x.scatter_forward()
+
+    def stop(self) -> None:
+        """Let nothing change in time, and what is taken from an earlier state be taken from the present one."""
+        for one in self.rate:
+            one.value = 0.0
+        self._before.x.array[:] = self.state.x.array
+        self._prepare()
+
     # -- its equations ------------------------------------------------------------------------------
 
     def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None) -> None:
@@ -121,7 +153,8 @@ class TurbulenceFields(ABC):
         size = cell_size(mesh) / self.order
         stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0])
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
-        form = self._equations(rate, tests, stream)
+        self.form = form = self._equations(rate, tests, stream)
+        self.of_molecules = of_molecules
         self._residual = compat.form(form)
         self._jacobian = compat.form(ufl.derivative(form, self.state, ufl.TrialFunction(self.space)))
         self._matrix = self._holding(petsc.create_matrix(self._jacobian))

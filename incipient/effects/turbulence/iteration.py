@@ -74,7 +74,7 @@ def solve_steadily(
             if step < SHORTEST * time:
                 raise ConvergenceError(NO_FLOW)
             continue
-        moved, past = _moved(fluid, flow - past_flow), logarithms.copy()
+        moved, past = relative_change(fluid, flow - past_flow), logarithms.copy()
         rounds.append(Round(number, step, moved, change))
         watch(rounds[-1])
         if max(change, moved) <= tolerance:
@@ -98,7 +98,7 @@ def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
     raise ConvergenceError(NO_FLOW)
 
 
-def _moved(fluid: Fluid, change: np.ndarray) -> float:
+def relative_change(fluid: Fluid, change: np.ndarray) -> float:
     """Size of a change of the flow, relative to it. Collective."""
     whole = fluid.squared_velocities(fluid.state.x.array)
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
@@ -148,7 +148,7 @@ class InTime:
             report = self._flow(length, order, 0.1 * tolerance, report)
             if not report.converged:
                 return report
-            sizes.append(_moved(fluid, fluid.state.x.array - before))
+            sizes.append(relative_change(fluid, fluid.state.x.array - before))
             if len(sizes) > 1 and sizes[-1] <= tolerance:
                 return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import dolfinx
@@ -22,10 +22,13 @@ from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import THICKEST, ResolvedWallReport
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
+from .iteration import Round
 from .part import ORDER, TurbulentFlow
+from .pseudo_time import solve_together
 
 ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
+LEAST = 1e-10  # k over V^2, as little as nothing: loads on a disc change by 4e-9 with it
 BUFFER = 10.0  # nu/u*, below which k falls to zero at a wall
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
@@ -39,6 +42,7 @@ class KOmegaSST(TurbulenceFields):
     Args:
         viscosity: of the molecules.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity.
+        least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
     """
 
     second = "omega"
@@ -50,6 +54,7 @@ class KOmegaSST(TurbulenceFields):
         order: int,
         viscosity: float,
         order_of_flow: int = 2,
+        least: float = 0.0,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -65,7 +70,9 @@ class KOmegaSST(TurbulenceFields):
         if surroundings.walls:
             self._stand_at_walls(scalar)
         floor = LEAST_DISTANCE * self.largest(self._distance.x.array)
-        self.closure = forms.Closure(ufl.max_value(self._distance, self.constant(floor)))
+        self.closure = forms.Closure(
+            ufl.max_value(self._distance, self.constant(floor)), self.constant(least)
+        )
 
     # -- walls --------------------------------------------------------------------------------------
 
@@ -155,6 +162,15 @@ class KOmegaSST(TurbulenceFields):
         self._fluid = fluid
         self.look()
 
+    def watching(self, form: Any, velocity: Any) -> Any:
+        """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
+        return ufl.replace(form, {self._seen: velocity})
+
+    @property
+    def inside(self) -> Any:
+        """One in the cells whose equations are solved, zero in those at walls (UFL)."""
+        return self._beyond
+
     def look(self) -> None:
         """Take note of the flow as it is, by whose strain the eddy viscosity is limited."""
         if self._fluid is not None:
@@ -196,7 +212,8 @@ class KOmegaFlow(TurbulentFlow):
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), walls.logarithms, walls.names)
-        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, self._setup.order.number)
+        scene, order = self._scene, self._setup.order.number
+        return KOmegaSST(domain, given, ORDER, scene.viscosity, order, LEAST * scene.reference_velocity**2)
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._walls.logarithms
@@ -208,6 +225,13 @@ class KOmegaFlow(TurbulentFlow):
     @property
     def _depth(self) -> float:
         return self._walls.depth
+
+    def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
+        """Between plane walls by turns, which is faster; past forms and grains, where that may fail, together."""
+        if self._walls.plane:
+            return super()._steady(watch)
+        with self._timed():
+            return solve_together(self._fluid, self.fields, self._tolerance, watch)
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere, but next to walls."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
@@ -25,7 +26,7 @@ from ...restart.redistribution import spread_values, stored_values
 from ...results.wall_report import WallReport
 from ..run_part import RunPart, Solving, Stage
 from .fields import TurbulenceFields, Values
-from .iteration import InTime, Moving, solve_steadily
+from .iteration import InTime, Moving, Round, solve_steadily
 
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
@@ -101,18 +102,21 @@ class TurbulentFlow(RunPart):
         """
         fluid = self._fluid
         self._take(fluid, factor)
-        scene = self._scene
         if not onwards:
             self.enter(fluid)
         with run.stage("flow"):
-            rounds = solve_steadily(
-                *(fluid, self.fields, self._depth / scene.reference_velocity),
-                of_steady(scene.numerics.tolerance, False),
-                lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
-                self._timed,
-            )
+            rounds = self._steady(lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence))
         run.count(turbulence=len(rounds))
         return True
+
+    def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
+        """Find the steady flow with its turbulence from the state at hand."""
+        time = self._depth / self._scene.reference_velocity
+        return solve_steadily(self._fluid, self.fields, time, self._tolerance, watch, self._timed)
+
+    @property
+    def _tolerance(self) -> float:
+        return of_steady(self._scene.numerics.tolerance, False)
 
     def start(self, steady: TurbulentFlow) -> None:
         """Take both quantities of a steady flow on the mesh."""

@@ -1,0 +1,180 @@
+"""The steady flow and its turbulence, solved together by Newton's method in pseudo-time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from ... import compat
+from ...arrays import Floats
+from ...compat import petsc
+from ...errors import ConvergenceError
+from ...fluid import Fluid
+from ...fluid.solvers.direct import Direct
+from ...fluid.space import cell_size
+from .fields import TurbulenceFields
+from .iteration import Round, relative_change
+
+MOST_STEPS = 300
+# Courant numbers: the first, the least, that from which on a step is one of Newton's method, and the largest.
+FIRST, LEAST, NEWTON, LARGEST = 2.0, 1e-3, 1e4, 1e12
+LARGEST_CORRECTION = 1.0  # of a logarithm at a node, in a step
+# Corrections of logarithms, and of the flow relative to it, up to which the next step is longer by a factor; and those
+# beyond which it is half as long. With half of these bounds a disc at u* d/nu = 102 takes more steps, with twice them
+# its wake is lost (tests/end_to_end/test_resolved_channels.py, slow).
+LONGER = ((6.0, 0.1, 0.01), (2.0, 1.0, 0.06), (1.3, 4.0, 0.1))
+TOO_LARGE = 20.0, 0.15
+FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
+
+
+class CoupledFlow:
+    """Flow and turbulence as one system of equations. Every method is collective.
+
+    Each cell takes a step of its own, a Courant number times the time in which the flow passes it, by one correction
+    of Newton's method with the exact derivative. Holds PETSc objects: use it as a context manager.
+    """
+
+    def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
+        self._fluid, self._turbulence = fluid, turbulence
+        self._held: list[Any] = []
+        self._per_step = turbulence.constant(0.0)
+        forms = self._residual_forms()
+        states = fluid.state, turbulence.state
+        self._residuals = [compat.form(one) for one in forms]
+        self._conditions = fluid.constraints.dirichlet, turbulence.conditions
+        self._derivatives = [
+            [compat.form(self._derivative(form, own, state)) for state in states]
+            for form, own in zip(forms, states, strict=True)
+        ]
+        self._vectors = [self._holding(petsc.assemble_vector(one)) for one in self._residuals]
+        self._blocks = [[self._holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives]
+        self._assemble_blocks()
+        self._nest = self._holding(PETSc.Mat().createNest(self._blocks, comm=fluid.domain.comm))
+        self._nest.assemble()
+        self._matrix = self._holding(PETSc.Mat())
+        self._nest.convert("aij", self._matrix)
+        self._solver = self._holding(Direct(self._matrix))
+        self._right, self._correction = (self._holding(one) for one in self._matrix.createVecs())
+
+    def _residual_forms(self) -> list[Any]:
+        """Both residuals in UFL, the eddy viscosity limited by the strain of the flow as it is."""
+        fluid, turbulence = self._fluid, self._turbulence
+        flow = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
+        return [turbulence.watching(flow, ufl.split(fluid.state)[0]), turbulence.form]
+
+    def _derivative(self, form: Any, own: Any, state: Any) -> Any:
+        """The derivative of a residual in UFL, with the rate in pseudo-time in the state that is its `own`."""
+        change = ufl.TrialFunction(state.function_space)
+        found = ufl.derivative(form, state, change)
+        if state is not own:
+            return found
+        test, rate = ufl.TestFunction(state.function_space), self._per_step * self._passing()
+        degree = {"quadrature_degree": 2 * self._fluid.space.order}
+        measure = ufl.dx(domain=self._fluid.domain.mesh, metadata=degree)
+        if own is self._fluid.state:
+            return found + rate * ufl.inner(ufl.split(change)[0], ufl.split(test)[0]) * measure
+        return found + rate * self._turbulence.inside * ufl.inner(change, test) * measure
+
+    def _passing(self) -> Any:
+        """One over the time in which the flow passes a cell, or diffuses through it, in UFL."""
+        fluid = self._fluid
+        velocity, _ = ufl.split(dolfinx.fem.Function(fluid.state.function_space, fluid.state.x))
+        size = cell_size(fluid.domain.mesh)
+        return ufl.sqrt(ufl.inner(velocity, velocity)) / size + self._turbulence.of_molecules / size**2
+
+    def _assemble_blocks(self) -> None:
+        conditions = [*self._conditions[0], *self._conditions[1]]
+        for forms, matrices in zip(self._derivatives, self._blocks, strict=True):
+            for form, matrix in zip(forms, matrices, strict=True):
+                matrix.zeroEntries()
+                petsc.assemble_matrix(matrix, form, conditions)
+                matrix.assemble()
+
+    def correction(self, courant: float) -> tuple[Floats, Floats]:
+        """The changes (owned unknowns,) of the flow and of the logarithms in a step with a Courant number.
+
+        Raises:
+            ConvergenceError: the matrix has no factors.
+        """
+        self._per_step.value = 1.0 / courant
+        self._turbulence.stop()
+        for vector, form, conditions in zip(self._vectors, self._residuals, self._conditions, strict=True):
+            with vector.localForm() as local:
+                local.set(0.0)
+            petsc.assemble_vector(vector, form)
+            vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            compat.set_zero(vector, conditions)
+        self._assemble_blocks()
+        self._nest.convert("aij", self._matrix)
+        self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
+        self._solver.prepare()
+        self._solver.approximate(self._right, self._correction)
+        number = self._vectors[0].getLocalSize()
+        found = -self._correction.array_r
+        return found[:number], found[number:]
+
+    def _holding(self, made: Any) -> Any:
+        self._held.append(made)
+        return made
+
+    def __enter__(self) -> CoupledFlow:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        while self._held:
+            self._held.pop().destroy()
+
+
+def solve_together(
+    fluid: Fluid,
+    turbulence: TurbulenceFields,
+    tolerance: float,
+    watch: Callable[[Round], None] = lambda found: None,
+) -> tuple[Round, ...]:
+    """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
+
+    Raises:
+        ConvergenceError: there is none that could be found.
+    """
+    fluid.constraints.update(fluid.time)
+    compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+    turbulence.impose()
+    rounds, courant = list[Round](), FIRST
+    with CoupledFlow(fluid, turbulence) as system:
+        for number in range(1, MOST_STEPS + 1):
+            of_flow, of_logarithms = system.correction(courant)
+            change = np.zeros_like(fluid.state.x.array)
+            change[: len(of_flow)] = of_flow
+            sizes = turbulence.largest(of_logarithms), relative_change(fluid, change)
+            if not np.isfinite(sum(sizes)) or sizes[1] > (FAILED if rounds else FAILED_AT_FIRST):
+                courant *= CUT
+                if courant < LEAST:
+                    break
+                continue
+            bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
+            for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
+                state.x.array[: len(values)] += values
+                state.x.scatter_forward()
+            rounds.append(Round(number, courant, sizes[1], sizes[0]))
+            watch(rounds[-1])
+            if max(sizes) <= tolerance and courant >= NEWTON:
+                turbulence.look()
+                return tuple(rounds)
+            courant = _next(courant, *sizes)
+    raise ConvergenceError(
+        f"{turbulence.names} are not steady after {len(rounds)} steps of pseudo-time: use a smaller "
+        "numerics.mesh_size or a longer domain, or add [time]"
+    )
+
+
+def _next(courant: float, of_logarithms: float, of_flow: float) -> float:
+    """The Courant number after a step with corrections of these sizes."""
+    for factor, *bounds in LONGER:
+        if of_logarithms < bounds[0] and of_flow < bounds[1]:
+            return min(factor * courant, LARGEST)
+    return 0.5 * courant if of_logarithms > TOO_LARGE[0] or of_flow > TOO_LARGE[1] else courant
