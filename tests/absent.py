@@ -48,6 +48,7 @@ OF_TURBULENCE = (
     "effects.turbulence.k_omega_sst",
     "effects.turbulence.models",
     "effects.turbulence.part",
+    "effects.turbulence.pseudo_time",
     "mesh.wall_distance",
     "planning.developed_channel",
     "planning.resolved_walls",

@@ -249,7 +249,10 @@ def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain, level ground or model of turbulence, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.is_averaged:
-        reasons[MODEL] = "not estimated: vary constants and wall_distance of [turbulence] to see it"
+        seen = "vary constants and wall_distance of [turbulence] to see it"
+        reasons[MODEL] = (
+            f"not estimated: {'no other one reaches the walls' if scene.resolves_walls else seen}"
+        )
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = NO_MORE_BED
     return {name: reason for name, reason in reasons.items() if reason}

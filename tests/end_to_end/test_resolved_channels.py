@@ -105,6 +105,26 @@ def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
     assert (np.abs(slow) < np.abs(fast)).all()
 
 
+@pytest.mark.slow
+def test_a_large_wake_is_found():
+    """u* d/nu = 102, where solving by turns finds no flow: steady to the tolerance, loads on finer cells within 0.5%."""
+    from incipient.planning.developed_channel import developed
+
+    mean = developed(102.0 * 4.0).mean
+    grain = {
+        "bed": Flat(),
+        "body": Disc(diameter=1.0, x=0.0, density=2.65),
+        "contact": Contact(friction=0.5),
+        "domain": Domain(length=10.0, height=4.0, origin=(-4.0, 0.0)),
+    }
+    loads = []
+    for size in (3.0, 2.0):
+        numerics = Numerics(order=2, error_bars=False, mesh_size=size)
+        found = incipient.run(channel(102.0 * 4.0 * mean, numerics=numerics, **grain))
+        loads.append([*found.force.flow[:2], found.couple.flow[2]])
+    assert loads[0] == pytest.approx(loads[1], rel=5e-3)
+
+
 def in_short_steps(end):
     """A channel in time, from the steady flow."""
     time = Time(step=0.125, end=end, start="rest")

@@ -47,13 +47,14 @@ def solve_steadily(
     tolerance: float,
     watch: Callable[[Round], None] = lambda found: None,
     stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
+    shortest: float = SHORTEST,
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states. Collective.
 
     In turn the flow is solved with the eddy viscosity as it is, and the turbulence takes an implicit step of
     pseudo-time in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy
     viscosity is raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the
-    flow passes its depth; within `stage` both quantities are solved.
+    flow passes its depth; within `stage` both quantities are solved; `shortest` is the shortest step over the first.
 
     Raises:
         ConvergenceError: the flow does not converge, or both quantities still change after 200 rounds.
@@ -71,7 +72,7 @@ def solve_steadily(
         if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged:
             logarithms[:], flow[:] = past, past_flow
             step *= CUT
-            if step < SHORTEST * time:
+            if step < shortest * time:
                 raise ConvergenceError(NO_FLOW)
             continue
         moved, past = relative_change(fluid, flow - past_flow), logarithms.copy()

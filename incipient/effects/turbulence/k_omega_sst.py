@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import dolfinx
@@ -12,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from ... import compat
 from ...arrays import Floats, Integers
+from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
@@ -22,14 +24,15 @@ from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import THICKEST, ResolvedWallReport
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
-from .iteration import Round
+from .iteration import Round, solve_steadily
 from .part import ORDER, TurbulentFlow
-from .pseudo_time import solve_together
+from .pseudo_time import FIRST, NEAR, solve_together
 
 ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-10  # k over V^2, as little as nothing: loads on a disc change by 4e-9 with it
 BUFFER = 10.0  # nu/u*, below which k falls to zero at a wall
+BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
@@ -63,7 +66,7 @@ class KOmegaSST(TurbulenceFields):
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (2,)))
         self._fluid: Fluid | None = None
-        self._molecules = viscosity
+        self._molecules, self._least = viscosity, least
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
         self._edge, self._within = np.empty((2, 0), dtype=np.int64)
@@ -138,6 +141,8 @@ class KOmegaSST(TurbulenceFields):
         values = self.state.x.array
         k = values[0::2].max() if len(values) else 0.0
         values[0::2] = np.minimum(values[0::2], k + forms.EXPONENT * np.log(away / (BUFFER * unit)))
+        if self._least:
+            values[0::2] = np.maximum(values[0::2], np.log(self._least))
         values[1::2] = np.maximum(values[1::2], forms.at_smooth_wall(self._molecules, away, np))
 
     def at_edge(self) -> tuple[Floats, Floats]:
@@ -211,12 +216,21 @@ class KOmegaFlow(TurbulentFlow):
 
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
-        given = TurbulenceConditions((left,), walls.logarithms, walls.names)
-        scene, order = self._scene, self._setup.order.number
-        return KOmegaSST(domain, given, ORDER, scene.viscosity, order, LEAST * scene.reference_velocity**2)
+        given = TurbulenceConditions((left,), self._logarithms, walls.names)
+        order = self._setup.order.number
+        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least)
 
     def _entering(self) -> tuple[Velocity, Values]:
-        return self._walls.velocity, self._walls.logarithms
+        return self._walls.velocity, self._logarithms
+
+    def _logarithms(self, x: Floats) -> Floats:
+        """(2, n) of what enters at places (3, n), k at least what is not destroyed."""
+        log_k, log_omega = self._walls.logarithms(x)
+        return np.array([np.maximum(log_k, np.log(self._least)), log_omega])
+
+    @property
+    def _least(self) -> float:
+        return LEAST * self._scene.reference_velocity**2
 
     @property
     def _walls(self) -> ResolvedWalls:
@@ -227,11 +241,18 @@ class KOmegaFlow(TurbulentFlow):
         return self._walls.depth
 
     def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
-        """Between plane walls by turns, which is faster; past forms and grains, where that may fail, together."""
+        """Between plane walls by turns; past forms and grains they are a start, if they lead anywhere."""
         if self._walls.plane:
             return super()._steady(watch)
+        rounds: tuple[Round, ...] = ()
+        time = self._depth / self._scene.reference_velocity
+        with suppress(ConvergenceError):
+            rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
+        if not rounds:
+            self.enter(self._fluid)
         with self._timed():
-            return solve_together(self._fluid, self.fields, self._tolerance, watch)
+            first = NEAR if rounds else FIRST
+            return rounds + solve_together(self._fluid, self.fields, self._tolerance, watch, first)
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere, but next to walls."""

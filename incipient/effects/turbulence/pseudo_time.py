@@ -21,8 +21,9 @@ from .fields import TurbulenceFields
 from .iteration import Round, relative_change
 
 MOST_STEPS = 300
-# Courant numbers: the first, the least, that from which on a step is one of Newton's method, and the largest.
-FIRST, LEAST, NEWTON, LARGEST = 2.0, 1e-3, 1e4, 1e12
+# Courant numbers: the first, that near a steady state, the least, that from which on a step is one of Newton's
+# method, and the largest.
+FIRST, NEAR, LEAST, NEWTON, LARGEST = 2.0, 100.0, 1e-3, 1e4, 1e12
 LARGEST_CORRECTION = 1.0  # of a logarithm at a node, in a step
 # Corrections of logarithms, and of the flow relative to it, up to which the next step is longer by a factor; and those
 # beyond which it is half as long. With half of these bounds a disc at u* d/nu = 102 takes more steps, with twice them
@@ -135,8 +136,11 @@ def solve_together(
     turbulence: TurbulenceFields,
     tolerance: float,
     watch: Callable[[Round], None] = lambda found: None,
+    first: float = FIRST,
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
+
+    `first` is the Courant number of the first step.
 
     Raises:
         ConvergenceError: there is none that could be found.
@@ -144,7 +148,7 @@ def solve_together(
     fluid.constraints.update(fluid.time)
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
     turbulence.impose()
-    rounds, courant = list[Round](), FIRST
+    rounds, courant = list[Round](), first
     with CoupledFlow(fluid, turbulence) as system:
         for number in range(1, MOST_STEPS + 1):
             of_flow, of_logarithms = system.correction(courant)
