@@ -81,7 +81,7 @@ class Uniform(Driven):
 
 
 class LogLaw(Profile):
-    """The mean profile of a turbulent flow, in a flow that is computed as a laminar one."""
+    """The logarithmic mean profile of channels, in a flow that is computed as a laminar one."""
 
     kind: Literal["log-law"] = key("Kind of flow", "log-law")
     shear_velocity: Positive = key(

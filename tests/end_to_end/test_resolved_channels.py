@@ -107,7 +107,7 @@ def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
 
 @pytest.mark.slow
 def test_a_large_wake_is_found():
-    """u* d/nu = 102, where solving by turns finds no flow: steady to the tolerance, loads on finer cells within 0.5%."""
+    """u* d/nu = 102, where solving by turns finds no flow: loads of which finer cells change at most 0.5%."""
     from incipient.planning.developed_channel import developed
 
     mean = developed(102.0 * 4.0).mean
