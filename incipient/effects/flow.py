@@ -58,5 +58,6 @@ def _reason(setup: Setup) -> str:
     if scene.flow.kind == "log-law":
         return "mean profile of a turbulent flow, kept by a force in place of its turbulent stress"
     if scene.flow.kind != "still":
-        return f"{scene.flow.kind} flow"
+        mean = "; without [gusts], which incipient entrainment adds" if scene.gusts else ""
+        return f"{scene.flow.kind} flow{mean}"
     return "the fluid starts from rest" if scene.has_surface else "the fluid is at rest"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from incipient import make_plan
 from incipient.contact import Contacts, Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.entrainment.find import Motion, find_entrainment
@@ -195,6 +196,11 @@ def test_intensity_near_walls_has_its_limits() -> None:
     assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
     assert near_wall(300.0) == pytest.approx(1.8, rel=1e-9)
     assert near_wall(300.0, 0.5) == pytest.approx(1.8 * math.exp(-0.44), rel=1e-9)
+
+
+def test_the_plan_of_a_run_says_that_gusts_are_not_in_it() -> None:
+    assert "without [gusts], which incipient entrainment adds" in make_plan(loads(POCKET)).text()
+    assert "[gusts]" not in make_plan(loads(POCKET[: POCKET.index("[gusts]")])).text()
 
 
 class TestAcceleration:
