@@ -49,6 +49,7 @@ class MovingGrain(RunPart):
     Attributes:
         part: the rigid body in the coupling, once `displaced` has made it.
         remeshings, interface_iterations: of the run so far.
+        turns_mesh: whether the mesh turns with the grain: not with a round one.
     """
 
     effect = EffectName.FREE_BODY
@@ -64,6 +65,7 @@ class MovingGrain(RunPart):
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
         self.surroundings, self._halved = setup.surroundings, setup.symmetric
+        self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
         self._is_free, self._is_repelled = scene.body.is_free, scene.body.on_contact == "repel"
         self.body = rigid_body(scene.body, self._halved)
         first = setup.geometry.stance.placement
@@ -87,10 +89,9 @@ class MovingGrain(RunPart):
     def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
         """Enter a fluid; what `before` has counted is counted on."""
         self._fluid, self.energy = fluid, EnergyBudget(fluid)
-        turning = not isinstance(self.grain, Disc | Sphere)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
         made_for = self._made_for or self._start.placement
-        self._displacement = RigidDisplacement(fluid.domain, "body", made_for, turning, free)
+        self._displacement = RigidDisplacement(fluid.domain, "body", made_for, self.turns_mesh, free)
         if before is not None:
             self.remeshings, self.interface_iterations = before.remeshings, before.interface_iterations
 
