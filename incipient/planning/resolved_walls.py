@@ -81,13 +81,19 @@ class ResolvedWalls:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-        away = self.from_next(x)
+        return self.velocity_at(self.from_next(x))
+
+    def velocity_at(self, away: Floats) -> Floats:
+        """The velocity (gdim, n) that enters at distances (n,) from the next wall. Not collective."""
         speed = self._speed(np.minimum(away / self.depth, 1.0))
         return np.vstack([speed, *np.zeros((self.up, len(away)))])
 
     def logarithms(self, x: Floats) -> Floats:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
-        away = self.from_next(x)
+        return self.logarithms_at(self.from_next(x))
+
+    def logarithms_at(self, away: Floats) -> Floats:
+        """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
         found, first = self.developed, self.developed.heights[1]
         heights = np.maximum(away / self.depth, SLOWEST * first)
         nodes = np.log(found.heights[1:])

@@ -31,7 +31,6 @@ from .pseudo_time import FIRST, NEAR, solve_together
 ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-10  # k over V^2, as little as nothing: loads on a disc change by 4e-9 with it
-BUFFER = 10.0  # nu/u*, below which k falls to zero at a wall
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
@@ -133,17 +132,10 @@ class KOmegaSST(TurbulenceFields):
             values[2 * self._within] = values[2 * self._source] + self._drop
             self._inner.x.array[self._within] = values[2 * self._within]
 
-    def begin(self, unit: float) -> None:
-        """Let a state that is that of the inflow everywhere suit all walls, `unit` being nu/u*."""
-        if not self.surroundings.walls:
-            return
-        away = np.maximum(self._distance.x.array, 1e-3 * unit)
-        values = self.state.x.array
-        k = values[0::2].max() if len(values) else 0.0
-        values[0::2] = np.minimum(values[0::2], k + forms.EXPONENT * np.log(away / (BUFFER * unit)))
-        if self._least:
-            values[0::2] = np.maximum(values[0::2], np.log(self._least))
-        values[1::2] = np.maximum(values[1::2], forms.at_smooth_wall(self._molecules, away, np))
+    def begin(self, values: Callable[[Floats], Floats]) -> None:
+        """Let the state be a function of the distances (n,) from walls that returns (2, n)."""
+        for component, one in enumerate(values(self._distance.x.array)):
+            self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:
         """Places (n, 2) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
@@ -224,8 +216,12 @@ class KOmegaFlow(TurbulentFlow):
         return self._walls.velocity, self._logarithms
 
     def _logarithms(self, x: Floats) -> Floats:
-        """(2, n) of what enters at places (3, n), k at least what is not destroyed."""
-        log_k, log_omega = self._walls.logarithms(x)
+        """(2, n) of what enters at places (3, n)."""
+        return self._floored(self._walls.logarithms(x))
+
+    def _floored(self, logarithms: Floats) -> Floats:
+        """(2, n) with k at least what is not destroyed."""
+        log_k, log_omega = logarithms
         return np.array([np.maximum(log_k, np.log(self._least)), log_omega])
 
     @property
@@ -255,9 +251,11 @@ class KOmegaFlow(TurbulentFlow):
             return rounds + solve_together(self._fluid, self.fields, self._tolerance, watch, first)
 
     def enter(self, fluid: Fluid) -> None:
-        """Let the velocity and its turbulence be those of the inflow everywhere, but next to walls."""
-        super().enter(fluid)
-        self.fields.begin(self._walls.unit)
+        """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
+        walls, space = self._walls, fluid.space.velocity
+        away = distances(fluid.domain, walls.names, space.tabulate_dof_coordinates()[:, :2])
+        fluid.state.x.array[fluid.space.velocity_map] = walls.velocity_at(away).T.ravel()
+        self.fields.begin(lambda away: self._floored(walls.logarithms_at(away)))
 
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
