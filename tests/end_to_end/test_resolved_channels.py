@@ -64,6 +64,20 @@ def test_a_channel_between_walls_is_two_open_ones():
     assert incipient.run(both).turbulence.at_outflow == pytest.approx(one.at_outflow, rel=1e-3)
 
 
+@pytest.mark.parametrize("reynolds", [9900.0, 19650.0])
+def test_error_bars_contain_the_error(reynolds):
+    """u* of Re_tau 547 and 1000 on three meshes, against one twice as fine as the finest, where they are within 1%."""
+    best = incipient.run(channel(reynolds, mesh_size=0.5)).turbulence.shear_velocities
+    for size in (2.0, 2.0**0.5, 1.0):
+        numerics = Numerics(mesh_size=size, order=2)
+        result = incipient.run(channel(reynolds, numerics=numerics))
+        bars = result.error_bars.shear
+        errors = np.abs(result.turbulence.shear_velocities - best)
+        print(reynolds, size, errors / best, bars / best)
+        assert (errors <= bars).all()
+    assert (bars < 0.01 * best).all()
+
+
 def test_slow_flow_is_laminar():
     """u*^2 = 3 nu V/h of half a parabola (exact); the plan says that the model has no turbulence there."""
     scene = channel(100.0, 4.0)
