@@ -92,12 +92,12 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     _require_coarser(scene)
     scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if scatters else FASTEST
-    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene), fastest)
+    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
 
 
-def _slowest(scene: Scene) -> float:
-    """The order at which errors of a mean flow are taken to fall at least. Not collective."""
-    return TO_THE_WALL if scene.resolves_walls else SLOWEST
+def _slowest(resolved: bool) -> float:
+    """The order at which errors of a mean flow are taken to fall at least, where walls are resolved or not."""
+    return TO_THE_WALL if resolved else SLOWEST
 
 
 def _by_two_meshes(coarser: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
@@ -145,7 +145,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = _slowest(scene) if scene.is_averaged else order_in_space(order_of(scene).number)
+        order = (
+            _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order_of(scene).number)
+        )
         how = f"these on a mesh for elements of order {order_of(beside).number}"
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
@@ -162,7 +164,7 @@ def shares(scene: Scene) -> tuple[float, float]:
     """
     ratio, order = ratio_of_steps(scene), order_of(scene).number
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
-    in_space = _slowest(scene) if scene.is_averaged else order_in_space(order)
+    in_space = _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order)
     return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0
 
 
