@@ -25,7 +25,7 @@ from .search import Found
 Range = tuple[float, float]
 
 ADDED = "absolute errors of that multiple, added in full: "
-OWN_MESH = "own mesh"  # what a mesh made for the law of the wall of the critical flow itself changes
+OWN_MESH = "own mesh"  # what a mesh made for the walls in the critical flow itself changes
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 NEARBY = (0.02, 0.1, 0.3)  # how far from the computed critical flow the corrected one is looked for, relative
 

@@ -1,4 +1,4 @@
-"""The meshes on which a critical flow is searched for: refined to an accuracy, or made for its law of the wall.
+"""The meshes on which a critical flow is searched for: refined to an accuracy, or made for its walls.
 
 To an accuracy meshes are refined as for a load, by what its errors mean for the critical flow. On the first mesh the
 whole search is made. On the next ones the load as a function of the factor differs by little, and one flow, the
@@ -33,10 +33,11 @@ from .bars import CriticalGoal
 from .loadpath import flow_of
 from .search import CriticalSearch, Found, OwnMesh
 
-CHANGED = 1.1  # ratio of the law's distance to that of the mesh, or its inverse, up to which the mesh serves
+# Ratio of the length that cells at walls are made for to that of the mesh, or its inverse, up to which the mesh serves.
+CHANGED = 1.1
 MOST_MESHES = 6
 DIFFERING = (
-    "the critical flow differs from mesh to mesh, each made for the law of the wall of the one before: it is {factors} "
+    "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
     "times the scene's; use a smaller numerics.mesh_size"
 )
 OTHER_MESH = "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
@@ -96,7 +97,7 @@ class CriticalRefinement(Refinement):
 def on_its_own_mesh(
     scene: Scene, comm: Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
 ) -> Concluded:
-    """Find the critical flow on a mesh made for its law of the wall; returns what `conclude` makes of it. Collective.
+    """Find the critical flow on a mesh made for its walls; returns what `conclude` makes of it. Collective.
 
     Raises:
         ConvergenceError: no such flow was found within a few meshes, or near that of another mesh.
@@ -107,7 +108,7 @@ def on_its_own_mesh(
             factors = ", ".join(f"{found.factor:.4g}" for found in known)
             raise ConvergenceError(DIFFERING.format(factors=factors))
         speed = known[-1].factor if known else 1.0
-        voice.say(f"mesh for the law of the wall of flow x {speed:.4g}")
+        voice.say(f"mesh for the walls of flow x {speed:.4g}")
         with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
             search = CriticalSearch(run)
             found = _next(search, known)
@@ -136,7 +137,7 @@ def _next(search: CriticalSearch, known: list[Found]) -> Found:
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
     """Whether a mesh made for one flow does not serve for another; both are factors of the scene's. Not collective."""
-    one, other = (setup.faster(each).walls.distance for each in (made_for, factor))
+    one, other = (setup.faster(each).wall_cell for each in (made_for, factor))
     return max(one / other, other / one) > CHANGED
 
 

@@ -76,7 +76,7 @@ class Found:
     path:     the load as the flow grows
     trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
     reason:   why the search ended without a critical flow
-    own_mesh: with wall functions what a mesh made for the critical flow itself says of it
+    own_mesh: in a mean flow what a mesh made for the critical flow itself says of it
     """
 
     factor: float

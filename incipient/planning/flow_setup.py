@@ -164,9 +164,14 @@ class Setup:
         With the k-epsilon model it is as the law of the wall estimates it, with k-omega that of what enters. In a flow
         faster by `speed` it is that times this, in units of the scene.
         """
-        if self.resolves_walls:
-            return float(self.resolved_walls.shear_velocity**2)
-        if not self.has_wall_layer:
+        if not self.is_averaged:
             return self.base_flow_at(speed).bed_stress()
         speed = speed if 0.0 < speed < float("inf") else 1.0
-        return float(speed * self.faster(speed).walls.shear_velocity ** 2)
+        faster = self.faster(speed)
+        walls = faster.resolved_walls if self.resolves_walls else faster.walls
+        return float(speed * walls.shear_velocity**2)
+
+    @property
+    def wall_cell(self) -> float:
+        """The length that the cells at the walls of a mean flow are made for."""
+        return self.resolved_walls.unit if self.resolves_walls else self.walls.distance

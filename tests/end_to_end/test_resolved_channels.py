@@ -4,11 +4,11 @@ import textwrap
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 from one_dimensional import k_omega_channel
 
 import incipient
 from incipient.errors import SceneError
+from incipient.planning.developed_channel import of_discharge
 from incipient.scene import (
     Contact,
     Disc,
@@ -16,12 +16,14 @@ from incipient.scene import (
     Effects,
     Flat,
     Fluid,
+    Gravity,
     LogLaw,
     Numerics,
     OpenChannel,
     Output,
     Poiseuille,
     Scene,
+    Sinusoidal,
     Time,
     Turbulence,
     Uniform,
@@ -197,15 +199,29 @@ def test_what_is_not_served_is_refused_by_name(changes, told):
         channel(11000.0, **changes)
 
 
-def test_a_threshold_is_refused():
-    from incipient.critical.threshold import find_threshold
-
-    scene = channel(
-        2400.0,
-        bed=Flat(),
-        body=Disc(diameter=0.2, x=2.0, density=2.65),
-        contact=Contact(friction=0.5),
-        gravity={"acceleration": 1.0},
+def on_waves(reynolds, acceleration):
+    """A disc in the trough of a wavy bed, of u* d/nu about 11 at Re 1150; V is one."""
+    return channel(
+        reynolds,
+        domain=Domain(length=12.0, height=8.0),
+        bed=Sinusoidal(amplitude=0.08, wavelength=1.0),
+        body=Disc(diameter=1.0, x=4.75, density=2.65),
+        contact=Contact(friction=0.6),
+        gravity=Gravity(acceleration=acceleration),
+        numerics=Numerics(order=2, error_bars=False, mesh_size=2.0),
     )
-    with pytest.raises(SceneError, match="thresholds are not sought with k-omega"):
-        find_threshold(scene, MPI.COMM_SELF)
+
+
+def test_the_grain_is_about_to_move_at_its_threshold():
+    """A run of the critical flow, on a mesh of its own, has the safety factor one within 2%; tau_b is what enters."""
+    found = incipient.threshold(on_waves(2600.0, 0.1))
+    assert 0.2 < found.factor < 0.8 and found.adaptation is None
+    critical = on_waves(2600.0 * found.factor, 0.1 / found.factor**2)
+    result = incipient.run(critical)
+    assert result.turbulence.applicable
+    assert result.verdict["safety_factor"] == pytest.approx(1.0, rel=0.02)
+    stress = of_discharge(2600.0 * found.factor)
+    weight = 1.65 * 0.1 / found.factor**2
+    assert found.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
+    assert found.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
+    assert any("tau_b of the flow that enters" in note for note in found.notes)

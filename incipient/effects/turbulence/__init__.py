@@ -39,7 +39,7 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 BYTES = 2500.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
-    "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner, see "
+    "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
     "incipient entrainment"
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
@@ -124,7 +124,8 @@ class TurbulenceEffect(Effect):
         """What flow the threshold is for, and whether that can be laminar."""
         plane = " in the plane" if setup.geometry.gdim == 2 else ""
         about = TURBULENT if setup.is_averaged else LAMINAR
-        yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
+        stress = "of the flow that enters" if setup.resolves_walls else "by the law of the wall"
+        yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
         if found := transition(setup, numbers_of(setup), factor):
             yield found.text(" at the threshold")
 

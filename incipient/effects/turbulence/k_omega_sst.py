@@ -82,7 +82,7 @@ class KOmegaSST(TurbulenceFields):
         """Find distances and the cells at walls, and give omega there."""
         walls = self.surroundings.walls
         places = scalar.tabulate_dof_coordinates()[:, :2]
-        away = self._distance.x.array[:] = distances(self.domain, walls, places)
+        self._distance.x.array[:] = distances(self.domain, walls, places)
         cells = cells_at(self.domain, walls)
         self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
         near = nodes_of(scalar, cells)
@@ -91,14 +91,19 @@ class KOmegaSST(TurbulenceFields):
         self._edge = np.intersect1d(near, free)
         self._within = np.setdiff1d(near, np.union1d(free, self._entering()))
         self._from_next(places)
-        omega, k = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
-        least = ON_WALL * self.largest(away[near])
-        omega.x.array[near] = forms.at_smooth_wall(self._molecules, np.maximum(away[near], least), np)
-        self._inner = k
+        self._at_walls, self._inner = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
+        self._near = near
+        self.stand(self._molecules)
         self._conditions += [
-            self._given_of(omega, near, 1),
-            self._given_of(k, self._within, 0),
+            self._given_of(self._at_walls, near, 1),
+            self._given_of(self._inner, self._within, 0),
         ]
+
+    def stand(self, viscosity: float) -> None:
+        """Let the molecules at walls have another viscosity."""
+        away = self._distance.x.array[self._near]
+        least = ON_WALL * self.largest(away)
+        self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
 
     def _entering(self) -> Integers:
         """Nodes at which both are given."""
@@ -223,6 +228,11 @@ class KOmegaFlow(TurbulentFlow):
         """(2, n) with k at least what is not destroyed."""
         log_k, log_omega = logarithms
         return np.array([np.maximum(log_k, np.log(self._least)), log_omega])
+
+    def _give(self, fluid: Fluid) -> None:
+        """Let inflow and walls be those of the setup as it is now."""
+        super()._give(fluid)
+        self.fields.stand(self._scene.viscosity)
 
     @property
     def _least(self) -> float:

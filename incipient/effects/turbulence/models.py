@@ -11,6 +11,7 @@ from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
+SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
 Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
 
@@ -34,8 +35,9 @@ class TurbulenceModel(ABC):
         return None
 
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """What a threshold needs that the scene has not."""
-        yield from ()
+        """No accuracy: the mesh is made for the flow's speed."""
+        if setup.scene.numerics.accuracy is not None:
+            yield "numerics.accuracy left out with turbulence; see its error bars"
 
 
 class KEpsilonModel(TurbulenceModel):
@@ -62,11 +64,6 @@ class KEpsilonModel(TurbulenceModel):
         remedy = 'flow.kind = "log-law" without turbulence'
         return SlowestFlow(limits.slowest(setup), "that the law of the wall is for", remedy)
 
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """No accuracy: the mesh is made for the flow's speed."""
-        if setup.scene.numerics.accuracy is not None:
-            yield "numerics.accuracy left out with turbulence; see its error bars"
-
 
 class KOmegaModel(TurbulenceModel):
     """The k-omega SST model, to walls that the mesh resolves."""
@@ -89,9 +86,11 @@ class KOmegaModel(TurbulenceModel):
 
         return KOmegaFlow
 
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """Another model, whose mesh does for faster flows as well."""
-        yield 'turbulence.model = "k-epsilon", or a sweep of fluid.reynolds: thresholds are not sought with k-omega'
+    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
+        """A slow laminar flow."""
+        walls = setup.resolved_walls
+        slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
+        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence')
 
 
 # Each model by its name in the section [turbulence].
