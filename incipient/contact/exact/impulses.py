@@ -112,7 +112,9 @@ def _by_cases(law: Law) -> Floats | None:
         return None
     sticks = np.eye(2, 3)
     slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
-    for cases in product((sticks, *slides, np.zeros((0, 3))), repeat=count):
+    # Between two contacts that stick friction may hold against any load: that is taken where nothing else is found.
+    each = (sticks, *slides, np.zeros((0, 3)))
+    for cases in product(each if count == 1 else each[::-1], repeat=count):
         pushes, asked = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))
         sizes = np.linalg.lstsq(asked @ gain @ pushes.T, -asked @ free, rcond=LEAST)[0]
         local = (sizes @ pushes).reshape(-1, 3)
