@@ -79,6 +79,7 @@ effects: setup ## one scene with its effects switched on one after another: docs
 gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/released.md
 	$(PYTHON) benchmarks/gust_curve.py $(ARGS)
 	$(PYTHON) benchmarks/kick_in_pocket.py $(ARGS)
+	$(PYTHON) benchmarks/rolling_drag.py $(ARGS)
 
 shields: setup ## beads in a fluctuating stream beside flumes and balances of forces: docs/shields.md
 	$(PYTHON) benchmarks/shields.py

@@ -24,6 +24,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "shear_orbit": ("", "trajectory.png"),
     "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
+    "sphere_leaving_pocket": ("", "trajectory.png"),
     "pocket_in_gusts": ("", "entrainment.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),

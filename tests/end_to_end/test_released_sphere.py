@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 import incipient
-from incipient.scene import Scene, loads
+from incipient.scene import Scene, load, loads
 
+DEMO = Path(__file__).parents[2] / "demos/scenes/sphere_leaving_pocket.toml"
 RESISTANCE, SHARE, IN_SHEAR = 5.67288, 0.461677, 0.41249
 SLOPE = 30.0
 SCENE = """
@@ -114,3 +115,24 @@ def test_a_wet_sphere_slips_where_a_dry_one_still_rolls(tmp_path: Path) -> None:
         slip = float(last(tmp_path / f"{share}")["slip"])
         assert (slip > 1e-3) == (share < SHARE) and np.isfinite(slip)
     assert modes[0.49] == "rolling" and modes[0.43] == "pivoting and sliding"
+
+
+@pytest.mark.slow
+def test_a_gust_rolls_a_sphere_over_the_saddle_between_two_of_its_bed(tmp_path: Path) -> None:
+    """The demo: at rest on three spheres until the gust, then rolling on two over the saddle, 13 new meshes on the way.
+
+    By geometry the saddle is where its centre stands over the middle of both, a gap and two radii from their centres.
+    """
+    scene = load(DEMO, ["output.fields=false", "output.every=0"])
+    result = incipient.run(scene, tmp_path)
+    assert result.trajectory is not None and result.trajectory["ended"]["by"] == "out-of-pocket"
+    with (tmp_path / "history.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    resting = [float(row["time"]) <= 0.2 + 1e-9 for row in rows]
+    assert [row["mode"] for row in rows] == ["rest" if rests else "rolling" for rests in resting]
+    assert [int(row["contacts"]) for row in rows] == [3 if rests else 2 for rests in resting]
+    saddle = math.sqrt((1.0 + scene.contact_gap) ** 2 - 0.25)
+    assert max(float(row["z"]) for row in rows) == pytest.approx(saddle, abs=1e-4)
+    assert max(abs(float(row["y"]) - 1.5) for row in rows) < 1e-9
+    assert max(float(row["slip"]) for row in rows) < 1e-9
+    assert result.trajectory["on_bed"]["left_pocket"] == pytest.approx(0.8, rel=0.05)  # 0.799 when written
