@@ -13,7 +13,8 @@ from mpi4py import MPI
 from scenes.scanned_pebble import scan
 
 import incipient
-from incipient.evaluation.contact_verdict import find_contacts, judge
+from incipient.contact.equilibrium import safety_factor
+from incipient.evaluation.contact_verdict import find_contacts, load_of
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
 SAID = "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other scans {:.3f}, {:.3f}"
@@ -21,7 +22,8 @@ SAID = "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other
 
 def factor(scene, load):
     """The safety factor of a run's load on another scan of the pebble, its facets elsewhere."""
-    return judge(scene, find_contacts(scene), load.force, load.couple)["safety_factor"]
+    acting = load_of(scene.placement, load.force, load.couple)
+    return safety_factor(acting, find_contacts(scene), scene.contact.friction).value
 
 
 if __name__ == "__main__":

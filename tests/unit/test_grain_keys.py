@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scenes import scene
 
-from incipient.critical.threshold import _stress_unit
 from incipient.effects.plan import make_plan
 from incipient.evaluation.contact_verdict import mass_and_inertia
 from incipient.planning.body import rigid_body
+from incipient.planning.flow_setup import Setup
 from incipient.scene import Contact, Disc, Gravity, Time
 
 AREA, MASS = math.pi / 4, 2.0
@@ -24,7 +24,7 @@ def test_mass_or_density_give_the_same_grain(keys):
     assert (found.mass, found.density) == pytest.approx((MASS, MASS / AREA))
     mass, inertia = mass_and_inertia(found.body)
     assert mass == pytest.approx(MASS) and inertia == pytest.approx(MASS / 8 * np.eye(3), rel=1e-4)
-    assert _stress_unit(found) == pytest.approx((MASS / AREA - 1) * 10)
+    assert Setup(found).stress_unit == pytest.approx((MASS / AREA - 1) * 10)
     free = scene(body=Disc(diameter=1, centre=(4, 2), motion="free", **keys), time=Time(end=1, step=0.1))
     inert = rigid_body(free.body).inertia
     assert (inert.mass, inert.moments[0]) == pytest.approx((MASS, MASS / 8), rel=1e-4)

@@ -144,6 +144,38 @@ def test_no_files_in_a_circle() -> None:
     assert not left
 
 
+def test_demos_and_benchmarks_import_what_there_is() -> None:
+    """By name, without running them: most of them take minutes, and no test of the default suite does."""
+    root = Path(__file__).parents[2]
+    lacking = [
+        f"{path.relative_to(root)}: {node.module}.{one.name}"
+        for path in sorted(
+            (*root.glob("demos/**/*.py"), *root.glob("benchmarks/**/*.py"), *root.glob("docs/*.py"))
+        )
+        for node in _imports(path)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "incipient"
+        for one in node.names
+        if not (f"{node.module}.{one.name}" in MODULES or one.name in _names_of(node.module or ""))
+    ]
+    assert not lacking
+
+
+def _names_of(module: str) -> set[str]:
+    """What a module of the package has at its top."""
+    tree = ast.parse(MODULES[module].read_text()) if module in MODULES else ast.Module([], [])
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            found |= {(one.asname or one.name).partition(".")[0] for one in node.names}
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)  # names that are loaded when they are asked for
+    return found
+
+
 def test_few_modules_at_the_top() -> None:
     at_the_top = [path.stem for path in PACKAGE.glob("*.py") if not path.stem.startswith("__")]
     assert len(at_the_top) <= 10
