@@ -20,12 +20,6 @@ SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
 SAID = "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other scans {:.3f}, {:.3f}"
 
 
-def factor(scene, load):
-    """The safety factor of a run's load on another scan of the pebble, its facets elsewhere."""
-    acting = load_of(scene.placement, load.force, load.couple)
-    return safety_factor(acting, find_contacts(scene), scene.contact.friction).value
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("facets", nargs="*", type=int, default=[320, 1280, 5120])
@@ -36,7 +30,11 @@ if __name__ == "__main__":
         scenes = [incipient.load(SCENE, given.set + options + [file], MPI.COMM_WORLD) for file in files]
         result, options = incipient.run(scenes[0], f"results/pebble_{facets}"), ["numerics.error_bars=false"]
         if RANK == 0:
-            found = [result.verdict["safety_factor"], *(factor(scene, result) for scene in scenes[1:])]
+            # The same load on other scans of the pebble, whose facets are elsewhere.
+            loads = [load_of(scene.placement, result.force, result.couple) for scene in scenes[1:]]
+            held_by = [(find_contacts(scene), scene.contact.friction) for scene in scenes[1:]]
+            others = [safety_factor(load, *by).value for load, by in zip(loads, held_by, strict=True)]
+            found = [result.verdict["safety_factor"], *others]
             if result.error_bars and (bar := result.error_bars.safety):
                 bars = bar.low / bar.value, bar.high / bar.value
             low, high = max(low, bars[0] * min(found)), min(high, bars[1] * max(found))
