@@ -28,7 +28,7 @@ from .study import Say, Study, findings, run_ladder
 # Built-in scenes besides that of the example, in files.
 BUILTIN = Path(__file__).with_name("builtin")
 OF_EACH_KIND = (
-    *("driven cavity", "turbulent channel"),
+    *("driven cavity", "turbulent channel", "channel resolved to the wall"),
     *("grain held in a starting flow", "grain carried by shear"),
 )
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
