@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects import known
 from ..effects.run_part import RunPart
-from ..errors import IncipientError
+from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
 from ..fluid.quasisteady import QuasiSteady
 from ..fluid.tolerance import of_steps
@@ -119,7 +119,15 @@ class March:
         if grain is None or self.coupling is None or (length := grain.last_step()) is None:
             return
         ahead = self.coupling.quality_ahead(length, self.transient.order)
-        if ahead.relative < self._run.scene.numerics.remesh_below:
+        if ahead.relative >= self._run.scene.numerics.remesh_below:
+            return
+        first = grain.drawn()
+        try:
+            self._remesh(grain, self.coupling)
+        except MeshError:
+            grain.meshes_ahead = False  # such a mesh may fold on the way back to the grain
+            if grain.drawn() == first:
+                raise
             self._remesh(grain, self.coupling)
 
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:

@@ -50,7 +50,10 @@ class MovingGrain(RunPart):
         part: the rigid body in the coupling, once `displaced` has made it.
         remeshings, interface_iterations: of the run so far.
         turns_mesh: whether the mesh turns with the grain: not with a round one.
+        meshes_ahead: whether a new mesh may be made for where the grain will be.
     """
+
+    meshes_ahead = True
 
     effect = EffectName.FREE_BODY
     part: RigidPart
@@ -117,7 +120,8 @@ class MovingGrain(RunPart):
     def drawn(self) -> Placement:
         """The placement for which a new mesh is made, rounded."""
         assert self.scene.placement is not None
-        return rounded(self._meshed_at(), self.scene.placement, ROUNDING * self.grain.size)
+        placement = self._meshed_at() if self.meshes_ahead else self.state.placement
+        return rounded(placement, self.scene.placement, ROUNDING * self.grain.size)
 
     def _meshed_at(self) -> Placement:
         """The placement at present."""
