@@ -66,7 +66,6 @@ class Bead:
 
         share: multiplies the critical Shields number
         """
-        critical = share * self.shields
 
         def excess(logarithm: float) -> float:
             strength = math.exp(logarithm)
@@ -74,7 +73,7 @@ class Bead:
             return strength * Gaussian(self.intensity(at), lognormal).level(probability) - share
 
         strength = math.exp(brentq(excess, math.log(1e-3), math.log(1e2)))
-        return strength * self.shields, self.shear_reynolds * math.sqrt(strength) if critical else 0.0
+        return strength * self.shields, self.shear_reynolds * math.sqrt(strength)
 
     def intensity(self, shear_reynolds: float) -> float:
         """u'/u at the bead's top, which is in the viscous layer: u = u* k+ h/d."""

@@ -47,7 +47,7 @@ class Closure:
         return ufl.exp(logarithms[0]) * self._time(logarithms, stream)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
-        """Those of k and of omega."""
+        """Diffusivities of k and of omega, molecules and eddies together."""
         eddies, inner = (
             self.eddy_viscosity(logarithms, stream),
             self.inner_share(logarithms, stream.viscosity),

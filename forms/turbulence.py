@@ -66,7 +66,7 @@ class Closure:
         return eddy_viscosity(logarithms, self)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
-        """Those of k and of epsilon."""
+        """Diffusivities of k and of epsilon, molecules and eddies together."""
         eddies = eddy_viscosity(logarithms, self)
         return stream.viscosity + eddies / self.sigma_k, stream.viscosity + eddies / self.sigma_epsilon
 

@@ -41,7 +41,7 @@ class WeakestGusts:
 
     @classmethod
     def of(cls, stored: dict[str, object]) -> WeakestGusts:
-        """Those of a gusts.json; raises SceneError where it has less than two durations."""
+        """Reads them from what a gusts.json holds; raises SceneError where it has less than two durations."""
         points = stored["points"]
         assert isinstance(points, list)
         rows = sorted((one["duration"], one["strength"], one["error"] or 0.0) for one in points)

@@ -8,41 +8,20 @@ import math
 from pathlib import Path
 
 import pytest
+from test_released import POCKET
 
 import incipient
 import incipient.sweep
 from incipient.scene import loads
 from incipient.sweep.table import rows
 
-SCENE = """
-title = "A disc between half-discs in gusts"
-[domain]
-length = 8.0
-height = 4.0
-[fluid]
-reynolds = 20.0
-scale = "grain"
-[flow]
-kind = "shear"
-[bed]
-kind = "half-discs"
-radius = 0.5
-spacing = 1.0
-[body]
-shape = "disc"
-diameter = 1.0
-x = 3.5
-settle = true
-density = 2.65
-[gravity]
-acceleration = 10.0
-[contact]
-friction = 0.6
-[numerics]
-mesh_size = 3.0
-[output]
-pictures = true
-"""
+# A disc that settles between half-discs, on large cells, with pictures.
+SCENE = (
+    POCKET.format(gravity=10.0)
+    .replace("x = 3.5\ndensity = 1.5", "x = 3.5\nsettle = true\ndensity = 2.65")
+    .replace("error_bars = false", "mesh_size = 3.0")
+    .replace("fields = false", "pictures = true")
+)
 LOGNORMAL = SCENE + "[gusts]\nintensity = 0.3\nmicroscale = 1.0\nintegral_time = 4.0\n"
 # Weakest gusts as those of a disc in its pocket in docs/released.md.
 GUSTS = {
