@@ -10,14 +10,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import dolfinx
 import numpy as np
 import pytest
 import ufl
 from domains import SIDES, unit_box
-from manufactured import Components, Flow, errors, fluid_of, interpolated, orders, start_from
+from manufactured import (
+    Components,
+    Flow,
+    bubble,
+    errors_with_eddies,
+    fluid_of,
+    interpolated,
+    orders,
+    start_from,
+)
 
-from incipient import compat
 from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime, solve_steadily
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
@@ -98,19 +105,6 @@ class Eddying(Flow):
         fields.watch(fluid)
         return fluid, fields
 
-    def errors(self, fluid: Fluid, fields: KOmegaSST) -> list[float]:
-        """L2 norms: of velocity, pressure, ln k and ln omega."""
-        of_flow, exact = errors(fluid, self), self.logarithms(fluid.place(), fluid._time, ufl)
-        measure = ufl.dx(domain=fluid.domain.mesh, metadata={"quadrature_degree": 8})
-        forms = [(fields.state[i] - exact[i]) ** 2 * measure for i in (0, 1)]
-        found = [np.sqrt(dolfinx.fem.assemble_scalar(compat.form(one)).real) for one in forms]
-        return [of_flow.velocity, of_flow.pressure, *found]
-
-
-def _bubble(x: Any, t: Any, m: Any) -> Any:
-    """The same at the sides at any time."""
-    return 0.5 + 8 * m.sin(2 * t) * x[0] * (1 - x[0]) * x[1] * (1 - x[1])
-
 
 # From psi = sin(3 x + 0.3) cos(2 y)/3. omega is so large that F_1 lies between its bounds, and strain limits nowhere.
 STEADY = Eddying(
@@ -127,7 +121,7 @@ IN_TIME = Eddying(
     2,
     lambda x, t, m: (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t), x[0] ** 2 * m.sin(3 * t)),
     lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
-    lambda x, t, m: (_bubble(x, t, m) + 1, _bubble(x, t, m) + 3),
+    lambda x, t, m: (bubble(x, t, m) + 1, bubble(x, t, m) + 3),
 )
 
 
@@ -149,7 +143,7 @@ def test_orders_in_space(solve: Callable[[Fluid, KOmegaSST], None]) -> None:
         with fluid:
             fields.state.x.array[:] *= 0.9
             solve(fluid, fields)
-            found.append(STEADY.errors(fluid, fields))
+            found.append(errors_with_eddies(fluid, fields, STEADY))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)
     assert observed[:, -1] == pytest.approx([3.0, 2.0, 3.0, 3.0], abs=0.2)
@@ -164,7 +158,7 @@ def test_orders_in_time(order: int) -> None:
             transient = Transient(fluid, order, 1e-9, interface=InTime(fluid, fields))
             for _ in range(steps):
                 transient.advance(END / steps)
-            found.append(IN_TIME.errors(fluid, fields))
+            found.append(errors_with_eddies(fluid, fields, IN_TIME))
     observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
     print(order, found[-1], observed)
     assert observed == pytest.approx(order, abs=0.1)
