@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatterSciNotation
+from matplotlib.ticker import LogLocator
 
 from .. import style
 from ..record import drawn
@@ -42,7 +42,9 @@ def _figure(stored: dict[str, Any]) -> Figure:
         xscale="log", yscale="log", xlabel="Shields number of the mean flow [-]", ylabel="probability [-]"
     )
     axes.set_ylim(0.5 * min(*found, *heights), 1.5)
-    axes.xaxis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(2, 1)))
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
+    axes.xaxis.set_minor_formatter("{x:g}")
+    axes.xaxis.set_major_formatter("{x:g}")
     figure.suptitle(textwrap.fill(stored["title"] or "Motion in a fluctuating stream", 80), fontsize="medium")
     axes.legend(loc="lower right")
     return figure
