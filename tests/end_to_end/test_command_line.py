@@ -5,6 +5,7 @@ import os
 import pty
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -219,6 +220,13 @@ def test_plan_announces_the_memory_that_the_run_needs(command, tmp_path, capsys,
     assert command("run", GRAIN_ON_BED, *changed, "--out", "x").returncode == 0
     used = result_of(tmp_path / "x")["cost"]["peak_memory_mib"]
     assert planned["estimate"]["memory_mib"] == pytest.approx(used, rel=0.2)
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out == f"incipient {metadata.version('incipient')}\n"
 
 
 def test_the_installed_command_is_the_module(command):
