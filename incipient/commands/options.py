@@ -167,7 +167,24 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     add("--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)")
     add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
     add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
-    add("--memory", type=float, metavar="MIB", help="of all cases at a time (default: 4/5 of what is free)")
+    add(
+        "--executor",
+        metavar="ADDRESS",
+        help="workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler",
+    )
+    text = "of all cases at a time (default: 4/5 of what is free); with --executor of each case"
+    add("--memory", type=float, metavar="MIB", help=text)
+    add(
+        "--tries",
+        type=int,
+        default=3,
+        metavar="N",
+        help="times that a case is begun whose worker dies (default: 3)",
+    )
+    text = (
+        "that a case may take, as 2h, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
+    )
+    add("--limit", metavar="TIME", help=text)
     add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
     add("--retry", action="store_true", help="compute cases again that have failed")
     add("--dry-run", action="store_true", help="say how many cases there are, and what they take")

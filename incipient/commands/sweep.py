@@ -14,13 +14,14 @@ from ..sweep.cases import Source
 from ..sweep.dry_run import foretold
 from ..sweep.live import watching
 from ..sweep.procedure import SweepProgress
-from ..sweep.request import RefinementOptions, Request, parsed_seconds, requested, usual_file
+from ..sweep.request import RefinementOptions, Request, parsed_limit, parsed_seconds, requested, usual_file
 
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:
     """Compute the cases that the file does not hold, and say what came out."""
     wall = float("inf") if options.wall is None else parsed_seconds(options.wall)
-    means = Means(options.jobs, options.ranks, options.memory, wall, options.retry)
+    given = options.jobs, options.ranks, options.memory, wall, options.retry
+    means = Means(*given, options.executor, options.tries, *parsed_limit(options.limit))
     places, files = means.places(comm), [Path()]
     prepared, lines = Prepared(), ""
     with collectively(comm):

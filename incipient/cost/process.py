@@ -10,8 +10,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-# What would make a new process take part in a parallel run.
-PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
+# What would make a new process take part in a parallel run, or an `mpirun` spread over the machines of Slurm's job.
+PARALLEL = (
+    *(
+        "OMPI_COMM_",
+        "OMPI_UNIVERSE",
+        "OMPI_MCA_orte_",
+        "OMPI_MCA_ess",
+        "OMPI_MCA_pmix",
+        "OMPI_FILE_",
+        "OMPI_APP_",
+    ),
+    *("OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX", "PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
+)
 
 
 def environment_of_one_rank(options: str = "") -> dict[str, str]:

@@ -63,7 +63,8 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
     left = {name: sample.expected[name] for name in sample.cases if states.get(name) not in over}
     more = sample.of_all / len(sample.cases)
     known, about = sample.of_all - round(more * len(left)), "" if sample.is_whole or not states else "about "
-    to_compute = f"{about}{sample.of_all - known} to compute, {places} at a time"
+    at_a_time = f"{places} at a time" if places else "by the workers of the executor"
+    to_compute = f"{about}{sample.of_all - known} to compute, {at_a_time}"
     lines = [f"{'cases':<20}{sample.of_all}: {about}{known} already in {file}, {to_compute}"]
     if not sample.is_whole:
         said = f"{len(sample.cases)} cases drawn at random are checked, time and memory are by these"
@@ -79,7 +80,7 @@ def _time(expected: Mapping[str, Expected], more: float, places: int) -> str:
     text = "not known; run `incipient calibrate`, or `incipient cost` of the scene"
     if sum_of_all is not None:
         whole = more * sum_of_all
-        text = f"about {in_words(whole / places)}, {in_words(whole)} of processor time"
+        text = f"{f'about {in_words(whole / places)}, ' if places else ''}{in_words(whole)} of processor time"
     return f"{'time':<20}{text}"
 
 

@@ -1,200 +1,198 @@
-"""Executors of cases: processes of this machine, or groups of the ranks of one `mpirun` by `mpi4py.futures`.
+"""Executors of cases: any of `concurrent.futures`, as threads of this machine, Dask's workers, or an `mpirun`'s ranks.
 
-A thread of `concurrent.futures` waits for each process. One that dies takes its case with it and nothing else; another
-is started in its place. Ranks of one `mpirun` end together when one of them dies: then what is in the file stays, and
-the sweep is called again.
+All but the groups of ranks compute each case in a process below the worker (`case_process`). Ranks of one `mpirun` end
+together when one of them dies: then what is in the file stays, and the sweep is called again.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import re
-import signal
-import subprocess
+import logging
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from functools import partial
-from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from ..cost.process import environment_of_one_rank
-from ..errors import Interrupted, OutputError, SceneError
+from ..errors import Interrupted, MissingError, OutputError, SceneError
 from . import worker
-from .cases import SweepCase
-from .procedure import Workers
+from .case_process import Order, computed_below, end_all
 from .store import CaseOutcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-RENEWED = 50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
-LEAVE = 5.0  # seconds that a process has to end
+log = logging.getLogger("incipient")
+DASK = "dask://"
+PATIENCE = 600.0  # seconds that a scheduler has to come back
+START = 30.0  # seconds that it has to answer
 OFTEN = 0.02  # seconds between looks at messages of other ranks
+COUNTED = 1.0  # seconds for which the number of Dask's workers is believed
 
 
-class _Process:
-    """A process, or ranks under an `mpirun` of their own, that ends when this one does, however that ends."""
+class Workers:
+    """Workers of an executor, which is ended by whoever made it."""
 
-    def __init__(self, ranks: int):
-        self.cases, self._ready = 0, False
-        self._complaints = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed with the process)
-        self.popen = subprocess.Popen(
-            [*_on_ranks(ranks), sys.executable, "-P", "-m", "incipient.sweep.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._complaints,
-            text=True,
-            env={**environment_of_one_rank(), "OMPI_MCA_mpi_yield_when_idle": "1"},
-            start_new_session=True,  # an interrupt is the sweep's to deal with
-            preexec_fn=partial(worker.end_with_parent, os.getpid()),
+    def __init__(self, executor: Executor, places: int):
+        self._executor, self._places = executor, places
+
+    @property
+    def places(self) -> int:
+        """How many cases can be computed at a time."""
+        return self._places
+
+    def submit(self, order: Order) -> Future[CaseOutcome]:
+        """Give out a case."""
+        return self._executor.submit(computed_below, order)
+
+    def renew(self) -> None:
+        """Go on after all futures have failed together; raises OutputError where that cannot be."""
+        raise OutputError(
+            "the executor is broken, as one of its workers died; repeat the command with a new one"
         )
 
-    def compute(self, case: SweepCase) -> CaseOutcome:
-        """Compute a case, waiting for it; if the process dies, the reason.
-
-        Raises:
-            OutputError: it ended by itself before it began: that is not the case's fault, and all would.
-        """
-        began, answers = time.perf_counter(), cast("IO[str]", self.popen.stdout)
-        self.cases += 1
-        with suppress(BrokenPipeError):
-            print(json.dumps([case.task, case.text]), file=self.popen.stdin, flush=True)
-        self._ready = self._ready or answers.readline() == worker.READY
-        # MPICH's mpirun writes of the end of a rank where the answer is expected.
-        answer = next((line for line in iter(answers.readline, "") if line.startswith("{")), "")
-        if answer.endswith("\n"):
-            return CaseOutcome(**json.loads(answer))
-        reason = self._epitaph()
-        if not self._ready and self.popen.returncode >= 0:
-            remedy = "remove the cause and repeat the command to resume"
-            raise OutputError(f"no worker process starts: {reason}; {remedy}")
-        return CaseOutcome(reason=reason, wall=time.perf_counter() - began)
-
-    def dismiss(self) -> None:
-        """Let it end by itself, which `mpirun` needs to clean up, but not for long."""
-        assert self.popen.stdin is not None
-        with suppress(BrokenPipeError, subprocess.TimeoutExpired):
-            self.popen.stdin.close()
-            self.popen.wait(LEAVE)
-
-    def kill(self) -> None:
-        """Kill it with all that it has started."""
-        with suppress(ProcessLookupError):
-            os.killpg(self.popen.pid, signal.SIGKILL)
-        self.popen.wait()
-
-    def end(self) -> None:
-        """Kill it, and close its files."""
-        self.kill()
-        for stream in (self.popen.stdin, self.popen.stdout, self._complaints):
-            with suppress(BrokenPipeError):
-                cast("IO[str]", stream).close()
-
-    def _epitaph(self) -> str:
-        """Reason of its end, in one line."""
-        with suppress(subprocess.TimeoutExpired):
-            self.popen.wait(LEAVE)
-        code = self.popen.poll()
-        self.kill()
-        self._complaints.seek(0)
-        lines = [line for line in self._complaints if re.search(r"\w", line)]
-        if code is not None and code < 0:
-            return f"its process was ended by signal {-code}" + (": not enough memory?" if code == -9 else "")
-        last = f": {' '.join(lines[-1].split())}" if lines else ""
-        return f"its process ended with code {code}{last}"
+    def close(self, sweep: str, at_once: bool) -> None:
+        """End what has been started for a sweep; cases at work too if `at_once`."""
+        end_all(sweep, at_once)
 
 
-class Processes:
-    """Processes of this machine, each with its own ranks, started when there is something to do."""
+class DaskWorkers(Workers):
+    """Workers of a scheduler of Dask, which may go away, and come back at the same address."""
 
-    def __init__(self, places: int, ranks: int = 1):
-        self.places, self._ranks = places, ranks
-        self._threads = ThreadPoolExecutor(places)
-        self._processes: list[_Process] = []
-        self._at_work: dict[Future[CaseOutcome], _Process] = {}
+    def __init__(self, address: str):
+        self._address, self._places, self._counted = address, 1, 0.0
+        self._client = self._connect(0.0)
 
-    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
-        """See `Workers`."""
-        idle = [one for one in self._processes if one not in self._at_work.values()]
-        if not idle:
-            idle = [_Process(self._ranks)]
-            self._processes += idle  # before it computes: an interrupt from here on ends it, too
-        future = self._threads.submit(idle[-1].compute, case)
-        self._at_work[future] = idle[-1]
-        return future
+    @property
+    def places(self) -> int:
+        """Threads of the workers that there are now."""
+        if time.monotonic() > self._counted + COUNTED:
+            with suppress(OSError, ValueError, RuntimeError):  # gone: the futures will say so
+                found = sum(self._client.nthreads().values())
+                if not found and self._places:
+                    log.warning("%s: has no workers; waiting for some", self._address)
+                self._places = found
+            self._counted = time.monotonic()
+        return self._places
 
-    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
-        """See `Workers`. Raises OutputError: a process has ended by itself before it began."""
-        process = self._at_work.pop(future)
-        if process.popen.poll() is not None or (case.scene is not None and process.cases >= RENEWED):
-            self._processes.remove(process)
-            process.end()
-        return future.result()
+    def submit(self, order: Order) -> Future[CaseOutcome]:
+        """See `Workers`; a scheduler that has gone gives a future that is cancelled."""
+        try:
+            return super().submit(order)
+        except Exception:
+            if self._client.status == "running":
+                raise
+        gone: Future[CaseOutcome] = Future()
+        gone.cancel()
+        gone.set_running_or_notify_cancel()
+        return gone
 
-    def close(self, at_once: bool) -> None:
-        """See `Workers`."""
-        for process in () if at_once else self._processes:
-            process.dismiss()
-        for process in self._processes:
-            process.end()
-        self._threads.shutdown()
+    def renew(self) -> None:
+        """Connect again, waiting for the scheduler; Dask's client does so itself, but not for long."""
+        if self._client.status != "running":
+            log.warning("%s: the scheduler has gone; waiting for it", self._address)
+            with suppress(Exception):
+                self._client.close(timeout=1.0)
+            self._client = self._connect(PATIENCE)
+
+    def close(self, sweep: str, at_once: bool) -> None:
+        """Let workers end their processes: Dask itself cannot end what has begun."""
+        with suppress(
+            Exception
+        ):  # a scheduler that has gone cannot pass it on; idle processes end by themselves
+            self._client.run(end_all, sweep, at_once)
+        with suppress(Exception):
+            self._client.close(timeout=5.0)
+
+    def _connect(self, patience: float) -> Any:
+        """A client; raises OutputError: there is no scheduler within so many seconds; MissingError, SceneError."""
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise MissingError(
+                f"--executor: Dask cannot be used ({error}): pip install 'incipient[dask]'"
+            ) from None
+        where = self._address.removeprefix(DASK)
+        given = {"address": where if "://" in where else f"tcp://{where}"}
+        if where.endswith(".json"):
+            given = {"scheduler_file": where}
+        until = time.monotonic() + patience
+        while True:
+            try:
+                client = Client(**given, timeout=START, set_as_default=False)
+                break
+            except (OSError, ValueError) as error:
+                if time.monotonic() < until:
+                    time.sleep(OFTEN)
+                    continue
+                why = " ".join(str(error).split()) or type(error).__name__
+                remedy = "start `dask scheduler` there, or correct --executor, and repeat the command"
+                raise OutputError(f"{self._address}: no scheduler answers ({why}); {remedy}") from None
+        self._executor, self._counted = client.get_executor(pure=False), 0.0
+        return client
 
 
-def _on_ranks(number: int) -> list[str]:
-    """The start of a command on several ranks, by the `mpirun` of the MPI that Python uses.
-
-    Open MPI would tie the ranks of each `mpirun` to the same cores.
-    """
-    if number == 1:
-        return []
-    from mpi4py import MPI
-
-    beside = Path(sys.executable).with_name("mpirun")
-    command = [str(beside) if beside.exists() else "mpirun", "-n", str(number)]
-    own = ["--oversubscribe", "--bind-to", "none"]
-    return command + (own if "Open MPI" in MPI.Get_library_version() else [])
-
-
-class Ranks:
+class RankWorkers(Workers):
     """Groups of the ranks of one `mpirun`; the first rank only gives out cases."""
 
     def __init__(self, executor: Executor, comm: MPI.Comm, places: int):
-        self.places, self._executor, self._comm = places, executor, comm
-        self._at_work: set[Future[CaseOutcome]] = set()
+        super().__init__(executor, places)
+        self._comm, self._at_work = comm, set[Future[CaseOutcome]]()
 
-    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
+    def submit(self, order: Order) -> Future[CaseOutcome]:
         """See `Workers`."""
-        future = self._executor.submit(worker.computed_by_group, case.task, case.text)
+        future = self._executor.submit(worker.computed_by_group, order.task, order.text)
         self._at_work.add(future)
+        future.add_done_callback(self._at_work.discard)
         return future
 
-    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
-        """See `Workers`."""
-        self._at_work.remove(future)
-        return future.result()
-
-    def close(self, at_once: bool) -> None:
-        """See `Workers`; with `at_once`, and some at work, all ranks end, this one too."""
+    def close(self, sweep: str, at_once: bool) -> None:
+        """See `Workers`; where some are at work, all ranks end, this one too."""
         sys.stdout.flush()
         sys.stderr.flush()
-        if at_once and self._at_work:
+        if self._at_work:
+            if not at_once:
+                log.error("%d cases do not end, and ranks cannot be ended one by one", len(self._at_work))
             self._comm.Abort(Interrupted.exit_code)
 
 
+def of_executor(executor: Executor | str, jobs: int | None) -> Workers:
+    """Workers of an executor of Python, or of the address of Dask's scheduler.
+
+    Raises:
+        SceneError: the address is none, or how many workers the executor has is not known.
+        OutputError, MissingError: no scheduler answers; Dask is not installed.
+    """
+    if isinstance(executor, str):
+        if not executor.startswith(DASK):
+            raise SceneError(
+                f"--executor {executor}: is not known; give dask://HOST:PORT or dask://FILE.json"
+            )
+        return DaskWorkers(executor)
+    names = ("num_workers", "_max_workers", "max_workers")
+    known = (getattr(executor, name, None) for name in names)
+    places = jobs or next((number for number in known if isinstance(number, int)), None)
+    if places is None:
+        raise SceneError(f"{type(executor).__name__}: how many workers it has is not known; give jobs=NUMBER")
+    return Workers(executor, places)
+
+
 @contextmanager
-def workers_of(comm: MPI.Comm, places: int, ranks: int) -> Iterator[Workers | None]:
+def workers_of(
+    comm: MPI.Comm, places: int, ranks: int, executor: Executor | str | None = None
+) -> Iterator[Workers | None]:
     """Yield the workers on the first rank, and None on others, which compute cases before that. Collective.
 
     Args:
         places: how many cases are computed at a time; ranks: those of each case.
+        executor: that computes them; default: threads of this machine with a process each, or ranks of this `mpirun`.
     """
+    if executor is not None:
+        yield of_executor(executor, places or None)
+        return
     if comm.size == 1:
-        yield Processes(places, ranks)
+        with ThreadPoolExecutor(places) as threads:
+            yield Workers(threads, places)
         return
     from mpi4py import MPI
     from mpi4py.futures import MPICommExecutor
@@ -208,8 +206,8 @@ def workers_of(comm: MPI.Comm, places: int, ranks: int) -> Iterator[Workers | No
         yield None
         return
     within = MPICommExecutor(cast("MPI.Intracomm", leaders), backoff=OFTEN)
-    with worker.leading(group), within as executor:
-        yield None if executor is None else Ranks(executor, comm, places)
+    with worker.leading(group), within as found:
+        yield None if found is None else RankWorkers(found, comm, places)
 
 
 def groups(comm: MPI.Comm, ranks: int) -> int:

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 
 from rich.console import Console
 from rich.live import Live as Screen
@@ -19,6 +20,8 @@ from .store import CaseOutcome
 from .table import described
 
 LATEST = 8  # finished cases that the table shows
+RUNNING = 20  # running ones
+OFTEN = 0.2  # seconds between drawings
 
 
 class LiveTable(Watcher):
@@ -26,15 +29,19 @@ class LiveTable(Watcher):
 
     def __init__(self, live: Screen):
         self._live, self._latest = live, deque[tuple[str, str, str]](maxlen=LATEST)
+        self._drawn = -OFTEN
 
     def look(self, progress: SweepProgress) -> None:
-        """Draw the table again."""
+        """Draw the table again, unless that was done just now."""
+        if time.monotonic() < self._drawn + OFTEN:
+            return
+        self._drawn = time.monotonic()
         table = Table(title=_headline(progress), title_justify="left", box=None, expand=True)
         for head in ("case", "", "time"):
             table.add_column(head, overflow="fold", ratio=None if head == "time" else 1)
         for row in self._latest:
             table.add_row(*row)
-        for case, began in progress.running.values():
+        for case, began in islice(progress.running.values(), RUNNING):
             table.add_row(case.name, "[dim]running[/dim]", f"{time.monotonic() - began:.0f} s")
         self._live.update(table)
 

@@ -15,6 +15,7 @@ from .axes import VariedKey
 from .case_refinement import MOST, USUAL, Aim, Family, SweepRefinement
 from .cases import TASKS, Source, SweepCase, resolved
 from .lattice import directions
+from .procedure import FACTOR
 
 ENDING = ".sqlite"
 CHECKING = "checking cases"
@@ -153,8 +154,23 @@ def requested(
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 
 
-def parsed_seconds(text: str) -> float:
-    """A time such as 8h, 1h30m, 90s or 1.5d in seconds. Raises SceneError: it is not one."""
+def parsed_limit(given: str | float | None) -> tuple[float | None, float]:
+    """What a case may take: seconds, None where its estimate counts, and times that. Raises SceneError."""
+    text = "" if given is None else f"{given}"
+    if text.endswith("x"):
+        try:
+            if (factor := float(text[:-1])) > 1.0:
+                return None, factor
+        except ValueError:
+            pass
+        raise SceneError(
+            f"--limit {text}: is no multiple above 1 of the estimate; write it as 20x, or a time as 2h"
+        )
+    return (parsed_seconds(text, "limit") if text else None), FACTOR
+
+
+def parsed_seconds(text: str, option: str = "wall") -> float:
+    """A time such as 8h, 1h30m, 90s or 1.5d in seconds, of an option. Raises SceneError: it is not one."""
     found = _TIME.fullmatch(text.strip())
     parts = zip(found.groups() if found else (), _UNITS, strict=False)
     try:
@@ -162,7 +178,7 @@ def parsed_seconds(text: str) -> float:
     except ValueError:
         total = 0.0
     if total <= 0.0:
-        raise SceneError(f"--wall {text}: is not a time; write it as 8h, 30m or 1h30m")
+        raise SceneError(f"--{option} {text}: is not a time; write it as 8h, 30m or 1h30m")
     return total
 
 

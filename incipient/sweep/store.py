@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -23,7 +25,20 @@ from ..files import make_directory
 from ..output.lock import Holder
 from .cases import SweepCase
 
-SCHEMA_VERSION, WITHOUT_CHECKSUMS = 2, 1
+log = logging.getLogger("incipient")
+# File systems, as the kernel names them, that several machines share.
+_FREE = "9p afs beegfs ceph coda davfs gfs2 glusterfs lustre moosefs nfs nfs3 nfs4 ocfs2 orangefs pvfs2 sshfs"
+OF_NETWORKS = frozenset(_FREE.split()) | {
+    "cifs",
+    "smb3",
+    "smbfs",
+    "fhgfs",
+    "gpfs",
+    "panfs",
+    "quobyte",
+    "wekafs",
+}
+SCHEMA_VERSION, WITHOUT_LOGS, WITHOUT_CHECKSUMS = 3, 2, 1
 APPLICATION = 0x696E6370  # in the file's head: "incp"
 PATIENCE = 60.0  # seconds that a writer waits for another
 WAITING, RUNNING, DONE, FAILED, DAMAGED = "waiting", "running", "done", "failed", "damaged"
@@ -32,7 +47,7 @@ _TABLES = """
 CREATE TABLE cases (
     id TEXT PRIMARY KEY, task TEXT NOT NULL, source TEXT NOT NULL, settings TEXT NOT NULL, scene TEXT NOT NULL,
     status TEXT NOT NULL, reason TEXT NOT NULL DEFAULT '', owner TEXT, tries INTEGER NOT NULL DEFAULT 0,
-    finished TEXT, wall REAL, cpu REAL, peak_mib REAL, versions TEXT, result TEXT, checksum TEXT
+    finished TEXT, wall REAL, cpu REAL, peak_mib REAL, versions TEXT, result TEXT, checksum TEXT, log TEXT
 );
 CREATE TABLE parameters (key TEXT PRIMARY KEY);
 """
@@ -40,6 +55,7 @@ CREATE TABLE parameters (key TEXT PRIMARY KEY);
 _CASE = ("id", "task", "source", "settings", "scene")
 _OUTCOME = ("reason", "finished", "wall", "cpu", "peak_mib", "versions", "result")
 _COLUMNS = frozenset((*_CASE, *_OUTCOME, "status", "owner", "tries"))
+_ADDED = {"checksum": WITHOUT_CHECKSUMS, "log": WITHOUT_LOGS}  # columns, and the last version without them
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"  # in place of bytes that are no text
 _OF_THE_DISK = {
     sqlite3.SQLITE_FULL: "free some space",
@@ -55,6 +71,7 @@ class CaseOutcome:
     """Outcome of a case: the result as plain data, or the reason why there is none, and the cost.
 
     wall, cpu: seconds, those of the processor of all ranks; peak_mib: of all ranks
+    log: where it was computed and what was said; lost: its process died or was ended, and another try may do better
     """
 
     result: Mapping[str, Any] | None = None
@@ -63,6 +80,8 @@ class CaseOutcome:
     cpu: float = 0.0
     peak_mib: float = 0.0
     versions: Mapping[str, str] | None = None
+    log: str = ""
+    lost: bool = False
 
 
 class Store:
@@ -107,16 +126,16 @@ class Store:
     def _prepare(self, make: bool) -> None:
         application, version = (self._pragma(name) for name in ("application_id", "user_version"))
         if application == APPLICATION:
-            if version not in (SCHEMA_VERSION, WITHOUT_CHECKSUMS):
+            if version not in (SCHEMA_VERSION, WITHOUT_LOGS, WITHOUT_CHECKSUMS):
                 raise OutputError(f"{self.path}: is of another version of the program; give another name")
-            self._require_whole({*_COLUMNS, "checksum"} if version == SCHEMA_VERSION else _COLUMNS)
-            if make and version == WITHOUT_CHECKSUMS:
-                self._add_checksums()
+            self._require_whole({*_COLUMNS, *(name for name, last in _ADDED.items() if version > last)})
+            if make:
+                self._choose_journal()
+                self._add_columns(version)
             return
         if application or self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
             raise OutputError(f"{self.path}: is the database of another program; give another name")
-        # Readers are not kept waiting, and a killed writer leaves the file whole.
-        self._base.execute("PRAGMA journal_mode = WAL")
+        self._choose_journal()
         with self._together():
             if not self._pragma("application_id"):  # else another sweep has just made it
                 for statement in filter(str.strip, _TABLES.split(";")):
@@ -132,13 +151,26 @@ class Store:
         if missing or said != "ok":
             raise OutputError(f"{self.path}: {_damaged(f'no column {missing[0]}' if missing else said)}")
 
-    def _add_checksums(self) -> None:
+    def _choose_journal(self) -> None:
+        """With WAL readers are not kept waiting, but it needs shared memory, which no network file system has."""
+        kind = network_of(self.path)
+        self._base.execute(f"PRAGMA journal_mode = {'DELETE' if kind else 'WAL'}")
+        if kind:
+            remedy = "let one sweep at a time write to it, or keep it on a local disk"
+            log.warning("%s: is on a network file system (%s): %s", self.path, kind, remedy)
+
+    def _add_columns(self, version: int) -> None:
+        """Give a file of an earlier version the columns that it lacks."""
+        if version == SCHEMA_VERSION:
+            return
         with self._together():
-            if self._pragma("user_version") == SCHEMA_VERSION:
-                return
-            self._base.execute("ALTER TABLE cases ADD COLUMN checksum TEXT")
+            version = self._pragma("user_version")
+            for name in (name for name, last in _ADDED.items() if version <= last):
+                self._base.execute(f"ALTER TABLE cases ADD COLUMN {name} TEXT")
             self._base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-            for row in self._base.execute("SELECT * FROM cases").fetchall():
+            for row in (
+                self._base.execute("SELECT * FROM cases").fetchall() if version == WITHOUT_CHECKSUMS else ()
+            ):
                 self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), row["id"]))
 
     def _pragma(self, name: str) -> int:
@@ -221,31 +253,39 @@ class Store:
                     found[identity] = row["task"], json.loads(row["result"])
         return found
 
-    def claim(self, identity: str) -> bool:
-        """Take a case that waits; False if another sweep has."""
-        with self._reported():
-            changed = self._base.execute(
-                "UPDATE cases SET status = ?, owner = ?, tries = tries + 1 WHERE id = ? AND status = ?",
-                (RUNNING, self._owner, identity, WAITING),
-            )
-        return changed.rowcount == 1
+    def claim(self, identities: Sequence[str], again: Sequence[str] = ()) -> set[str]:
+        """Take the cases that wait, and begin those `again` that were taken before; which other sweeps have not."""
+        take = "UPDATE cases SET status = ?, owner = ?, tries = tries + 1 WHERE id = ? AND status = ?"
+        repeat = "UPDATE cases SET tries = tries + 1 WHERE id = ? AND owner = ?"
+        with self._together():
+            taken = {
+                one
+                for one in identities
+                if self._base.execute(take, (RUNNING, self._owner, one, WAITING)).rowcount == 1
+            }
+            self._base.executemany(repeat, [(one, self._owner) for one in again])
+        return taken
 
-    def finish(self, identity: str, outcome: CaseOutcome) -> None:
-        """Write what a claimed case came to."""
+    def finish(self, outcomes: Mapping[str, CaseOutcome]) -> None:
+        """Write what claimed cases came to, by identity."""
+        with self._together():
+            for identity, outcome in outcomes.items():
+                self._finish(identity, outcome)
+
+    def _finish(self, identity: str, outcome: CaseOutcome) -> None:
         both = outcome.versions, outcome.result
         versions, result = (None if one is None else json.dumps(one, allow_nan=False) for one in both)
         state = FAILED if result is None else DONE
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         found = (outcome.reason, now, outcome.wall, outcome.cpu, outcome.peak_mib, versions, result)
-        with self._together():
-            changed = self._base.execute(
-                f"UPDATE cases SET status = ?, owner = NULL, {', '.join(f'{name} = ?' for name in _OUTCOME)}"
-                " WHERE id = ? AND owner = ?",
-                (state, *found, identity, self._owner),
-            )
-            if changed.rowcount:
-                row = self._base.execute("SELECT * FROM cases WHERE id = ?", (identity,)).fetchone()
-                self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity))
+        changed = self._base.execute(
+            f"UPDATE cases SET status = ?, owner = NULL, log = ?, {', '.join(f'{name} = ?' for name in _OUTCOME)}"
+            " WHERE id = ? AND owner = ?",
+            (state, outcome.log, *found, identity, self._owner),
+        )
+        if changed.rowcount:
+            row = self._base.execute("SELECT * FROM cases WHERE id = ?", (identity,)).fetchone()
+            self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity))
 
     def give_back(self) -> None:
         """Let the cases wait again that this sweep has claimed and not finished."""
@@ -268,6 +308,19 @@ class Store:
         with self._reported():
             found = self._base.execute("SELECT * FROM cases ORDER BY rowid")
             return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in found]
+
+
+def network_of(path: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
+    """The kind of the network file system that a file is on; empty for a local disk, or where Linux does not tell."""
+    best, found = -1, ""
+    with suppress(OSError):
+        place = str(path.absolute().parent.resolve())
+        for line in mounts.read_text().splitlines():
+            _, point, kind, *_ = line.split()
+            point = re.sub(r"\\(\d{3})", lambda octal: chr(int(octal[1], 8)), point).rstrip("/")
+            if (place == point or place.startswith(f"{point}/")) and len(point) >= best:
+                best, found = len(point), kind
+    return found if found.removeprefix("fuse.") in OF_NETWORKS else ""
 
 
 def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:

@@ -1,16 +1,17 @@
-"""Worker of a sweep: `python -m incipient.sweep.worker`, or a group of ranks by `mpi4py.futures`.
+"""Computation of cases by a process below a worker (`case_process`), or by a group of ranks by `mpi4py.futures`.
 
 The process computes one case after the other: orders come as lines of JSON on the standard input of the first rank,
 outcomes go to its standard output, after a line that says that it is there; what the libraries print goes to the
-standard error. It ends when there are no more orders.
+standard error. It ends when there are no more orders, or none have come for long.
 """
 
 from __future__ import annotations
 
-import ctypes
 import json
+import logging
 import os
-import signal
+import select
+import socket
 import sys
 import time
 import traceback
@@ -27,23 +28,12 @@ from ..files import plain
 from ..parallel import Comm, ranks_there_are, start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import loads
+from .case_process import IDLE, READY, end_with_parent
+from .expectation import cores
 from .store import CaseOutcome
 
-READY = "ready\n"
-END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # The group that this rank leads; mpi4py.futures hands no communicator to its tasks.
 _LED: list[Comm] = []
-
-
-def end_with_parent(parent: int | None = None) -> None:
-    """Let the kernel kill this process when the one that started it ends, however that ends; on Linux only.
-
-    A process whose `parent` is known, and has ended before the kernel knew, ends at once.
-    """
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
-    if parent is not None and os.getppid() != parent:
-        os._exit(1)
 
 
 @contextmanager
@@ -90,18 +80,44 @@ def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
         Path("/proc/self/clear_refs").write_text("5")
     names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
     result, reason, versions = None, "", {name: version(name) for name in names}
-    try:
-        result = plain(_TASKS[task](text, comm))
-        versions = result.get("cost", {}).get("versions") or versions
-    except IncipientError as error:
-        reason = str(error)
-    except Exception as error:
-        if comm.size > 1:  # the other ranks may wait for this one
-            raise
-        traceback.print_exc()
-        reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
+    with _logged() as said:
+        said.append(_where(comm))
+        try:
+            result = plain(_TASKS[task](text, comm))
+            versions = result.get("cost", {}).get("versions") or versions
+        except IncipientError as error:
+            reason = str(error)
+        except Exception as error:
+            if comm.size > 1:  # the other ranks may wait for this one
+                raise
+            said.append(traceback.format_exc())
+            reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
     spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, peak_memory_mib()))
-    return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions)
+    text = "\n".join([*said, ""])
+    return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions, text)
+
+
+def _where(comm: Comm) -> str:
+    """Machines, process, ranks, threads and cores of this case. Collective."""
+    hosts = " ".join(dict.fromkeys(comm.allgather(socket.gethostname())))
+    threads = os.environ.get("OMP_NUM_THREADS", "not limited")
+    return f"host {hosts}, process {os.getpid()}, ranks {comm.size}, threads {threads}, cores {cores()}"
+
+
+@contextmanager
+def _logged() -> Iterator[list[str]]:
+    """Gather what the program logs in the block."""
+    said: list[str] = []
+    handler, log = logging.Handler(logging.INFO), logging.getLogger("incipient")
+    handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(min(logging.INFO, log.getEffectiveLevel()))
+    try:
+        yield said
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def _run(text: str, comm: Comm) -> dict[str, Any]:
@@ -155,12 +171,13 @@ def main() -> None:
     with os.fdopen(answers, "w") as stream:
         if comm.rank == 0:
             print(READY, file=stream, end="", flush=True)
-        while line := comm.bcast(sys.stdin.readline() if comm.rank == 0 else ""):
+        while line := comm.bcast(_order() if comm.rank == 0 else ""):
             task, text = json.loads(line)
             outcome = computed(task, text, comm)
             if comm.rank == 0:
                 print(json.dumps(asdict(outcome)), file=stream, flush=True)
 
 
-if __name__ == "__main__":
-    main()
+def _order() -> str:
+    """The next order; empty where there are no more, or none has come for long: the sweep may be at an end."""
+    return sys.stdin.readline() if select.select([sys.stdin], [], [], IDLE)[0] else ""

@@ -22,7 +22,7 @@ from test_sweeps import COARSE, FRICTION, LONG, QUICK, child, gone, rows, wait_f
 
 import incipient.sweep
 from incipient.errors import OutputError
-from incipient.sweep.worker import READY
+from incipient.sweep.case_process import READY
 
 TIMES = 20
 SAME = 1e-12
@@ -194,7 +194,7 @@ def test_what_mpirun_says_of_the_end_of_a_rank_is_no_answer(tmp_path: Path, monk
     ended.write_text(f"#!/bin/sh\nprintf '{READY.strip()}\\n'\nread case\nprintf '\\n{banner}\\n'\nexit 9\n")
     ended.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(ended))
-    progress = incipient.sweep.run(scene, file, {"contacts.friction": [0.1]}, do="judge", jobs=1)
+    progress = incipient.sweep.run(scene, file, {"contacts.friction": [0.1]}, do="judge", jobs=1, tries=1)
     assert (progress.failed, progress.done) == (1, 0)
     assert rows(file, "reason") == [("its process ended with code 9",)]
 

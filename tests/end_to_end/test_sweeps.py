@@ -8,6 +8,7 @@ import re
 import signal
 import sqlite3
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,12 @@ def wait_for(path: Path, where: str) -> None:
 
 
 def children(process: int) -> list[int]:
-    return [int(one) for one in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    """Those of all its threads."""
+    found = []
+    for task in Path(f"/proc/{process}/task").glob("*/children"):
+        with suppress(OSError):  # a thread that has just ended
+            found += map(int, task.read_text().split())
+    return found
 
 
 def gone(process: int) -> bool:
@@ -162,7 +168,8 @@ def test_a_sweep_killed_in_the_middle_goes_on(tmp_path: Path, started: Any) -> N
 
 def test_a_killed_case_is_kept_with_its_reason_and_retried(tmp_path: Path, started: Any, capfd: Any) -> None:
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
-    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(3), "--out", file, "--jobs", 1)
+    over = ("--over", FRICTION.format(3), "--out", file, "--jobs", 1)
+    order = ("sweep", scene, "--do", "judge", *over, "--tries", 1)
     process = started(1, *order)
     wait_for(file, "status = 'running'")
     working = child(process.pid)
@@ -182,7 +189,7 @@ def test_a_killed_case_is_kept_with_its_reason_and_retried(tmp_path: Path, start
 def test_a_killed_rank_takes_its_case_alone(tmp_path: Path, started: Any) -> None:
     """Ranks of a case end together; those of the next one are started anew."""
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
-    order = ("--over", FRICTION.format(3), "--out", file, "--ranks", 2, "--jobs", 1)
+    order = ("--over", FRICTION.format(3), "--out", file, "--ranks", 2, "--jobs", 1, "--tries", 1)
     process = started(1, "sweep", scene, "--do", "judge", *order)
     wait_for(file, "status = 'done'")
     mpirun = child(process.pid)

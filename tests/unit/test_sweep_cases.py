@@ -33,7 +33,7 @@ import os, signal, sys
 from pathlib import Path
 from incipient.sweep.store import Store
 store = Store(Path(sys.argv[1]))
-assert store.claim("a")
+assert store.claim(["a"])
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -192,10 +192,10 @@ def test_a_case_is_computed_by_one_of_those_who_want_it(tmp_path: Path) -> None:
         store.add([case("a"), case("b")], ["a.x"])
         store.add([case("a")], ["a.x", "a.y"])
         assert store.keys() == ["a.x", "a.y"]
-        assert store.claim("a") and not store.claim("a")
-        store.finish("a", CaseOutcome({"found": 1.0}, wall=2.0))
-        assert not store.claim("a")
-        assert store.claim("b")
+        assert store.claim(["a"]) and not store.claim(["a"])
+        store.finish({"a": CaseOutcome({"found": 1.0}, wall=2.0)})
+        assert not store.claim(["a"])
+        assert store.claim(["b"])
         store.give_back()
         assert store.states(["a", "b"]) == {"a": DONE, "b": WAITING}
         assert [row["tries"] for row in store.rows()] == [1, 0]
@@ -208,7 +208,7 @@ def test_what_a_killed_sweep_was_at_waits_again(tmp_path: Path) -> None:
         killed = subprocess.run([sys.executable, "-c", CLAIM, path], check=False)
         assert killed.returncode == -9
         assert store.states(["a"]) == {"a": RUNNING}
-        assert store.free_abandoned() == 1 and store.claim("a")
+        assert store.free_abandoned() == 1 and store.claim(["a"])
         assert store.free_abandoned() == 0  # this process is at it, and alive
 
 
@@ -238,8 +238,8 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(tmp_path: Pat
     cases, keys = request.cases()
     with Store(file, make=True) as store:
         store.add(cases, keys)
-        assert store.claim(cases[0].identity)
-        store.finish(cases[0].identity, CaseOutcome({"verdict": None}, wall=2.5))
+        assert store.claim([cases[0].identity])
+        store.finish({cases[0].identity: CaseOutcome({"verdict": None}, wall=2.5)})
     assert main(["table", str(file)]) == 0
     head, first, second = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]

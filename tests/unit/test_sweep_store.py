@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from incipient.errors import OutputError
+from incipient.sweep import store as stores
 from incipient.sweep.cases import SweepCase
-from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store
+from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, network_of
 from incipient.sweep.table import as_csv, columns, in_words, rows
 
 CASES = [
@@ -26,9 +27,9 @@ def filled(path: Path) -> list[dict]:
     with Store(path, make=True) as store:
         store.add(CASES, ["a.x"])
         for number, case in enumerate(CASES):
-            assert store.claim(case.identity)
+            assert store.claim([case.identity])
             result = {"verdict": None, "coefficients": {"drag": float(number)}, "text": AS_LONG_AS_RESULTS}
-            store.finish(case.identity, CaseOutcome(result, wall=1.5, versions={"incipient": "1"}))
+            store.finish({case.identity: CaseOutcome(result, wall=1.5, versions={"incipient": "1"})})
     return rows(path)
 
 
@@ -83,8 +84,8 @@ def test_a_changed_case_is_noticed_and_waits_again(tmp_path: Path, column: str, 
         assert store.results(["case2", "case3"]).keys() == {"case2"}
         store.add(CASES, ["a.x"])
         assert store.states(["case2", "case3"]) == {"case2": DONE, "case3": WAITING}
-        assert store.claim("case3") and store.mark_damaged() == 0
-        store.finish("case3", CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5))
+        assert store.claim(["case3"]) and store.mark_damaged() == 0
+        store.finish({"case3": CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5)})
         assert store.mark_damaged() == 0
     anew = rows(path)
     assert [row["id"] for row in anew] == [row["id"] for row in whole]
@@ -96,6 +97,7 @@ def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None
     path, kept = tmp_path / "sweep.sqlite", tmp_path / "kept.sqlite"
     whole = filled(path)
     changed(path, "ALTER TABLE cases DROP COLUMN checksum")
+    changed(path, "ALTER TABLE cases DROP COLUMN log")
     changed(path, "PRAGMA user_version = 1")
     shutil.copy(path, kept)
     assert rows(path) == whole
@@ -113,3 +115,39 @@ def test_a_missing_column_is_refused_in_one_line(tmp_path: Path) -> None:
     changed(path, "ALTER TABLE cases RENAME COLUMN versions TO versionz")
     with pytest.raises(OutputError, match=r"is damaged \(no column versions\); put back a copy"):
         rows(path)
+
+
+def test_network_file_systems_are_found_by_their_mount(tmp_path: Path) -> None:
+    """Lines as in proc(5), with octal escapes; the longest mount point that holds a file counts."""
+    mounts = tmp_path / "mounts"
+    home = tmp_path / "my home"
+    mounts.write_text(
+        f"/dev/sda1 / ext4 rw 0 0\nserver:/home {str(home).replace(' ', chr(92) + '040')} nfs4 rw,vers=4.2 0 0\n"
+        f"/dev/sdb1 {home}/scratch ext4 rw 0 0\nhost: {tmp_path}/far fuse.sshfs rw 0 0\n".replace(
+            f"{home}/scratch", str(home).replace(" ", chr(92) + "040") + "/scratch"
+        )
+    )
+    places = ("my home/a", "my home/b/c", "my home/scratch/d", "far/e", "my homes/f", "g")
+    assert [network_of(tmp_path / one / "x.sqlite", mounts) for one in places] == [
+        *("nfs4", "nfs4", "", "fuse.sshfs", "", "")
+    ]
+
+
+def test_no_shared_memory_is_used_on_a_network_file_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A file that was begun on a local disk, too; SQLite's WAL needs shared memory (sqlite.org/wal.html)."""
+    path = tmp_path / "sweep.sqlite"
+    filled(path)
+    with sqlite3.connect(path) as base:
+        assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    base.close()
+    monkeypatch.setattr(stores, "network_of", lambda path: "nfs4")
+    with Store(path, make=True) as store:
+        assert "is on a network file system (nfs4)" in caplog.text
+        store.free_failed([])
+        assert {one.name for one in tmp_path.iterdir()} <= {path.name, f"{path.name}-journal"}
+    with sqlite3.connect(path) as base:
+        assert base.execute("PRAGMA journal_mode").fetchone() == ("delete",)
+    base.close()
+    assert [row["drag"] for row in rows(path)] == [float(n) for n in range(len(CASES))]

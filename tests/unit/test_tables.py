@@ -31,8 +31,8 @@ def file(tmp_path: Path) -> Path:
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases, keys)
         for case in cases[:2]:
-            assert store.claim(case.identity)
-            store.finish(case.identity, computed("judge", case.text, MPI.COMM_SELF))
+            assert store.claim([case.identity])
+            store.finish({case.identity: computed("judge", case.text, MPI.COMM_SELF)})
     return tmp_path / "sweep.sqlite"
 
 
