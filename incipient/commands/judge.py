@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
+from ..progress import telling
+from ..simulation.batch_table import open_table
 from ..simulation.forces_of_openfoam import read_forces
+from ..simulation.judge_batch import SUMMARY, VERDICTS, judge_table
 from ..simulation.judge_case import Case, judge_case, load_case, save, text
 from ..simulation.judge_forces import judge_forces, load_case_without_load
 from ..simulation.judge_series import judge_series, read_columns, save_series
@@ -21,6 +25,11 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
     """Judge a case and print the verdict; write it with `--out`."""
     with collectively(comm):
         if comm.rank == 0:
+            if options.batch is not None:
+                _judge_batch(options)
+                return 0
+            if options.case is None:
+                raise SceneError("judge: there is no case; give a case file, or --batch FILE")
             if options.forces is not None:
                 _judge_forces(options)
                 return 0
@@ -33,6 +42,24 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
             if options.out is not None:
                 _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
     return 0
+
+
+def _judge_batch(options: argparse.Namespace) -> None:
+    """Judge a table of cases, which says all that a case file would."""
+    path = options.batch
+    if options.case is not None:
+        raise SceneError(f"--batch: {path} has all of each case; leave out {options.case}")
+    jobs = len(os.sched_getaffinity(0)) if options.jobs is None else options.jobs
+    if jobs < 1:
+        raise SceneError(f"--jobs: is {jobs}; give 1 or more")
+    usual = path.parent if options.out is BESIDE else Path("results") / f"{path.stem}_verdicts"
+    directory = options.out if isinstance(options.out, Path) else usual
+    name = VERDICTS.replace(".csv", ".parquet") if path.suffix == ".parquet" else VERDICTS
+    refuse_foreign(directory, (name, SUMMARY))
+    with telling(0) as voice:
+        found = judge_table(open_table(path, options.overrides), directory, jobs, voice)
+    print(found.text())
+    print(f"numbers             {directory}/: {name}, {SUMMARY}", flush=True)
 
 
 def _judge_series(case: Case, options: argparse.Namespace) -> None:

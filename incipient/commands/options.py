@@ -208,10 +208,14 @@ def of_table(parser: argparse.ArgumentParser) -> None:
 def of_judge(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient judge`."""
     add = parser.add_argument
-    add("case", type=Path, help="case file (TOML)")
+    add("case", type=Path, nargs="?", help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
-    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
     ways = parser.add_mutually_exclusive_group()
+    text = "judge a table of cases, one a row: .csv or .parquet (docs/contact.md)"
+    ways.add_argument("--batch", type=named, metavar="FILE", help=text)
+    text = "with --batch: processes (default: one for each core)"
+    add("--jobs", type=int, metavar="N", help=text)
+    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
     ways.add_argument("--series", type=named, metavar="FILE", help=text)
     text = (
         "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
@@ -221,7 +225,7 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("--density", type=float, metavar="RATIO", help=text)
     text = "with --forces: time from which on they are taken (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
-    text = "write judgement.json and its picture there; without a DIRECTORY next to the case"
+    text = "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
     add("--out", nargs="?", type=named, const=BESIDE, metavar="DIRECTORY", help=text)
 
 

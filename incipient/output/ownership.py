@@ -42,12 +42,14 @@ KEYS: dict[str, Collection[str]] = {
     "threshold.json": ("schema_version", "trials", "contacts"),
     "judgement.json": ("verdict", "probabilities"),
     "series.json": ("samples", "shares", "events"),
+    "batch.json": ("cases", "failed", "modes"),
 }
 HEADS = {
     "history.csv": "time,step,newton,",
     "contacts.csv": "time,contact,x,y,",
     "cost.csv": "order,mesh_size",
     "series.csv": "time,safety_factor,mode",
+    "verdicts.csv": "row,name,safety_factor",
 }
 SECTIONS = ("domain", "fluid", "flow", "effects", "numerics", "output")  # of a scene that a run has written
 
@@ -133,6 +135,8 @@ def _is_own(path: Path, name: str) -> bool:
         if name in HEADS:
             with path.open(encoding="utf-8") as stream:
                 return stream.readline(4096).startswith(HEADS[name])
+        if name == "verdicts.parquet":
+            return _is_own(path.with_name("batch.json"), "batch.json")
         if name == "report.html":
             return b"incipient" in path.read_bytes()
         return path.is_file() and _is_written_scene(path.with_name(SCENE))

@@ -12,8 +12,9 @@ import numpy as np
 
 from ..arrays import Floats, unwarned
 from ..contact.batch import Batch, Loads, judge_batch
-from ..errors import MissingError, SceneError, shortened
+from ..errors import SceneError, shortened
 from ..files import reported, write_json
+from ..tables.parquet import pyarrow
 from .judge_case import Case
 
 AXES = "xyz"
@@ -192,14 +193,11 @@ def read_columns(path: Path) -> dict[str, Floats]:
 
 
 def _parquet(path: Path) -> dict[str, Floats]:
+    arrow = pyarrow()
     try:
-        from pyarrow import ArrowException, parquet
-    except ImportError as error:
-        raise MissingError(f"pyarrow cannot be used ({error}): pip install 'incipient[tables]'") from None
-    try:
-        table = parquet.read_table(path)
+        table = arrow.parquet.read_table(path)
         return {name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names}
-    except (OSError, ArrowException, ValueError) as error:
+    except (OSError, arrow.ArrowException, ValueError) as error:
         raise SceneError(f"{path}: cannot be read ({error}); give a Parquet file of numbers") from None
 
 

@@ -14,6 +14,7 @@ from ..errors import MissingError
 from ..files import csv_text, reported
 from ..results.quantity import HIGH, LOW, at
 from ..results.si import FLOW
+from ..tables.parquet import pyarrow
 from .store import DAMAGED, DONE, FAILED, CaseOutcome, Store, damaged
 
 if TYPE_CHECKING:
@@ -67,10 +68,7 @@ def as_csv(found: Sequence[Mapping[str, Any]]) -> str:
 
 def write_parquet(source: Path, target: Path) -> None:
     """Write the table as a Parquet file; raises MissingError without pandas or pyarrow, and OutputError."""
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError as error:
-        raise MissingError(f"pyarrow cannot be used ({error}): pip install 'incipient[tables]'") from None
+    pyarrow("tables")
     made = frame(source)
     with reported(target):
         made.to_parquet(target)

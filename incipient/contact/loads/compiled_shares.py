@@ -1,6 +1,6 @@
-"""Largest shares of many loads that the same contacts hold, compiled to machine code by numba.
+"""The largest share of a load that contacts hold, compiled to machine code by numba.
 
-For each load the largest a with start + a change + null x in the friction cones, 0 <= a <= 1, by a primal-dual interior
+The largest a with start + a change + null x in the friction cones, 0 <= a <= 1, by a primal-dual interior
 point method for second-order cones with the scaling of Nesterov and Todd (1997) and the predictor and corrector of
 Mehrotra (1992), as in Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010). It is the program of
 `cones.largest_share`, whose setting up takes several times as long as solving it. Import this module only where it is
@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.exact.compiled import inner, kernel, largest, product, solved
+from incipient.contact.exact.compiled import inner, largest, product, solved
 
 STEPS = 40
 CLOSED = 1e-14  # gap of values at which a program is solved
@@ -22,29 +22,8 @@ LENGTH = 0.995  # of a step, in the longest that stays within the cones
 SMALLEST = 1e-300
 
 
-@kernel
-def largest_shares(null: Floats, starts: Floats, changes: Floats) -> tuple[Floats, Floats, Floats]:
-    """Shares (n,), by how much each may be off (n,), and how far inside the cones forces at share one are (n,).
-
-    null (3k, m), starts and changes (n, 3k): scaled forces. What is not solved may be off by infinity.
-    """
-    shares, errors, rooms = np.zeros(len(starts)), np.empty(len(starts)), np.empty(len(starts))
-    rows, height = null.shape[1] + 1, null.shape[0] + 2
-    table, limits = np.zeros((height, rows)), np.zeros(height)
-    table[2:, : rows - 1] = -null
-    table[0, rows - 1], table[1, rows - 1], limits[0] = 1.0, -1.0, 1.0
-    for i in range(len(starts)):
-        for j in range(height - 2):
-            table[j + 2, rows - 1], limits[j + 2] = -changes[i, j], starts[i, j]
-        x, errors[i] = _optimum(table, limits)
-        shares[i] = min(max(x[rows - 1], 0.0), 1.0)
-        x[rows - 1] = 1.0
-        rooms[i] = _room(table, limits, x)
-    return shares, errors, rooms
-
-
 @inner
-def _optimum(table: Floats, limits: Floats) -> tuple[Floats, float]:
+def optimum(table: Floats, limits: Floats) -> tuple[Floats, float]:
     """The x with the largest last entry for which limits - table x is in the cones, and how far that may be off."""
     height, width = table.shape
     x, slack, dual = _first(table, limits)
@@ -131,13 +110,13 @@ def _lacking(table: Floats, dual: Floats) -> Floats:
 
 
 @inner
-def _room(table: Floats, limits: Floats, x: Floats) -> float:
+def room(table: Floats, limits: Floats, x: Floats) -> float:
     """How far inside their cones the forces are: the least normal part less the shear."""
-    room = np.inf
+    least = np.inf
     for j in range(2, len(limits), 3):
         one, two = (limits[j + 1] - product(table[j + 1], x), limits[j + 2] - product(table[j + 2], x))
-        room = min(room, limits[j] - product(table[j], x) - math.hypot(one, two))
-    return room
+        least = min(least, limits[j] - product(table[j], x) - math.hypot(one, two))
+    return least
 
 
 @inner

@@ -1,0 +1,284 @@
+"""Tables of cases to be judged, one a row: CSV with a row of names, or Parquet, and what a row says.
+
+Columns, in space with `_z` and a couple of three components: force_x, force_y, couple, weight_x, weight_y, centre_x,
+centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
+has fewer; if wanted about_x, about_y (what the couple is about), mass and inertia (in space inertia_x, inertia_y,
+inertia_z, and inertia_xy, inertia_xz, inertia_yz where the axes are not principal ones), and name.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats, decimal
+from ..contact.batch import CHUNK, Cases
+from ..errors import SceneError, shortened
+from ..tables.parquet import pyarrow
+from .judge_case import ROUNDING
+
+CONTACT = re.compile(r"(contact|normal)_([1-9][0-9]{0,2})_([xyz])")
+LONGEST_CELL = 10_000  # letters
+Row = list[Any]  # its cells: text of CSV, values of Parquet
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of a table, and values that --set gives to all rows.
+
+    Raises SceneError if some are missing, not known or there twice.
+    """
+
+    names: tuple[str, ...]
+    constant: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        names = [*self.names, *self.constant]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise SceneError(f"batch: there are two columns {shortened(twice)}; leave one of them out")
+        for name in self.needed:
+            if name not in names:
+                raise SceneError(
+                    f"batch: there is no column {name}; give it, or --set {name}=VALUE for all rows"
+                )
+        known = {*self.needed, *self._optional}
+        unknown = next((name for name in names if name not in known), None)
+        if unknown is not None:
+            why = f"column {shortened(unknown)} is not known"
+            raise SceneError(f"batch: {why}; known are {', '.join([*self.needed, *self._optional[:6]])}, ...")
+
+    @property
+    def axes(self) -> str:
+        """The letters of the directions."""
+        return "xyz" if {"force_z", "contact_1_z"} & {*self.names, *self.constant} else "xy"
+
+    @property
+    def contacts(self) -> int:
+        """The most contacts that a row can have."""
+        found = (CONTACT.fullmatch(name) for name in (*self.names, *self.constant))
+        return max((int(one[2]) for one in found if one), default=1)
+
+    def vector(self, name: str) -> list[str]:
+        """The columns of a vector."""
+        return [f"{name}_{axis}" for axis in self.axes]
+
+    @property
+    def couple(self) -> list[str]:
+        """The columns of the couple."""
+        return ["couple"] if self.axes == "xy" else self.vector("couple")
+
+    @property
+    def inertia(self) -> list[str]:
+        """The columns of the inertia that are needed where the mass is there."""
+        return ["inertia"] if self.axes == "xy" else self.vector("inertia")
+
+    @property
+    def numbers(self) -> list[str]:
+        """Columns that no row may leave empty."""
+        load = [one for name in ("force", "weight", "centre") for one in self.vector(name)]
+        return [*load, *self.couple, "friction"]
+
+    @property
+    def needed(self) -> list[str]:
+        """Columns that have to be there."""
+        contacts = [
+            f"{kind}_{number + 1}" for number in range(self.contacts) for kind in ("contact", "normal")
+        ]
+        moving = ["mass", *self.inertia] if "mass" in (*self.names, *self.constant) else []
+        return [*self.numbers, *(one for name in contacts for one in self.vector(name)), *moving]
+
+    @property
+    def _optional(self) -> list[str]:
+        products = [] if self.axes == "xy" else ["inertia_xy", "inertia_xz", "inertia_yz"]
+        return ["name", *self.vector("about"), "mass", *self.inertia, *products]
+
+    def cases(self, rows: Sequence[Row]) -> tuple[Cases, list[str], dict[int, str]]:
+        """The cases of some rows, their names, and what is wrong with some of the rows, by their places."""
+        table, problems = self._table(rows)
+        value = dict(zip(self.names, table.T, strict=True))
+        value |= {name: np.full(len(rows), number) for name, number in self.constant.items()}
+        for name in self.numbers:
+            for place in np.flatnonzero(~np.isfinite(value[name])).tolist():
+                problems.setdefault(place, f"{name} is empty or not finite; give a number")
+
+        def vector(name: str) -> Floats:
+            return _spatial([value[column] for column in self.vector(name)])
+
+        points, normals = (
+            np.stack([vector(f"{kind}_{number + 1}") for number in range(self.contacts)], axis=1)
+            for kind in ("contact", "normal")
+        )
+        lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+        normals = np.where(np.abs(lengths - 1.0) <= ROUNDING, normals / lengths, normals)
+        force, centre = vector("force"), vector("centre")
+        couple = np.zeros((len(rows), 3))
+        couple[:, 3 - len(self.couple) :] = np.stack([value[name] for name in self.couple], axis=1)
+        if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
+            couple += np.cross(vector("about") - centre, force)
+        weight, mass = vector("weight"), value.get("mass", np.full(len(rows), np.nan))
+        given = points, normals, force, couple, weight, centre, value["friction"], mass, self._inertia(value)
+        names = [str(row[self.names.index("name")]) for row in rows] if "name" in self.names else []
+        return Cases(*given), names, problems
+
+    def _table(self, rows: Sequence[Row]) -> tuple[Floats, dict[int, str]]:
+        """The numbers (n, columns), NaN where a cell is empty or none, and what is wrong with some rows."""
+        table, problems = np.full((len(rows), len(self.names)), np.nan), dict[int, str]()
+        text = self.names.index("name") if "name" in self.names else None
+        for place, row in enumerate(rows):
+            if len(row) != len(self.names):
+                problems[place] = f"has {len(row)} cells for {len(self.names)} columns; give one for each"
+                continue
+            if text is not None:
+                row = [*row[:text], "", *row[text + 1 :]]
+            try:
+                table[place] = [np.nan if cell == "" else float(cell) for cell in row]
+            except (TypeError, ValueError):
+                pass
+            else:
+                if "_" not in "".join(
+                    cell for cell in row if isinstance(cell, str)
+                ):  # Python takes 1_2 for 12
+                    continue
+            table[place] = np.nan
+            name, cell = next(one for one in zip(self.names, row, strict=True) if not _is_number(one[1]))
+            problems[place] = f'{name} is "{shortened(cell, 30)}"; give a number'
+        return table, problems
+
+    def _inertia(self, value: Mapping[str, Floats]) -> Floats:
+        count = len(value["friction"])
+        table = np.full((count, 3, 3), np.nan)
+        if "mass" not in value:
+            return table
+        known = ~np.isnan(np.stack([value[name] for name in ("mass", *self.inertia)])).all(axis=0)
+        table[known] = 0.0
+        for axis in range(3):
+            table[known, axis, axis] = value[self.inertia[axis % len(self.inertia)]][known]
+        for one, other in ((0, 1), (0, 2), (1, 2)):
+            name = f"inertia_{'xyz'[one]}{'xyz'[other]}"
+            if name in value:
+                product = np.nan_to_num(value[name][known], nan=0.0)
+                table[known, one, other] = table[known, other, one] = product
+        return table
+
+
+def _is_number(cell: Any) -> bool:
+    try:
+        decimal(str(cell) or "0")
+    except ValueError:
+        return False
+    return True
+
+
+def _spatial(components: list[Floats]) -> Floats:
+    """Vectors (n, 3) of their components; the third of the plane is zero, but NaN where nothing is there."""
+    if len(components) == 2:
+        none = np.isnan(components[0]) & np.isnan(components[1])
+        components = [*components, np.where(none, np.nan, 0.0)]
+    return np.stack(components, axis=1)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file of cases, of which the rows are read a chunk at a time."""
+
+    path: Path
+    columns: Columns
+    rows: int
+
+    def chunks(self) -> Iterator[list[Row]]:
+        """The rows, CHUNK at a time; raises SceneError where the file cannot be read on."""
+        if self.path.suffix == ".parquet":
+            yield from _parquet_chunks(self.path)
+            return
+        with (
+            _reading(self.path),
+            self.path.open(encoding="utf-8-sig", errors="replace", newline="") as stream,
+        ):
+            rows = (row for row in _cells(stream) if row)
+            next(rows)
+            while chunk := list(islice(rows, CHUNK)):
+                yield chunk
+
+
+def open_table(path: Path, settings: Sequence[str]) -> Table:
+    """A table of cases.
+
+    Args:
+        settings: such as "friction=0.5": values of columns, for all rows.
+
+    Raises:
+        SceneError: it cannot be read, has wrong columns, or a setting is no number.
+        MissingError: it is a Parquet file, and pyarrow is not installed.
+    """
+    constant = dict(_setting(one) for one in settings)
+    if path.suffix == ".parquet":
+        file = _parquet(path)
+        return Table(path, Columns(tuple(file.schema_arrow.names), constant), file.metadata.num_rows)
+    with _reading(path), path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+        rows = (row for row in _cells(stream) if row)
+        names = tuple(name.strip() for name in next(rows, []))
+        table = Table(path, Columns(names, constant), 0)
+        return replace(table, rows=sum(1 for _ in rows))
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), decimal(value.strip())
+    except ValueError:
+        raise SceneError(f"--set {shortened(text)}: is no number; with --batch give COLUMN=NUMBER") from None
+
+
+class _reading:
+    """Turns what goes wrong while a file is read into one line."""
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, OSError):
+            why = f"cannot be read ({error.strerror})"
+            raise SceneError(f"{self._path}: {why}; give the name of a CSV or Parquet file") from None
+
+
+def _cells(stream: Iterator[str]) -> Iterator[list[str]]:
+    """The cells of each line; a line that is no CSV is one cell of its own."""
+    for line in stream:
+        try:
+            yield next(csv.reader([line]), [])
+        except csv.Error:
+            yield [line[:LONGEST_CELL]]
+
+
+def _parquet(path: Path) -> Any:
+    arrow = pyarrow()
+    with _reading(path):
+        try:
+            return arrow.parquet.ParquetFile(path)
+        except (arrow.ArrowException, ValueError) as error:
+            raise SceneError(f"{path}: cannot be read ({shortened(error)}); give a Parquet file") from None
+
+
+def _parquet_chunks(path: Path) -> Iterator[list[Row]]:
+    kept: list[Row] = []
+    for batch in _parquet(path).iter_batches(batch_size=CHUNK):
+        columns = [
+            ["" if value is None else value for value in column.to_pylist()] for column in batch.columns
+        ]
+        kept += [list(row) for row in zip(*columns, strict=True)]
+        while len(kept) >= CHUNK:
+            yield kept[:CHUNK]
+            kept = kept[CHUNK:]
+    if kept:
+        yield kept

@@ -1,0 +1,199 @@
+"""Many cases in a table, judged in chunks: by several processes, kept chunk by chunk, and resumed after a kill."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import multiprocessing
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..contact.batch import CHUNK, judge_many
+from ..errors import ConvergenceError, OutputError, SceneError
+from ..files import make_directory, part_of, replaced, reported, write_json, write_text_atomically
+from ..progress import Silent
+from ..tables.parquet import pyarrow
+from .batch_table import Columns, Row, Table
+
+VERDICTS, SUMMARY, CHUNKS, REQUEST = "verdicts.csv", "batch.json", "verdicts.chunks", "request.json"
+HEAD = "row,name,safety_factor,held,mode,reason\n"
+AHEAD = 2  # chunks for each process that are read before one is judged
+MOST_REASONS = 5  # told
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """What came of a table: its cases, how many failed and why the first of them, modes, the least safety factor."""
+
+    cases: int
+    failed: int
+    modes: dict[str, int]
+    least_safety_factor: float
+    reasons: dict[int, str]
+    kept: int  # chunks of an earlier call
+
+    def text(self) -> str:
+        """The outcome in a few lines for a reader."""
+        lines = [f"{'cases':<20}{self.cases}"]
+        lines += [f"{mode:<19} {count} ({count / self.cases:.2%})" for mode, count in self.modes.items()]
+        lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
+        if self.failed:
+            lines.append(f"{'not judged':<20}{self.failed}, the first:")
+            lines += [f"  row {row}: {reason}" for row, reason in self.reasons.items()]
+        return "\n".join(lines)
+
+
+def judge_table(table: Table, directory: Path, jobs: int, voice: Silent) -> Verdicts:
+    """Judge the cases of a table and write verdicts.csv, or .parquet of a Parquet file, and batch.json. Not collective.
+
+    Chunks that an earlier call for the same table has left in the directory are not judged again.
+
+    Raises:
+        SceneError: the table cannot be read, or there is no row in it.
+        OutputError: something cannot be written, or chunks of another table are there.
+        ConvergenceError: a process was ended from outside; what is judged is kept.
+    """
+    if not table.rows:
+        raise SceneError(f"{table.path}: has no row of a case; give one a line below the names")
+    chunks = directory / CHUNKS
+    _begin(table, chunks)
+    count = -(-table.rows // CHUNK)
+    kept = sum(_chunk(chunks, number).exists() for number in range(count))
+    done = kept
+    voice.begin("verdicts")
+    for number, text in _judged(table, chunks, jobs):
+        write_text_atomically(_chunk(chunks, number), text)
+        done += 1
+        voice.count("verdicts", min(done * CHUNK, table.rows), table.rows)
+    found = _gathered([_chunk(chunks, number) for number in range(count)], kept)
+    _write(table, directory, chunks, count)
+    write_json(directory / SUMMARY, asdict(found))
+    with reported(chunks):
+        for path in (*(_chunk(chunks, number) for number in range(count)), chunks / REQUEST):
+            path.unlink(missing_ok=True)
+        chunks.rmdir()
+    return found
+
+
+def _chunk(chunks: Path, number: int) -> Path:
+    return chunks / f"{number:06d}.csv"
+
+
+def _begin(table: Table, chunks: Path) -> None:
+    """Make the directory of chunks, or refuse that of another table."""
+    with table.path.open("rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    request = {"sha256": digest, "set": dict(table.columns.constant), "rows": table.rows, "chunk": CHUNK}
+    path = chunks / REQUEST
+    make_directory(chunks)
+    if not path.exists():
+        write_json(path, request)
+        return
+    try:
+        before = json.loads(path.read_text())
+    except (OSError, ValueError):
+        before = None
+    if before != request:
+        raise OutputError(
+            f"{chunks}: holds chunks of another table or --set; remove it, or give another --out"
+        )
+
+
+def _judged(table: Table, chunks: Path, jobs: int) -> Iterator[tuple[int, str]]:
+    """The verdicts of chunks that are not there yet, as they are ready: number and text."""
+    missing = (
+        (number, rows) for number, rows in enumerate(table.chunks()) if not _chunk(chunks, number).exists()
+    )
+    if jobs == 1 or table.rows <= CHUNK:
+        yield from ((number, verdicts(table.columns, number * CHUNK, rows)) for number, rows in missing)
+        return
+    # Not forked: what the parent has loaded may hold threads.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        try:
+            yield from _in_order_of_ends(pool, table.columns, missing, jobs)
+        except BrokenProcessPool:
+            why = "a process was ended, perhaps for want of memory; what is judged is kept"
+            raise ConvergenceError(f"batch: {why}: call again, with fewer --jobs") from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _in_order_of_ends(
+    pool: ProcessPoolExecutor, columns: Columns, missing: Iterable[tuple[int, list[Row]]], jobs: int
+) -> Iterator[tuple[int, str]]:
+    running: dict[Future[str], int] = {}
+    ahead = iter(missing)
+    while True:
+        while len(running) < AHEAD * jobs and (one := next(ahead, None)) is not None:
+            running[pool.submit(verdicts, columns, one[0] * CHUNK, one[1])] = one[0]
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            yield running.pop(future), future.result()
+
+
+def verdicts(columns: Columns, start: int, rows: list[Row]) -> str:
+    """The verdicts of rows as lines of CSV; rows are counted from `start`, the first of a table is 1."""
+    cases, names, problems = columns.cases(rows)
+    found = judge_many(cases)
+    reasons = {**found.reasons, **problems}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    given = zip(found.factors.tolist(), found.held.tolist(), found.mode_names, strict=True)
+    for place, (factor, held, mode) in enumerate(given):
+        name = names[place] if names else ""
+        said = ("", "", "", reasons[place]) if place in reasons else (repr(factor), int(held), mode, "")
+        writer.writerow((start + place + 1, name, *said))
+    return text.getvalue()
+
+
+def _rows(path: Path) -> Iterator[list[str]]:
+    with reported(path), path.open(encoding="utf-8", newline="") as stream:
+        yield from csv.reader(stream)
+
+
+def _gathered(paths: list[Path], kept: int) -> Verdicts:
+    modes, reasons, least, cases = Counter[str](), dict[int, str](), float("inf"), 0
+    for row, _, factor, _, mode, reason in (row for path in paths for row in _rows(path)):
+        cases += 1
+        if reason:
+            if len(reasons) < MOST_REASONS:
+                reasons[int(row)] = reason
+            continue
+        modes[mode] += 1
+        least = min(least, float(factor))
+    return Verdicts(cases, cases - modes.total(), dict(modes.most_common()), least, reasons, kept)
+
+
+def _write(table: Table, directory: Path, chunks: Path, count: int) -> None:
+    """Put the chunks together."""
+    if table.path.suffix == ".parquet":
+        _write_parquet(directory / VERDICTS.replace(".csv", ".parquet"), chunks, count)
+        return
+    path = directory / VERDICTS
+    with replaced(path, part_of(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
+        stream.write(HEAD)
+        for number in range(count):
+            stream.write(_chunk(chunks, number).read_text(encoding="utf-8"))
+
+
+def _write_parquet(path: Path, chunks: Path, count: int) -> None:
+    arrow = pyarrow()
+    kinds = arrow.int64(), arrow.string(), arrow.float64(), arrow.bool_(), arrow.string(), arrow.string()
+    schema = arrow.schema(zip(HEAD.strip().split(","), kinds, strict=True))
+    also = (arrow.ArrowException,)
+    with replaced(path, part_of(path), also) as part, arrow.parquet.ParquetWriter(part, schema) as writer:
+        for number in range(count):
+            columns: list[Any] = list(map(list, zip(*_rows(_chunk(chunks, number)), strict=True)))
+            columns[0] = [int(row) for row in columns[0]]
+            columns[2] = [float(factor) if factor else None for factor in columns[2]]
+            columns[3] = [bool(int(held)) if held else None for held in columns[3]]
+            writer.write_table(arrow.table(columns, schema=schema))

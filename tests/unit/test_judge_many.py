@@ -1,0 +1,357 @@
+"""Many cases at once, of different contacts: against closed formulas, the judge of single cases, and wrong rows."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import message
+
+from incipient import cli
+from incipient.arrays import Floats
+from incipient.contact import Cases, judge_many
+from incipient.contact.exact.judge import judged
+from incipient.errors import OutputError
+from incipient.progress import Silent
+from incipient.simulation import batch_table, judge_batch
+from incipient.simulation.batch_table import open_table
+from incipient.simulation.judge_batch import judge_table
+
+CASES = Path(__file__).parents[2] / "demos" / "cases"
+
+
+def random_cases(count: int, contacts: int, space: bool, flat: bool = False) -> Cases:
+    """Contacts anywhere below the centre with normals up to 0.4 off, or on a flat bed: wedged and lifting ones, too."""
+    rng = np.random.default_rng([contacts, space, flat])
+    points = rng.standard_normal((count, contacts, 3)) - [0.0, 0.0, 1.5]
+    if not space:
+        angles = rng.uniform(-np.pi, 0.0, (count, contacts))
+        points = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=2)
+    points /= np.linalg.norm(points, axis=2, keepdims=True)
+    normals = points + rng.uniform(-0.4, 0.4, points.shape) * [1.0, 1.0, float(space)]
+    down = 2 if space else 1
+    if flat:
+        points[..., down] = -1.0
+        normals = -np.broadcast_to(np.eye(3)[down], points.shape)
+    noise = rng.standard_normal((2, count, 3))
+    force, couple = noise if space else noise * [[[1.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]]]
+    return Cases(
+        points=points,
+        normals=normals / np.linalg.norm(normals, axis=2, keepdims=True),
+        force=force,
+        couple=0.3 * couple,
+        weight=np.tile([0.1, 0.0, 0.0] - np.eye(3)[down], (count, 1)),
+        centre=np.zeros((count, 3)),
+        friction=rng.uniform(0.2, 0.8, count),
+        mass=np.ones(count),
+        inertia=np.tile(np.diag([0.3, 0.4, 0.5]), (count, 1, 1)),
+    )
+
+
+@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize(
+    ("contacts", "space"), [(1, False), (2, False), (3, False), (4, False), (1, True), (2, True), (4, True)]
+)
+def test_as_one_by_one(contacts: int, space: bool, flat: bool) -> None:
+    """In the plane to 1e-12; in space to 1e-9, which is what the single judge's cone solver leaves."""
+    cases = random_cases(120, contacts, space, flat)
+    batch = judge_many(cases)
+    exact = [judged(*cases.case(number)) for number in range(len(cases))]
+    assert batch.mode_names == [one.label for one in exact]
+    assert batch.held.tolist() == [not one.moves for one in exact]
+    near = 1e-9 if space else 1e-12
+    assert batch.factors == pytest.approx([one.safety.value for one in exact], rel=near, abs=near)
+    assert batch.alone < 12 and not batch.reasons
+
+
+def test_blocks_slide_or_tip() -> None:
+    """A block of half width b pushed at height h in any of the planes: at mu W it slides, at W b / h it tips."""
+    rng, count = np.random.default_rng(0), 3000
+    half, height, friction = (rng.uniform(0.2, 1.0, count) for _ in range(3))
+    push, weight = rng.uniform(0.1, 1.0, count), rng.uniform(0.5, 2.0, count)
+    points = np.zeros((count, 2, 3))
+    points[:, 0, 0], points[:, 1, 0], points[..., 1] = -half, half, -height[:, None]
+    cases = Cases(
+        points=points,
+        normals=np.broadcast_to([0.0, -1.0, 0.0], points.shape),
+        force=push[:, None] * [1.0, 0.0, 0.0],
+        couple=np.zeros((count, 3)),
+        weight=weight[:, None] * [0.0, -1.0, 0.0],
+        centre=np.zeros((count, 3)),
+        friction=friction,
+        mass=weight,
+        inertia=np.tile(np.eye(3), (count, 1, 1)),
+    )
+    expected = np.minimum(friction, half / height) * weight / push
+    for shift in range(3):
+        turned = {
+            name: np.roll(getattr(cases, name), shift, axis=-1)
+            for name in ("points", "normals", "force", "couple", "weight")
+        }
+        rest = {name: getattr(cases, name) for name in ("centre", "friction", "mass", "inertia")}
+        batch = judge_many(Cases(**turned, **rest))
+        assert batch.factors == pytest.approx(expected, rel=1e-12)
+        slides = (friction < half / height) & (expected < 1.0)
+        assert {batch.mode_names[place] for place in np.flatnonzero(slides)} == {"sliding"}
+        assert batch.alone == 0
+
+
+def test_spheres_in_pockets_of_three() -> None:
+    """Unit spheres on three, pushed along the line from one of them to the middle: they pivot.
+
+    The pocket's spheres are of size s: contacts lie at sine q = 2 s / (sqrt 3 (1 + s)) off the vertical. The sphere
+    leaves the back one and turns about the two in front when F cos q = W sin q / 2 times the push.
+    """
+    rng, count = np.random.default_rng(1), 400
+    size, push = rng.uniform(0.5, 1.5, count), rng.uniform(0.05, 0.4, count)
+    sine = 2.0 * size / (np.sqrt(3.0) * (1.0 + size))
+    cosine = np.sqrt(1.0 - sine**2)
+    around = np.radians([180.0, 60.0, -60.0])
+    points = np.stack(
+        [sine[:, None] * np.cos(around), sine[:, None] * np.sin(around), np.tile(-cosine[:, None], 3)], axis=2
+    )
+    cases = Cases(
+        points=points,
+        normals=points,
+        force=push[:, None] * [1.0, 0.0, 0.0],
+        couple=np.zeros((count, 3)),
+        weight=np.tile([0.0, 0.0, -1.0], (count, 1)),
+        centre=np.zeros((count, 3)),
+        friction=np.full(count, 0.5),
+        mass=np.full(count, np.nan),
+        inertia=np.full((count, 3, 3), np.nan),
+    )
+    batch = judge_many(cases)
+    assert batch.factors == pytest.approx(0.5 * sine / cosine / push, rel=1e-9)
+    assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 20
+
+
+def test_processes_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = random_cases(90, 2, space=False)
+    once = judge_many(cases)
+    monkeypatch.setattr("incipient.contact.batch.CHUNK", 40)
+    twice = judge_many(cases, jobs=2)
+    assert twice.mode_names == once.mode_names and np.array_equal(twice.factors, once.factors)
+
+
+COLUMNS = ["force_x", "force_y", "couple", "weight_x", "weight_y", "centre_x", "centre_y", "friction", "mass"]
+COLUMNS += [
+    "inertia",
+    *(f"{kind}_{i}_{axis}" for i in (1, 2) for kind in ("contact", "normal") for axis in "xy"),
+]
+
+
+def rows_of(cases: Cases) -> list[list[str]]:
+    """Cases of two contacts in the plane as cells of a table."""
+    geometry = [part[:, i, :2] for i in range(2) for part in (cases.points, cases.normals)]
+    table: Floats = np.column_stack(
+        [
+            cases.force[:, :2],
+            cases.couple[:, 2],
+            cases.weight[:, :2],
+            cases.centre[:, :2],
+            cases.friction,
+            cases.mass,
+            cases.inertia[:, 2, 2],
+            *geometry,
+        ]
+    )
+    return [list(map(repr, row)) for row in table.tolist()]
+
+
+def write(path: Path, rows: list[list[str]], columns: list[str] = COLUMNS) -> Path:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        csv.writer(stream).writerows([columns, *rows])
+    return path
+
+
+def written(directory: Path) -> list[dict[str, str]]:
+    with (directory / "verdicts.csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+# What is put in which column, and what is said of it; None: the case still has an answer.
+WRONG = [
+    ("force_x", "abc", 'force_x is "abc"; give a number'),
+    ("force_y", "1_0", 'force_y is "1_0"; give a number'),
+    ("weight_x", "nan", "weight_x is empty or not finite; give a number"),
+    ("couple", "inf", "couple is empty or not finite; give a number"),
+    ("friction", "", "friction is empty or not finite; give a number"),
+    ("friction", "-0.5", "friction -0.5 is not a coefficient; give a number that is not negative"),
+    ("contact_1_x", "", "contacts: points contain a number that is not finite; give finite numbers"),
+    ("normal_2_y", "7", "give unit normals"),
+    ("mass", "-1", "mass -1.0 is not positive; give the grain's mass"),
+    ("mass", "", "mass nan is not positive; give the grain's mass"),
+    ("inertia", "0", "inertia is not positive definite; give positive moments about every axis, also in 2D"),
+    ("force_x", "1e300", None),
+    ("weight_y", "1e-200", None),
+    ("contact_2_x", "1e160", None),
+    ("centre_x", "-1e200", None),
+]
+
+
+def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) -> None:
+    """10,000 rows, of which 1,500 hold nonsense, and some have cells too many or no contact."""
+    rows = rows_of(random_cases(10_000, 2, space=False))
+    right = judge_table(open_table(write(tmp_path / "right.csv", rows), []), tmp_path / "right", 1, Silent())
+    assert right.failed == 0
+    expected, rng = written(tmp_path / "right"), np.random.default_rng(3)
+    said: dict[int, str | None] = {}
+    for place in rng.choice([one for one in range(10_000) if one % 1000 > 1], 1500, replace=False).tolist():
+        column, value, reason = WRONG[int(rng.integers(len(WRONG)))]
+        rows[place][COLUMNS.index(column)] = value
+        said[place] = reason
+    for place in range(0, 10_000, 1000):
+        rows[place], said[place] = [*rows[place], "0"], "has 19 cells for 18 columns; give one for each"
+        none = [*rows[place + 1][:10], *[""] * 8]
+        rows[place + 1], said[place + 1] = (
+            none,
+            "there is none; a grain that touches nothing cannot be judged",
+        )
+    found = judge_table(open_table(write(tmp_path / "wrong.csv", rows), []), tmp_path / "wrong", 1, Silent())
+    answers = written(tmp_path / "wrong")
+    assert [row["row"] for row in answers] == [str(place + 1) for place in range(10_000)]
+    for place, (answer, before) in enumerate(zip(answers, expected, strict=True)):
+        reason = said.get(place, "")
+        # Where a grain rests nobody asks for its inertia.
+        if reason == "" or (
+            reason and ("mass" in reason or "inertia" in reason) and before["mode"] == "rest"
+        ):
+            assert answer | {"safety_factor": ""} == before | {"safety_factor": ""}
+            assert float(answer["safety_factor"]) == pytest.approx(float(before["safety_factor"]), rel=1e-12)
+        elif reason is not None:
+            assert reason in answer["reason"] and answer["safety_factor"] == answer["mode"] == ""
+        else:
+            assert answer["reason"] or float(answer["safety_factor"]) >= 0.0
+    assert found.failed == sum(answer["reason"] != "" for answer in answers)
+
+
+class Killed(Silent):
+    """Ends a call after some chunks."""
+
+    def __init__(self, after: int):
+        self.left = after
+
+    def count(self, what: str, done: int, total: int) -> None:
+        self.left -= 1
+        if not self.left:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped after two chunks of five, a second call judges the other three, and says what one call does."""
+    for module in (batch_table, judge_batch):
+        monkeypatch.setattr(module, "CHUNK", 40)
+    path = write(tmp_path / "cases.csv", rows_of(random_cases(190, 2, space=False)))
+    whole = judge_table(open_table(path, []), tmp_path / "whole", 1, Silent())
+    with pytest.raises(KeyboardInterrupt):
+        judge_table(open_table(path, []), tmp_path / "out", jobs, Killed(2))
+    chunks = sorted((tmp_path / "out" / "verdicts.chunks").glob("*.csv"))
+    assert len(chunks) == 2
+    before = {one: one.stat().st_mtime_ns for one in chunks}
+    other = write(tmp_path / "other.csv", rows_of(random_cases(190, 2, space=False, flat=True)))
+    with pytest.raises(OutputError, match="holds chunks of another table"):
+        judge_table(open_table(other, []), tmp_path / "out", 1, Silent())
+    assert {one: one.stat().st_mtime_ns for one in chunks} == before
+    found = judge_table(open_table(path, []), tmp_path / "out", 1, Silent())
+    assert found.kept == 2 and found.modes == whole.modes
+    assert written(tmp_path / "out") == written(tmp_path / "whole")
+    assert not (tmp_path / "out" / "verdicts.chunks").exists()
+
+
+def test_parquet_as_csv(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    rows = rows_of(random_cases(60, 2, space=False))
+    rows[7][COLUMNS.index("contact_2_x")] = rows[8][COLUMNS.index("force_x")] = ""
+    judge_table(open_table(write(tmp_path / "cases.csv", rows), []), tmp_path, 1, Silent())
+    columns = [[float(cell) if cell else None for cell in column] for column in zip(*rows, strict=True)]
+    parquet.write_table(pyarrow.table(columns, names=COLUMNS), tmp_path / "cases.parquet")
+    judge_table(open_table(tmp_path / "cases.parquet", []), tmp_path, 1, Silent())
+    stored = parquet.read_table(tmp_path / "verdicts.parquet").to_pylist()
+    for one, other in zip(stored, written(tmp_path), strict=True):
+        assert (one["mode"], one["reason"]) == (other["mode"], other["reason"])
+        assert one["safety_factor"] == (float(other["safety_factor"]) if other["safety_factor"] else None)
+
+
+def test_parquet_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert cli.main(["judge", "--batch", str(tmp_path / "cases.parquet")]) == 6
+    complaint = capsys.readouterr().err
+    assert complaint.count("\n") == 1 and "pip install 'incipient[parquet]'" in complaint
+
+
+@pytest.mark.parametrize(
+    ("columns", "settings", "said"),
+    [
+        (
+            [name for name in COLUMNS if name != "friction"],
+            [],
+            "no column friction; give it, or --set friction=VALUE",
+        ),
+        ([*COLUMNS, "fricton"], [], "column fricton is not known"),
+        ([*COLUMNS, "mass"], [], "two columns mass"),
+        (COLUMNS, ["mass=2"], "two columns mass"),
+        (COLUMNS, ["about_x=left"], "--set about_x=left: is no number"),
+        ([*COLUMNS, "contact_4_x"], [], "no column contact_3_x"),
+        ([*COLUMNS, "force_z"], [], "no column weight_z"),
+    ],
+)
+def test_wrong_columns_are_refused(
+    columns: list[str], settings: list[str], said: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path / "cases.csv", [["1"] * len(columns)], columns)
+    assert said in message(lambda: open_table(path, settings))
+
+
+def test_couples_about_a_point_and_friction_for_all(tmp_path: Path) -> None:
+    """A push at the height of the ground does not tip, one above the centre does; friction is given for all rows."""
+    columns = [name for name in COLUMNS if name not in ("friction", "mass", "inertia")] + [
+        "about_x",
+        "about_y",
+    ]
+    block = ["-2", "0", "0", "-1", "2", "0", "0", "-1"]
+    rows = [["5", "0", "0", "0", "-1", "0", "0.5", *block, "0", height] for height in ("0", "1")]
+    table = open_table(write(tmp_path / "cases.csv", rows, columns), ["friction=9"])
+    judge_table(table, tmp_path, 1, Silent())
+    # W b / (F h) = 2 / 5
+    low, high = (float(row["safety_factor"]) for row in written(tmp_path))
+    assert low == pytest.approx(9.0 / 5.0) and high == pytest.approx(0.4)
+
+
+def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> None:
+    order = ["judge", "--batch", str(CASES / "batch.csv"), "--out", str(tmp_path / "out")]
+    assert cli.main(order) == 0
+    assert 'row 6: force_x is "x"; give a number' in capsys.readouterr().out
+    *rows, wrong = written(tmp_path / "out")
+    # Statics: moments about a contact; the same in twice the flow; friction; a lever; a disc that nothing holds.
+    expected = [0.25 / (0.3 * 0.5 * np.cos(np.radians(30)) + 0.04), None, 0.5 / 0.6, 0.2 / 0.5 / 0.6, 0.0]
+    expected[1] = 0.5 * expected[0]
+    assert [float(row["safety_factor"]) for row in rows] == pytest.approx(expected, rel=1e-5)
+    assert [row["mode"] for row in rows] == ["rest", "pivoting", "sliding", "pivoting", "rolling"]
+    assert wrong["mode"] == "" and rows[0]["name"] == "disc in a pocket of two"
+    summary = json.loads((tmp_path / "out" / "batch.json").read_text())
+    assert (summary["cases"], summary["failed"]) == (6, 1)
+    (tmp_path / "out" / "verdicts.csv").write_text("mine")
+    assert cli.main(order) == 5 and "is not of an incipient run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "there is no case; give a case file, or --batch FILE"),
+        (["case.toml", "--batch", "cases.csv"], "leave out case.toml"),
+        (["--batch", "absent.csv"], "absent.csv: cannot be read (No such file or directory)"),
+        (["--batch", "absent.csv", "--jobs", "0"], "--jobs: is 0; give 1 or more"),
+    ],
+)
+def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
+    assert cli.main(["judge", *options]) == 2
+    assert said in capsys.readouterr().err
