@@ -96,6 +96,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ("show", "showing", options.of_show, "draw the pictures of a finished run, or animate its flow"),
         ("report", "showing", options.of_report, "write one HTML page of results, to be read anywhere"),
         ("sweep", "sweep", options.of_sweep, "run or judge many cases, or find their thresholds"),
+        ("survey", "survey", options.of_survey, "find the thresholds of the exposed grains of a bed of many"),
         ("table", "tabulate", options.of_table, "print the results of a sweep, a row for each case"),
         ("judge", "judge", options.of_judge, "judge forces and contacts of a case file, without a flow"),
         ("new", "writing", options.of_new, "write a commented example scene"),

@@ -161,7 +161,7 @@ class Ground(ExactSurface):
 
     @cached_property
     def _search(self) -> tuple[NearestOf, int]:
-        """The centres of the balls, all of one size, and how many of them at most round a valley together.
+        """The centres of the balls, and how many of them at most round a valley together.
 
         Balls nearer to a point than the fillet have centres nearer to each other than two radii and two fillets.
         """
@@ -173,9 +173,11 @@ class Ground(ExactSurface):
         """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
         assert self._balls is not None
         balls = self._balls
+        if balls.posts is not None:
+            return balls.rough(x)
         nearest, count = self._search
         above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
-        away = nearest.distances(x, count) - balls.radii.max(initial=0.0)
+        away = nearest.distances(x, count, balls.radii)
         return np.concatenate([above, away])
 
     def distance(self, x: Floats) -> Floats:

@@ -19,6 +19,7 @@ from incipient.geometry import (
     Superquadric,
     Triangulated,
 )
+from incipient.geometry.space.heap import SphereHeap
 
 TORUS = trimesh.creation.torus(0.5, 0.2, 16, 12)
 POINTS = np.random.default_rng(5).normal(size=(14, 3)) * [0.5, 0.4, 0.3]
@@ -47,6 +48,9 @@ TERRAINS = {
     "plane": Plane((0.3, -0.2), 0.1),
     "square half-balls": Hemispheres(0.4, 1.0, "square", (0.1, 0.2), 0.3),
     "triangular overlapping half-balls": Hemispheres(0.5, 0.8, "triangular"),
+    "heap": SphereHeap(
+        [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]], [0.9, 0.5, 0.3, 0.6], 0.3
+    ),
     "ridges": Ridges(0.1, 1.0, 0.4, 0.2),
     "callable": Relief(lambda x: 0.2 * np.sin(3.0 * x[:, 0]) * np.cos(2.0 * x[:, 1]), 0.5),
     "height map": HeightMap(0.2 * np.sin(3.0 * X) * np.cos(2.0 * Y), (0.1, 0.1), (-4.0, -4.0, 0.0)),

@@ -190,6 +190,21 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     add("--dry-run", action="store_true", help="say how many cases there are, and what they take")
 
 
+def of_survey(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient survey`."""
+    add = parser.add_argument
+    add("bed", type=Path, help="survey file (TOML)")
+    overrides(parser, "bed.seed=2")
+    add("--out", type=named, help="directory for the results (default: results/NAME OF THE FILE_survey)")
+    text = (
+        "compute so many full runs more, of grains whose loads are least sure (default: runs.number in all)"
+    )
+    add("--runs", type=int, default=0, metavar="N", help=text)
+    add("--jobs", type=int, metavar="N", help="runs at a time (default: by cores)")
+    add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
+    add("--retry", action="store_true", help="compute runs again that have failed")
+
+
 def _share(text: str) -> float:
     try:
         return float(text)

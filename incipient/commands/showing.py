@@ -12,7 +12,15 @@ from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart,
 from .options import OF_SWEEPS, require_left_by
 
 # What one of the commands leaves in a directory of results.
-RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "series.json", "scene.toml")
+RECORDS = (
+    "result.json",
+    "threshold.json",
+    "judgement.json",
+    "cost.json",
+    "series.json",
+    "survey.json",
+    "scene.toml",
+)
 
 
 def show(options: argparse.Namespace, comm: Comm) -> int:

@@ -43,6 +43,7 @@ KEYS: dict[str, Collection[str]] = {
     "judgement.json": ("verdict", "probabilities"),
     "series.json": ("samples", "shares", "events"),
     "batch.json": ("cases", "failed", "modes"),
+    "survey.json": ("request", "exposed", "mobile"),
 }
 HEADS = {
     "history.csv": "time,step,newton,",

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
 from . import style
-from .charts import cost, entrainment, gusts
+from .charts import cost, entrainment, gusts, survey
 from .flow import cells, elevation, fields, walls
 from .motion import trajectory
 from .record import StoredRun, read
@@ -23,6 +23,7 @@ _OTHERS = {
     "threshold.json": threshold,
     "gusts.json": gusts,
     "entrainment.json": entrainment,
+    "survey.json": survey,
     "cost.json": cost,
     "series.json": series,
     "judgement.json": judgement,
@@ -35,8 +36,8 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
     for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), critical
-    gusts (gusts.json), motion in a fluctuating stream (entrainment.json), a judged case (judgement.json), a judged
-    series (series.json), a study of what accuracy costs (cost.json): one picture each.
+    gusts (gusts.json), motion in a fluctuating stream (entrainment.json), a bed of grains (survey.json), a judged case
+    (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
 
     Args:
         announce: called with the path of every picture as soon as it is there.

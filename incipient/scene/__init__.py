@@ -25,13 +25,23 @@ from .shapes import (
 )
 from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
 from .surface import Surface
-from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
+from .terrains import HeapBed, HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
 from .units import Units
 
 __all__ = ["Bed", "Body", "Box", "Contact", "Cylinder", "Disc", "Discs", "Domain", "Effects", "Ellipse"]
 __all__ += ["Ellipsoid", "ExpressionFlow", "Flat", "Flow", "Fluid", "Gravity", "HalfDiscs"]
-__all__ += ["HeightMapBed", "Inclined", "Lid", "LogLaw", "Mesh", "MeshBed", "Numerics", "OpenChannel"]
+__all__ += [
+    "HeapBed",
+    "HeightMapBed",
+    "Inclined",
+    "Lid",
+    "LogLaw",
+    "Mesh",
+    "MeshBed",
+    "Numerics",
+    "OpenChannel",
+]
 __all__ += ["Output", "Poiseuille", "Polygon", "Polyhedron", "Polyline", "Rectangle", "RidgeBed"]
 __all__ += ["Scene", "Shear", "Sinusoidal", "Sphere", "SphereBed", "Spheres", "Star", "Still"]
 __all__ += ["Superellipse", "Superquadric", "Surface", "Time", "Turbulence", "Uniform", "Units", "dumps"]

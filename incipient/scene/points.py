@@ -34,25 +34,42 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
 
     Raises ValidationError about the key `file` of a section where there are not `fewest` to MOST_POINTS points.
     """
+    rows = read_numbers(path, 2, MOST_POINTS, section, "x, y", fewest)
+    return [(x, y) for x, y in rows]
+
+
+def read_numbers(
+    path: Path, columns: int, most: int, section: str, names: str, fewest: int = 1
+) -> list[tuple[float, ...]]:
+    """Rows of numbers of a CSV file, so many columns each; headings and comments are passed over as by `read_points`.
+
+    Raises ValidationError about the key `file` of a section where there are not `fewest` to `most` rows.
+    """
     if path.exists() and not (path.is_file() or path.is_dir()):  # one would wait for a pipe for ever
-        raise about_file(section, f"{path} is a pipe or a device", "give the name of a CSV file of x, y")
+        raise about_file(section, f"{path} is a pipe or a device", f"give the name of a CSV file of {names}")
     try:
         lines = file_text(path).splitlines()
     except (OSError, UnicodeDecodeError, ValueError) as error:
         why = (isinstance(error, OSError) and error.strerror) or "not UTF-8 text"
-        remedy = "give the name of a CSV file of x, y"
+        remedy = f"give the name of a CSV file of {names}"
         raise about_file(section, f"{path} cannot be read ({why})", remedy) from None
     try:
         rows = list(enumerate(csv.reader(lines), 1))
     except csv.Error as error:
-        raise about_file(section, f"{path} is no table ({error})", "write two numbers x, y a line") from None
+        raise about_file(
+            section, f"{path} is no table ({error})", f"write the numbers {names} a line"
+        ) from None
     rows = [(k, row) for k, row in rows if row and not row[0].lstrip().startswith("#")]
     if rows and not any(_is_number(cell) for cell in rows[0][1]):
         rows = rows[1:]
-    if not fewest <= len(rows) <= MOST_POINTS:
-        remedy = f"give {'two' if fewest == 2 else 'three'} or more points, {MOST_POINTS} at most"
-        raise about_file(section, f"{path} has {counted(len(rows), 'point')}", remedy)
-    return [_point(section, f"{path} line {number}", row) for number, row in rows]
+    if not fewest <= len(rows) <= most:
+        number = {1: "one", 2: "two"}.get(fewest, "three")
+        raise about_file(
+            section,
+            f"{path} has {counted(len(rows), 'point')}",
+            f"give {number} or more points, {most} at most",
+        )
+    return [_numbers(section, f"{path} line {number}", row, columns, names) for number, row in rows]
 
 
 def file_key(kinds: str, instead: str, example: str) -> Any:
@@ -90,12 +107,12 @@ def about_file(section: str, why: str, remedy: str) -> ValidationError:
     return refusal(section, [Problem(("file",), why, remedy)])
 
 
-def _point(section: str, place: str, row: Sequence[str]) -> Point:
-    if len(row) != 2 or not all(_is_number(cell) for cell in row):
-        raise about_file(
-            section, f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line"
-        )
-    return float(row[0]), float(row[1])
+def _numbers(section: str, place: str, row: Sequence[str], columns: int, names: str) -> tuple[float, ...]:
+    if len(row) != columns or not all(_is_number(cell) for cell in row):
+        number = {2: "two", 3: "three", 4: "four"}.get(columns, str(columns))
+        remedy = f"write {number} finite numbers {names} a line"
+        raise about_file(section, f'{place} is "{",".join(row)[:40]}"', remedy)
+    return tuple(float(cell) for cell in row)
 
 
 def _is_number(cell: str) -> bool:

@@ -13,12 +13,15 @@ from pydantic import Field, ValidationInfo, model_validator
 from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
+from ..geometry.space.heap import SphereHeap
 from ..geometry.space.packing import Packing
 from .messages import Problem, refusal, shown, split
-from .points import about_file, file_key, with_file_read
+from .points import about_file, file_key, read_numbers, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, key
 from .shapes import BedSection
+from .solids import Ball
 
+MOST_SPHERES = 10_000  # of a heap
 _FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
 Heights = Annotated[
     tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
@@ -73,6 +76,43 @@ class SphereBed(TerrainSection):
             return geometry.Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
         kind = self.arrangement
         return Packing(self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed)
+
+
+class HeapBed(TerrainSection):
+    """Spheres of any sizes, each where it is given, above the base plane."""
+
+    kind: Literal["heap"] = key("Kind of bed", "heap")
+    file: str | None = file_key("CSV file of x, y, z, radius,", "spheres", "bed.csv")
+    spheres: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
+        "x, y, z above the base plane, and radius of each sphere [length]", ()
+    )
+    posts: Annotated[tuple[Ball, ...], Field(strict=False)] = key(
+        "The same of spheres that reach down to the base plane as cylinders [length]", ()
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its spheres, so that the scene no longer depends on where it was read."""
+
+        def listed(path: Path) -> dict[str, Any]:
+            """The spheres in a file."""
+            return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
+
+        return with_file_read("HeapBed", "spheres", data, info, listed, "give the name of a CSV file")
+
+    @model_validator(mode="after")
+    def _is_a_heap(self) -> HeapBed:
+        if len(self.spheres) > MOST_SPHERES:
+            raise self.refused("spheres", f"are {len(self.spheres)}", f"give {MOST_SPHERES} at most")
+        self.require("spheres", lambda: self.terrain(0.0))
+        return self
+
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
+        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
+        posts = np.arange(len(given)) >= len(self.spheres)
+        return SphereHeap(given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts)
 
 
 class RidgeBed(TerrainSection):
@@ -202,4 +242,4 @@ def _require_numbers(section: str, key: str, value: Any) -> None:
     raise refusal(section, [Problem((key,), f"is {shown(value)}", remedy)])
 
 
-TerrainBed = SphereBed | RidgeBed | HeightMapBed | MeshBed
+TerrainBed = SphereBed | HeapBed | RidgeBed | HeightMapBed | MeshBed

@@ -54,6 +54,7 @@ FLOORS = (
         ("output",),
         ("cost",),
         ("sweep",),
+        ("survey",),
         ("pictures",),
         ("reporting",),
         ("__init__",),
@@ -225,7 +226,7 @@ BOUNDS = {
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
     "files that name turbulence": 34,
-    "lines": 62115,
+    "lines": 64240,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)

@@ -372,7 +372,9 @@ class SpatialProximity:
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
         """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
         drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
-        minima = self.minima(placement, drop + 1e-9 * self.size)
+        minima, reach = self.minima(placement, drop + 1e-9 * self.size), self.size
+        while not len(minima):  # next to a bed that overhangs it the grain is nearer than its way down says
+            minima, reach = self.minima(placement, reach), 2.0 * reach
         k = int(np.argmin(minima.gaps))
         gap, point = float(minima.gaps[k]), minima.points[k]
         return gap, point, point - gap * minima.normals[k]

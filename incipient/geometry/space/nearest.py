@@ -164,9 +164,17 @@ class NearestOf:
         distance, number = self.tree.query(x)
         return distance, number
 
-    def distances(self, x: Floats, count: int) -> Floats:
-        """The distances (count, n) of points (n, 3) from the `count` nearest ones, infinite where there are fewer."""
-        return np.asarray(self.tree.query(x, [*range(1, 1 + count)])[0].T)
+    def distances(self, x: Floats, count: int, radii: Floats) -> Floats:
+        """The distances (count, n) of points (n, 3) from balls of radii (m,) about the `count` nearest points.
+
+        Infinite where there are fewer.
+        """
+        away, which = self.tree.query(x, [*range(1, 1 + count)])
+        return np.asarray((away - np.append(radii, 0.0)[which]).T)
+
+    def within(self, x: Floats, distances: Floats) -> list[np.ndarray]:
+        """Numbers of the points within distances (n,) of each of others (n, d)."""
+        return [np.array(one, dtype=int) for one in self.tree.query_ball_point(x, distances)]
 
     def most_within(self, reach: float) -> int:
         """How many of the points lie within a distance of any one of them, itself included; at least 1."""

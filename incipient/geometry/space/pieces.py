@@ -31,13 +31,14 @@ class Sight:
 class HalfSpacesAndBalls:
     """Half-spaces below planes through `origins` (p, 3) with unit normals (p, 3), then balls.
 
-    Balls have `centres` (b, 3) and `radii` (b,).
+    Balls have `centres` (b, 3) and `radii` (b,); those that are `posts` (b,) reach downwards without end.
     """
 
     origins: Floats
     directions: Floats
     centres: Floats
     radii: Floats
+    posts: np.ndarray | None = None
 
     @property
     def flat(self) -> np.ndarray:
@@ -47,8 +48,15 @@ class HalfSpacesAndBalls:
     def rough(self, points: Floats) -> Floats:
         """The exact distances (k, n)."""
         above = points @ self.directions.T - (self.origins * self.directions).sum(axis=1)
-        away = np.linalg.norm(points[:, None] - self.centres, axis=2) - self.radii
+        away = np.linalg.norm(self._beside(points[:, None], np.arange(len(self.radii))), axis=2) - self.radii
         return np.concatenate([above.T, away.T])
+
+    def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
+        """Vectors (..., 3) to points from the centres of balls, from the axes of posts below these."""
+        away = points - self.centres[balls]
+        if self.posts is not None:
+            away[..., 2] = np.where(self.posts[balls], np.maximum(away[..., 2], 0.0), away[..., 2])
+        return np.asarray(away)
 
     def sight(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
         """Closed formulae; `near` does not matter."""
@@ -58,7 +66,7 @@ class HalfSpacesAndBalls:
         plane, ball = which[flat], which[~flat] - len(self.origins)
         normals[flat] = self.directions[plane]
         gaps[flat] = ((points[flat] - self.origins[plane]) * normals[flat]).sum(axis=1)
-        away = points[~flat] - self.centres[ball]
+        away = self._beside(points[~flat], ball)
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
         normals[~flat] = away / length[:, None]
         gaps[~flat] = length - self.radii[ball]

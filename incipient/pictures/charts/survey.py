@@ -1,0 +1,181 @@
+"""The picture of a survey, the bed seen from above and its distributions, and its spheres for ParaView."""
+
+from __future__ import annotations
+
+import csv
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pyvista
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from ...arrays import Floats
+from ...errors import OutputError
+from ...files import reported
+from .. import style
+from ..record import drawn
+
+_WIDE, _HIGH = 10.0, 7.6  # inches
+_ROUND = 16  # points around a sphere for ParaView
+_DARKEST = 0.55  # shade of the lowest spheres
+
+
+def draw(directory: Path) -> list[Path]:
+    """Draw survey.png and write survey.vtp, from the files of a survey in a directory. Not collective.
+
+    Raises OutputError as `record.drawn` does.
+    """
+    try:
+        grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(f"{directory}: its tables cannot be read ({error}); survey it again") from error
+    made = drawn(
+        directory / "survey.json", lambda stored: _figure(stored, grains, spheres), "survey it again"
+    )
+    return [*made, _for_paraview(directory / "survey.vtp", grains, spheres)]
+
+
+def _table(path: Path) -> dict[str, Floats]:
+    """The columns with numbers of a CSV file; empty cells are NaN."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
+    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+
+
+def _figure(stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]) -> Figure:
+    figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
+    sides = figure.subplots(2, 2)
+    _map(figure, sides[0, 0], stored, grains, spheres)
+    _pivots(sides[0, 1], stored, grains)
+    _mobile(sides[1, 0], stored)
+    _by_protrusion(sides[1, 1], grains)
+    figure.suptitle(textwrap.fill(stored["title"] or "A bed of grains", 80), fontsize="medium")
+    return figure
+
+
+def _map(
+    figure: Figure, axes: Axes, stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]
+) -> None:
+    """All spheres from above, the higher over the lower; those that may go coloured by their threshold."""
+    order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
+    top = spheres["z"][order]
+    shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
+    circles = [Circle((spheres["x"][k], spheres["y"][k]), 0.5 * spheres["diameter"][k]) for k in order]
+    values, label, norm = _coloured(grains)
+    colours = np.column_stack([shades, shades, shades, np.ones(len(shades))])
+    place = {int(number): row for row, number in enumerate(grains["number"])}
+    palette = mpl.colormaps["viridis_r"]
+    for position, k in enumerate(order.tolist()):
+        row = place.get(k)
+        if row is not None and np.isfinite(values[row]):
+            colours[position] = palette(norm(values[row]))
+    axes.add_collection(PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3))
+    azimuth = np.radians(stored["request"]["flow"]["azimuth"])
+    axes.annotate(
+        "flow",
+        (0.5 + 0.06 * np.cos(azimuth), 1.04 + 0.06 * np.sin(azimuth)),
+        (0.5 - 0.06 * np.cos(azimuth), 1.04 - 0.06 * np.sin(azimuth)),
+        xycoords="axes fraction",
+        arrowprops={"arrowstyle": "->", "color": style.FLOW},
+        color=style.FLOW,
+        ha="right",
+        va="center",
+    )
+    axes.set(aspect="equal", xlabel="x [length]", ylabel="y [length]")
+    axes.autoscale_view()
+    shown = mpl.cm.ScalarMappable(norm, palette)
+    figure.colorbar(shown, ax=axes, label=label, shrink=0.9)
+
+
+def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
+    """What grains are coloured by: their thresholds, or, where there are none, pivot angles of those that are free."""
+    if "stress" in grains and np.isfinite(grains["stress"]).any():
+        values = grains["stress"]
+        finite = values[np.isfinite(values) & (values > 0.0)]
+        return values, "critical Shields number by the median grain [-]", LogNorm(finite.min(), finite.max())
+    values = np.where(grains["carries"] == 0.0, grains["pivot"], np.nan)
+    return values, "pivot angle [degrees]", Normalize(0.0, 90.0)
+
+
+def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> None:
+    """Share of the free grains below a pivot angle, reduced to the median size, beside Kirchner's law."""
+    free = grains["carries"] == 0.0
+    sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
+    reduced = np.sort(grains["pivot"][free] * sizes**0.3)
+    axes.plot(reduced, (np.arange(len(reduced)) + 0.5) / len(reduced), color=style.FLOW, label="free grains")
+    law = [row["kirchner"] for row in stored["pivots"]]
+    shares = [0.01 * row["percentile"] for row in stored["pivots"]]
+    axes.plot(law, shares, "--", color=style.INK, label="Kirchner et al. 1990, water-worked mixtures")
+    axes.set(
+        xlabel="pivot angle, (D/K50)^0.3 times [degrees]",
+        ylabel="share of grains below [-]",
+        xlim=(0.0, 90.0),
+    )
+    axes.set_ylim(0.0, 1.25)
+    axes.legend(loc="upper left")
+
+
+def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
+    """Share of the free grains that is mobile against the Shields number."""
+    curve, others = stored["mobile"], stored["constant_drag"]
+    if curve:
+        shields, mobile, low, high = (
+            np.array([row[name] for row in curve]) for name in ("shields", "mobile", "low", "high")
+        )
+        axes.fill_between(shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="95%")
+        axes.plot(shields, mobile, color=style.FLOW, label="this survey")
+    known = [row for row in others if row["shields"] is not None]
+    places, shares = [row["shields"] for row in known], [0.01 * row["percentile"] for row in known]
+    axes.plot(
+        places, shares, "o--", color=style.PUSH, markersize=3, label="drag coefficient 0.76 and a log law"
+    )
+    axes.set(xlabel="Shields number by the median grain [-]", ylabel="share of free grains mobile [-]")
+    axes.set(xscale="log", ylim=(0.0, 1.0))
+    axes.legend(loc="upper left")
+
+
+def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
+    """Critical Shields number, or without loads the pivot angle, against protrusion."""
+    free = grains["carries"] == 0.0
+    axes.set_xlabel("protrusion over the mean surface [diameters]")
+    if "shields" not in grains or not np.isfinite(grains["shields"]).any():
+        axes.plot(grains["protrusion"][free], grains["pivot"][free], "o", color=style.FLOW, markersize=3)
+        axes.set_ylabel("pivot angle [degrees]")
+        return
+    shown = free & np.isfinite(grains["shields"]) & (grains["shields"] > 0.0)
+    x, y = grains["protrusion"][shown], grains["shields"][shown]
+    high = np.where(np.isfinite(grains["shields_high"][shown]), grains["shields_high"][shown], 10.0 * y)
+    below, above = np.maximum(y - grains["shields_low"][shown], 0.0), np.maximum(high - y, 0.0)
+    looks: style.Looks = {"fmt": "o", "color": style.FLOW, "markersize": 3, "elinewidth": 0.7}
+    axes.errorbar(x, y, yerr=[np.minimum(below, 0.99 * y), above], **looks)
+    axes.set(yscale="log", ylabel="critical Shields number [-]")
+
+
+def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floats]) -> Path:
+    """Write the spheres as triangles with numbers, diameters and thresholds; NaN where there is none."""
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
+    places = np.column_stack([spheres["x"], spheres["y"], spheres["z"]])
+    points = places[:, None] + spheres["diameter"][:, None, None] * ball.points
+    count, corners = len(ball.points), ball.faces.reshape(-1, 4)[:, 1:]
+    triangles = np.arange(len(places))[:, None, None] * count + corners
+    faces = np.insert(triangles.reshape(-1, 3), 0, 3, axis=1)
+    made = pyvista.PolyData(points.reshape(-1, 3), faces.ravel())
+    fields = {"number": np.arange(len(places), dtype=float), "diameter": spheres["diameter"]}
+    for name in ("stress", "shields", "rank", "pivot", "protrusion", "carries"):
+        values = np.full(len(places), np.nan)
+        if name in grains:
+            values[grains["number"].astype(int)] = grains[name]
+        fields[name] = values
+    for name, values in fields.items():
+        made.point_data[name] = np.repeat(values, count)
+    with reported(path):
+        made.save(path)
+    return path

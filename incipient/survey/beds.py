@@ -1,0 +1,126 @@
+"""The grains of a bed as spheres: deposited, or read from files of measurements."""
+
+from __future__ import annotations
+
+import csv
+from functools import singledispatch
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+from pydantic import ValidationError
+
+from ..arrays import Floats
+from ..errors import SceneError
+from ..geometry.space.heightmap import HeightMap
+from ..scene.messages import one_line, problems_of
+from ..scene.points import file_text, read_numbers
+from .deposition import Spheres, deposited
+from .request import MOST_GRAINS, Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
+
+_G3POINT = ("Xc", "Yc", "Zc", "Dmax", "Dmed", "Dmin")
+FEWEST_PIXELS = 12  # of a label that is a grain
+
+
+@singledispatch
+def spheres_of(bed: object, base: Path) -> Spheres:
+    """The spheres that a section [bed] describes; its files are relative to `base`. Raises SceneError."""
+    raise NotImplementedError(type(bed).__name__)
+
+
+@spheres_of.register
+def _(bed: Deposited, base: Path) -> Spheres:
+    return deposited(_radii(bed), np.array([bed.length, bed.width]), bed.seed, bed.tries)
+
+
+def _radii(bed: Deposited) -> Floats:
+    random, count = np.random.default_rng([bed.seed, 1]), bed.number
+    if bed.diameters:
+        return 0.5 * random.choice(np.array(bed.diameters), count)
+    if bed.sizes == "uniform":
+        return 0.5 * bed.diameter * random.uniform(1.0 - bed.spread, 1.0 + bed.spread, count)
+    if bed.sizes == "lognormal":
+        # Truncated at two standard deviations: a rare giant would be as large as the bed.
+        drawn = np.clip(random.standard_normal(count), -2.0, 2.0)
+        return np.asarray(0.5 * bed.diameter * (1.0 + bed.spread) ** drawn)
+    return np.full(count, 0.5 * bed.diameter)
+
+
+@spheres_of.register
+def _(bed: MeasuredSpheres, base: Path) -> Spheres:
+    try:
+        rows = np.array(read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", "x, y, z, diameter", 3))
+    except ValidationError as error:
+        raise SceneError(one_line("bed", problems_of(error, MeasuredSpheres))) from None
+    return _measured(rows[:, :3], 0.5 * rows[:, 3], bed.file)
+
+
+@spheres_of.register
+def _(bed: MeasuredEllipsoids, base: Path) -> Spheres:
+    path = base / bed.file
+    try:
+        rows = list(csv.DictReader(file_text(path).splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or "not a table in UTF-8"
+        raise SceneError(f"bed.file: {path} cannot be read ({why}); give the name of a CSV file") from None
+    lacking = next((name for name in _G3POINT if not rows or name not in rows[0]), None)
+    if lacking is not None:
+        raise SceneError(
+            f"bed.file: {path} has no column {lacking}; write {', '.join(_G3POINT)} in the first row"
+        )
+    try:
+        table = np.array([[float(row[name]) for name in _G3POINT] for row in rows])
+    except (TypeError, ValueError):
+        raise SceneError(
+            f"bed.file: {path} has a cell that is no number; correct or remove that row"
+        ) from None
+    return _measured(table[:, :3], 0.5 * np.cbrt(table[:, 3:].prod(axis=1)), bed.file)
+
+
+@spheres_of.register
+def _(bed: LabelledHeights, base: Path) -> Spheres:
+    heights = HeightMap.from_file(base / bed.heights, bed.cell).heights * bed.relief
+    labels = _labels(base / bed.labels)
+    if labels.shape != heights.shape:
+        why = f"has {labels.shape} labels, {bed.heights} has {heights.shape} heights"
+        raise SceneError(f"bed.labels: {bed.labels} {why}; give as many of both")
+    names, pixels = np.unique(labels[labels > 0], return_counts=True)
+    centres, radii = [], []
+    for name in names[pixels >= FEWEST_PIXELS]:
+        row, column = np.nonzero(labels == name)
+        radius = np.sqrt(len(row) * bed.cell[0] * bed.cell[1] / np.pi)
+        top = heights[row, column].max()
+        x, y = np.array([column.mean(), row.mean()]) * bed.cell + bed.offset
+        centres.append([x, y, top - radius])
+        radii.append(radius)
+    return _measured(np.array(centres).reshape(-1, 3), np.array(radii), bed.labels)
+
+
+def _labels(path: Path) -> np.ndarray:
+    """Whole numbers (rows, columns) of ascending y, as heights are read. Raises SceneError."""
+    try:
+        if path.suffix == ".npy":
+            found = np.load(path, allow_pickle=False)
+        else:
+            with Image.open(path) as image:
+                found = np.asarray(image)[::-1]  # the first row of an image is at the far side
+    except (OSError, ValueError, UnidentifiedImageError) as error:
+        why = getattr(error, "strerror", None) or "not an image or array"
+        raise SceneError(
+            f"bed.labels: {path} cannot be read ({why}); give a PNG, TIFF or .npy file"
+        ) from None
+    if found.ndim != 2 or not np.issubdtype(found.dtype, np.integer):
+        raise SceneError(
+            f"bed.labels: {path} is no table of whole numbers; give one number a height, 0 for no grain"
+        )
+    return found
+
+
+def _measured(centres: Floats, radii: Floats, name: str) -> Spheres:
+    if len(radii) < 3 or not (
+        np.isfinite(centres).all() and np.isfinite(radii).all() and (radii > 0.0).all()
+    ):
+        raise SceneError(
+            f"bed: {name} has not three grains with finite places and positive diameters; correct it"
+        )
+    return Spheres(centres, radii)

@@ -1,0 +1,139 @@
+"""Full runs of the flow past grains of a bed: their scenes, what a sweep has found, and load coefficients.
+
+A scene has the grain's diameter, the shear rate and the fluid's density as units. Load coefficients are force over bed
+stress and diameter squared, and couple over bed stress and diameter cubed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
+from .pockets import TOUCHING, Pocket
+from .request import SurveyRequest
+
+BELOW = (
+    0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
+)
+SLENDER = 0.2  # diameters: radius of posts below which there are none
+WIDE = " wide gap"  # in titles of runs with twice the gap
+COMPONENTS = ("force_x", "force_y", "force_z", "couple_x", "couple_y", "couple_z")
+SHIELDS_RANGE = (0.003, 0.3)  # of the bed stress over which runs with inertia are spread
+CREEPING = 1.0  # Reynolds number that stands in scenes of creeping flow, where it has no effect
+
+
+@dataclass(frozen=True, eq=False)
+class LoadCoefficients:
+    """Load coefficients of a grain in a full run at a Reynolds number G d^2/nu: (6,), and their errors (6,) or None."""
+
+    number: int
+    reynolds: float
+    values: Floats
+    errors: Floats | None
+
+
+def scene_of(
+    pocket: Pocket,
+    level: float,
+    asked: SurveyRequest,
+    reynolds: float,
+    error_bars: bool = False,
+    wide: bool = False,
+) -> Scene:
+    """The scene of a full run: the grain where it is, among the neighbours near it, which are posts on a base plane.
+
+    Neighbours nearer than the gap that stands for contact are smaller by what is missing; `wide`: twice that gap.
+
+    level: mean height of the bed's surface above the grain's centre, in its diameters: there the shear begins, and
+    there the ground is that takes the place of the bed farther away.
+    """
+    radius, gap = 0.5, asked.runs.gap * (2.0 if wide else 1.0)
+    near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
+    apart = np.linalg.norm(near, axis=1)
+    base = min(float(near[apart - radii - radius < TOUCHING, 2].mean()), -radius - BELOW, level - BELOW)
+    radii = np.minimum(radii, apart - radius - gap)
+    kept = near[:, 2] + radii > base + BELOW
+    near, radii = near[kept], radii[kept]
+    aside = np.linalg.norm(near[:, :2], axis=1)
+    # The post of a neighbour that is higher and overhangs the grain would cut into it.
+    over = (near[:, 2] > 0.0) & (aside < radius + radii + BELOW)
+    length = asked.runs.domain
+    places = near + np.array([0.5 * length, 0.5 * length, -base])
+    slim = aside - radius - BELOW
+    slender = over & (slim > SLENDER)
+    posts = _rows(places[~over], radii[~over]) + _rows(places[slender], np.minimum(slim, radii)[slender])
+    with_inertia = asked.flow.galileo is not None
+    return Scene(
+        title=f"grain {pocket.number}{WIDE if wide else ''}",
+        domain=Domain(length=length, width=length, height=0.5 * length),
+        fluid=Fluid(reynolds=reynolds, scale="grain", inertia=with_inertia),
+        flow=Shear(rate=1.0, datum=level - base),
+        body=Sphere(diameter=1.0, centre=(0.5 * length, 0.5 * length, -base)),
+        bed=HeapBed(spheres=tuple(_rows(places[over], radii[over])), posts=tuple(posts)),
+        effects=Effects(inertia=with_inertia),
+        numerics=Numerics(
+            mesh_size=asked.runs.mesh_size,
+            order=3 if asked.runs.order == 3 else 2,
+            error_bars=error_bars,
+            meshed_bed=asked.runs.meshed_bed,
+        ),
+        output=Output(fields=False),
+    )
+
+
+def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, float]]:
+    return [(x, y, z, r) for (x, y, z), r in zip(places.tolist(), radii.tolist(), strict=True)]
+
+
+def reynolds_of(run: int, galileo: float | None) -> float:
+    """The Reynolds number of a run: of several spread evenly, in their logarithm, over what thresholds may need."""
+    if galileo is None:
+        return CREEPING
+    low, high = (math.log(shields * galileo**2) for shields in SHIELDS_RANGE)
+    place = (
+        run * 0.6180339887498949 + 0.5
+    ) % 1.0  # of the golden ratio, whose multiples fill an interval evenly
+    return float(f"{math.exp(low + place * (high - low)):.6g}")
+
+
+def grain_of(source: str) -> int:
+    """The number of the grain of a run, by the title of its scene."""
+    return int(source.split()[1])
+
+
+def coefficients_of(rows: Sequence[Mapping[str, Any]]) -> list[LoadCoefficients]:
+    """Load coefficients by rows of a sweep's table, of those that are done.
+
+    Errors are those of the run and by how much twice the gap changes it, where both are known.
+    """
+    done = {str(row["source"]): row for row in rows if row["status"] == "done"}
+    found = []
+    for source, row in done.items():
+        if source.endswith(WIDE):
+            continue
+        reynolds, values, errors = float(row["fluid.reynolds"]), _values(row), None
+        wide = done.get(source + WIDE)
+        if wide is not None and any(f"{name}_high" in row for name in COMPONENTS):
+            high = np.array([float(row.get(f"{name}_high", row.get(name, 0.0))) for name in COMPONENTS])
+            errors = reynolds * (high - values + np.abs(_values(wide) - values))
+        found.append(LoadCoefficients(grain_of(source), reynolds, reynolds * values, errors))
+    return found
+
+
+def _values(row: Mapping[str, Any]) -> Floats:
+    return np.array([float(row.get(name, 0.0)) for name in COMPONENTS])
+
+
+def share_of_error(found: Sequence[LoadCoefficients]) -> Floats:
+    """Errors (6,) of load coefficients: the median over runs that have estimated them, as a share of the drag.
+
+    Zero where none has.
+    """
+    shares = [one.errors / abs(one.values[0]) for one in found if one.errors is not None and one.values[0]]
+    return np.median(shares, axis=0) if shares else np.zeros(6)

@@ -1,0 +1,256 @@
+"""What a survey has found, as data: the grains, their thresholds, and the bed as a whole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from .deposition import Spheres
+from .laws import kirchner, with_constant_drag
+from .pockets import Pocket, Surface
+from .request import SurveyRequest
+from .thresholds import PERCENTILES, Threshold
+
+SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
+CURVE = 60  # Shields numbers of the curve of mobile grains
+FIRST = 10  # grains named in the text
+COLUMNS = (
+    *(
+        "number",
+        "x",
+        "y",
+        "z",
+        "diameter",
+        "visible",
+        "carries",
+        "contacts",
+        "protrusion",
+        "exposure",
+        "sheltered",
+    ),
+    *(
+        "backed",
+        "skew",
+        "shifted",
+        "pivot",
+        "critical_force",
+        "shields_constant_drag",
+        "loads",
+        "mode",
+        "shields",
+    ),
+    *("shields_low", "shields_high", "stress", "stress_low", "stress_high", "rank"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorRecord:
+    """How good the emulator is.
+
+    error, bar: root mean square over runs of the drag's error, each foretold by all others, over its mean; and of the
+        bars of one standard deviation
+    within: share of the six coefficients of these that were within 1.96 bars; mean_bar: of the critical Shields number
+        over grains without a run, as a share of it
+    to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None where none has it
+    """
+
+    runs: int
+    failed: int
+    error: float
+    bar: float
+    within: float
+    mean_bar: float
+    to_halve: int
+    flow: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyOutcome:
+    """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator."""
+
+    asked: SurveyRequest
+    spheres: Spheres
+    surface: Surface
+    exposed: int
+    pockets: Sequence[Pocket]
+    thresholds: Sequence[Threshold] = ()
+    emulator: EmulatorRecord | None = None
+
+    @property
+    def free(self) -> list[Pocket]:
+        """Exposed grains that carry no other one."""
+        return [one for one in self.pockets if not one.carries]
+
+    @property
+    def _stress(self) -> tuple[Floats, Floats]:
+        """Critical stresses (n,) and draws of them (n, k), over the submerged specific weight of the median grain."""
+        sizes = np.array([one.pocket.diameter for one in self.thresholds]) / self.surface.median
+        own = np.array([one.shields for one in self.thresholds])
+        return own * sizes, np.array([one.draws for one in self.thresholds]) * sizes[:, None]
+
+    def distribution(self) -> list[dict[str, float]]:
+        """Percentiles of the critical Shields number by the median grain, with 95% bars of each."""
+        own, draws = self._stress
+        rows = []
+        for share in SHARES:
+            low, high = np.quantile(
+                _percentile(draws, share), np.array(PERCENTILES) / 100.0, method="nearest"
+            )
+            rows.append({"percentile": share, "shields": float(_percentile(own[:, None], share)[0])})
+            rows[-1] |= {"low": float(low), "high": float(high)}
+        return rows
+
+    def curve(self) -> list[dict[str, float]]:
+        """Share of the free grains that is mobile, against the Shields number, with 95% bars."""
+        own, draws = self._stress
+        finite = own[np.isfinite(own) & (own > 0.0)]
+        if not len(finite):
+            return []
+        rows = []
+        for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), CURVE).tolist():
+            shares = (draws <= shields).mean(axis=0)
+            low, high = np.quantile(shares, np.array(PERCENTILES) / 100.0)
+            rows.append({"shields": shields, "mobile": float((own <= shields).mean())})
+            rows[-1] |= {"low": float(low), "high": float(high)}
+        return rows
+
+    def pivots(self) -> list[dict[str, float]]:
+        """Percentiles of the pivot angle, reduced to grains of the median size, beside Kirchner's law."""
+        # The law's own power of the size: (D/K50)^-0.3.
+        reduced = [one.pivot * (one.diameter / self.surface.median) ** 0.3 for one in self.free]
+        known = np.array([one for one in reduced if math.isfinite(one)])
+        if not len(known):
+            return []
+        found = np.percentile(known, SHARES).tolist()
+        laws = kirchner(SHARES).tolist()
+        return [
+            {"percentile": share, "pivot": own, "kirchner": law}
+            for share, own, law in zip(SHARES, found, laws, strict=True)
+        ]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each surveyed grain, those that go first at the front."""
+        known = {one.pocket.number: one for one in self.thresholds}
+        rows = [self._row(one, known.get(one.number)) for one in self.pockets]
+        rows.sort(key=lambda row: (row.get("stress", math.inf), row["number"]))
+        for rank, row in enumerate(rows, 1):
+            if math.isfinite(row.get("stress", math.inf)):
+                row["rank"] = rank
+        return rows
+
+    def _row(self, grain: Pocket, threshold: Threshold | None) -> dict[str, Any]:
+        ratio = grain.diameter / self.surface.median
+        names = (
+            "number",
+            "diameter",
+            "visible",
+            "carries",
+            "protrusion",
+            "exposure",
+            "sheltered",
+            "backed",
+            "skew",
+        )
+        row: dict[str, Any] = {
+            name: getattr(grain, name) for name in (*names, "shifted", "pivot", "critical_force")
+        }
+        row |= dict(zip("xyz", grain.centre.tolist(), strict=True))
+        row["contacts"] = len(grain.contacts)
+        row["shields_constant_drag"] = with_constant_drag(grain.pivot, grain.protrusion, ratio)
+        if threshold is None:
+            return row
+        low, high = threshold.bar
+        row |= {"loads": "run" if threshold.is_computed else "emulator", "mode": threshold.mode}
+        row |= {"shields": threshold.shields, "shields_low": low, "shields_high": high}
+        return row | {
+            "stress": ratio * threshold.shields,
+            "stress_low": ratio * low,
+            "stress_high": ratio * high,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it but the grains as plain data for survey.json."""
+        return {
+            "title": self.asked.title,
+            "request": self.asked.model_dump(mode="json"),
+            "bed": {
+                "grains": len(self.spheres),
+                "median_diameter": self.surface.median,
+                "level": self.surface.level,
+                "deviation": self.surface.deviation,
+                "period": None if self.spheres.period is None else self.spheres.period.tolist(),
+            },
+            "exposed": self.exposed,
+            "surveyed": len(self.pockets),
+            "free": len(self.free),
+            "pivots": self.pivots(),
+            "constant_drag": self.constant_drag(),
+            "distribution": self.distribution() if self.thresholds else [],
+            "mobile": self.curve() if self.thresholds else [],
+            "emulator": None if self.emulator is None else vars(self.emulator),
+        }
+
+    def constant_drag(self) -> list[dict[str, float]]:
+        """Percentiles of the critical Shields number by one drag coefficient for all and a log law."""
+        found = []
+        for one in self.free:
+            ratio = one.diameter / self.surface.median
+            found.append(ratio * with_constant_drag(one.pivot, one.protrusion, ratio))
+        values = np.array(found)[:, None]
+        return [
+            {"percentile": share, "shields": float(_percentile(values, share)[0])}
+            for share in SHARES
+            if len(found)
+        ]
+
+    def text(self) -> str:
+        """The survey in a few lines."""
+        median, bed = self.surface.median, self.surface
+        lines = [
+            f"bed                 {len(self.spheres)} grains, median diameter {median:.4g}; "
+            f"surface at {bed.level:.4g}, standard deviation {bed.deviation / median:.2g} diameters",
+            f"exposed             {self.exposed} grains; {len(self.pockets)} rest on their neighbours, "
+            f"{len(self.free)} of these carry no other",
+        ]
+        for row in self.pivots():
+            lines.append(
+                _line(
+                    "pivot angle", row, f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}"
+                )
+            )
+        if not self.thresholds:
+            return "\n".join([*lines, "loads               none computed: give runs.number, or --runs N"])
+        others = {row["percentile"]: row["shields"] for row in self.constant_drag()}
+        for row in self.distribution():
+            said = f"{row['shields']:.4g} ({row['low']:.4g} to {row['high']:.4g}); one drag coefficient and a log law "
+            lines.append(_line("Shields number", row, f"{said}{others[row['percentile']]:.3g}"))
+        first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
+        lines.append(f"first to go         grains {', '.join(first)}")
+        return "\n".join(lines + (self._emulator_lines() if self.emulator else []))
+
+    def _emulator_lines(self) -> list[str]:
+        record = self.emulator
+        assert record is not None
+        flow = "not estimated" if record.flow is None else f"{record.flow:.1%} of the drag"
+        failed = f", {record.failed} failed" if record.failed else ""
+        return [
+            f"runs                {record.runs}{failed}; error of the flow {flow}",
+            f"emulator            drag of a run foretold by all others: error {record.error:.1%}, bar {record.bar:.1%} "
+            f"(one standard deviation); {record.within:.0%} of all coefficients within 1.96 bars",
+            f"                    {record.to_halve} more runs would halve the mean bar of the drag (--runs "
+            f"{record.to_halve})",
+        ]
+
+
+def _percentile(values: Floats, share: float) -> Floats:
+    """A percentile of columns (n, k), of numbers some of which may be infinite, (k,)."""
+    return np.asarray(np.quantile(values, share / 100.0, axis=0, method="nearest"))
+
+
+def _line(name: str, row: dict[str, float], said: str) -> str:
+    return f"{name:<19} {row['percentile']:>3g}% below {said}"

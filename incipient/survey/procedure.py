@@ -1,0 +1,244 @@
+"""A survey from start to end: the bed, its exposed grains, full runs of some by a sweep, thresholds of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import SceneError
+from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..output.lock import locked
+from ..parallel import Comm, collectively
+from ..progress import Silent
+from ..scene import Scene
+from ..scene.file import parse
+from ..scene.points import file_text
+from ..sweep import run as run_sweep
+from ..sweep.procedure import Watcher
+from ..sweep.store import DONE, FAILED, Store
+from ..sweep.table import rows as rows_of
+from .beds import spheres_of
+from .emulator import FEWEST, NINETY_FIVE, Emulator, designed, runs_to_halve
+from .full_runs import (
+    WIDE,
+    LoadCoefficients,
+    coefficients_of,
+    grain_of,
+    reynolds_of,
+    scene_of,
+    share_of_error,
+)
+from .outcome import COLUMNS, EmulatorRecord, SurveyOutcome
+from .pockets import Pocket, Surface, exposed, pockets
+from .request import SurveyRequest
+from .thresholds import LoadErrors, Threshold, features_of, thresholds
+
+RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
+
+
+@dataclass(frozen=True)
+class RunMeans:
+    """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again."""
+
+    more: int = 0
+    jobs: int | None = None
+    wall: str | None = None
+    retry: bool = False
+
+
+def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
+    """A survey from a TOML file. Raises SceneError."""
+    try:
+        text = file_text(path)
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise SceneError(f"{path}: cannot be read ({why}); give the name of a survey file") from None
+    return parse(SurveyRequest, text, path.parent, overrides, str(path))
+
+
+def survey(
+    asked: SurveyRequest,
+    base: Path,
+    directory: Path,
+    comm: Comm,
+    means: RunMeans = RunMeans(),
+    voice: Silent | None = None,
+    watcher: Watcher | None = None,
+) -> SurveyOutcome:
+    """Survey a bed; leaves its numbers in a directory, where runs that are known are not computed again. Collective.
+
+    Args:
+        base: directory that files of the bed are relative to.
+
+    Raises:
+        IncipientError: on all ranks; runs that are finished are in the directory.
+    """
+    with locked(directory, comm, make=True):
+        return _Survey(asked, base, directory, comm, means, voice or Silent(), watcher).outcome()
+
+
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    asked: SurveyRequest
+    base: Path
+    directory: Path
+    comm: Comm
+    means: RunMeans
+    voice: Silent
+    watcher: Watcher | None
+
+    def outcome(self) -> SurveyOutcome:
+        """Everything in turn. All ranks know the bed; the first writes."""
+        asked = self.asked
+        self.voice.begin("bed")
+        spheres = spheres_of(asked.bed, self.base)
+        surface = Surface.of(spheres)
+        numbers = exposed(spheres, surface, asked.grains, asked.runs.seed)
+        found = []
+        for count, one in enumerate(pockets(spheres, surface, numbers, asked.flow)):
+            found.append(one)
+            self.voice.count("grains", count, len(numbers))
+        outcome = SurveyOutcome(asked, spheres, surface, len(numbers), found)
+        if not outcome.free:
+            raise SceneError("bed: no exposed grain is free to move; enlarge the bed or lower grains.visible")
+        self._write(outcome)
+        if asked.runs.number or self.means.more:
+            Emulator.require()
+            outcome = self._with_loads(outcome)
+            self._write(outcome)
+        return outcome
+
+    def _write(self, outcome: SurveyOutcome) -> None:
+        with collectively(self.comm):
+            if self.comm.rank:
+                return
+            make_directory(self.directory)
+            write_text_atomically(self.directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
+            places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
+            named = ({"x": x, "y": y, "z": z, "diameter": d} for x, y, z, d in places.tolist())
+            write_text_atomically(self.directory / SPHERES, csv_text(("x", "y", "z", "diameter"), named))
+            write_json(self.directory / RECORD, outcome.to_dict())
+
+    # Full runs.
+
+    def _with_loads(self, outcome: SurveyOutcome) -> SurveyOutcome:
+        grains, surface, file = outcome.free, outcome.surface, self.directory / RUNS
+        known = self._known(file)
+        features = np.array([features_of(one, surface.median, 1.0) for one in grains])
+        order = designed(features, min(self.asked.runs.number, len(grains))).tolist()
+        chosen = [grains[place].number for place in order]
+        chosen += [number for number in known if number not in chosen]
+        begun = sum(state not in (DONE, FAILED) for state in known.values())
+        if (more := self.means.more - begun) > 0:
+            chosen += self._further(grains, features, chosen, surface, more)
+        self._run(outcome, chosen, file)
+        runs, failed = self._computed(file, chosen)
+        if len(runs) < FEWEST:
+            why = f"{len(runs)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
+            raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(runs)}")
+        found, record = self._thresholds(outcome, runs, failed)
+        return SurveyOutcome(
+            outcome.asked, outcome.spheres, surface, outcome.exposed, outcome.pockets, found, record
+        )
+
+    def _known(self, file: Path) -> dict[int, str]:
+        """Grains of the runs in the file of an earlier call, with their status."""
+        if not file.is_file():
+            return {}
+        with Store(file) as store:
+            rows = store.rows()
+        return {
+            grain_of(row["source"]): str(row["status"]) for row in rows if not row["source"].endswith(WIDE)
+        }
+
+    def _further(
+        self, grains: list[Pocket], features: Floats, chosen: list[int], surface: Surface, more: int
+    ) -> list[int]:
+        """Grains to compute besides those chosen: where the emulator is least sure, without one far from others."""
+        places = [place for place, one in enumerate(grains) if one.number not in chosen]
+        file = self.directory / RUNS
+        runs = self._computed(file, chosen)[0] if file.is_file() else []
+        if len(runs) >= FEWEST:
+            emulator = self._emulator(grains, runs, surface)
+            order = emulator.most_wanted(features[places], more)
+        else:
+            order = designed(features[places], more)
+        return [grains[places[place]].number for place in order.tolist()]
+
+    def _run(self, outcome: SurveyOutcome, chosen: list[int], file: Path) -> None:
+        by_number = {one.number: one for one in outcome.free}
+        scenes = []
+        for place, number in enumerate(chosen):
+            if number in by_number:
+                scenes += self._scenes(by_number[number], outcome.surface, place)
+        run_sweep(
+            scenes,
+            file,
+            {"fluid.inertia": [self.asked.flow.galileo is not None]},
+            do="run",
+            jobs=self.means.jobs,
+            wall=self.means.wall,
+            retry=self.means.retry,
+            watcher=self.watcher,
+            comm=self.comm,
+        )
+
+    def _scenes(self, grain: Pocket, surface: Surface, place: int) -> list[Scene]:
+        """The run of a grain; of the first ones with error bars, and once more with a wider gap."""
+        level, bars = (
+            (surface.level - float(grain.centre[2])) / grain.diameter,
+            self.asked.runs.with_error_bars,
+        )
+        given = grain, level, self.asked, reynolds_of(place, self.asked.flow.galileo)
+        return [scene_of(*given, place < bars), *([scene_of(*given, wide=True)] if place < bars else [])]
+
+    def _computed(self, file: Path, chosen: list[int]) -> tuple[list[LoadCoefficients], int]:
+        rows = [row for row in rows_of(file) if grain_of(str(row["source"])) in chosen]
+        return coefficients_of(rows), sum(row["status"] == FAILED for row in rows)
+
+    # Thresholds.
+
+    def _emulator(self, grains: list[Pocket], runs: list[LoadCoefficients], surface: Surface) -> Emulator:
+        by_number = {one.number: one for one in grains}
+        known = [one for one in runs if one.number in by_number]
+        features = [features_of(by_number[one.number], surface.median, one.reynolds) for one in known]
+        return Emulator.of(np.array(features), np.array([one.values for one in known]))
+
+    def _thresholds(
+        self, outcome: SurveyOutcome, runs: list[LoadCoefficients], failed: int
+    ) -> tuple[list[Threshold], EmulatorRecord]:
+        flow, grains, median = self.asked.flow, outcome.free, outcome.surface.median
+        self.voice.begin("thresholds")
+        emulator, of_flow = self._emulator(grains, runs, outcome.surface), share_of_error(runs)
+        errors = LoadErrors(emulator.correlation, of_flow, self.asked.runs.seed)
+        found = thresholds(grains, median, flow.friction, flow.galileo, runs, emulator, errors)
+        wrong, bars = emulator.errors, emulator.bars
+        drag = float(np.mean([abs(one.values[0]) for one in runs]))
+        features = np.array([features_of(one, median, runs[0].reynolds) for one in grains])
+        computed = {one.number for one in runs}
+        unknown = [place for place, one in enumerate(grains) if one.number not in computed]
+        record = EmulatorRecord(
+            runs=len(runs),
+            failed=failed,
+            error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
+            bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
+            within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
+            mean_bar=_mean_bar(found),
+            to_halve=runs_to_halve(emulator, features, unknown),
+            flow=float(of_flow[0]) if of_flow.any() else None,
+        )
+        return found, record
+
+
+def _mean_bar(found: Sequence[Threshold]) -> float:
+    """Half of the 95% bar of the critical Shields number over it, the mean over emulated grains with a finite one."""
+    shares = []
+    for one in found:
+        low, high = one.bar
+        if not one.is_computed and np.isfinite([one.shields, high]).all() and one.shields > 0.0:
+            shares.append(0.5 * (high - low) / one.shields)
+    return float(np.mean(shares)) if shares else float("nan")

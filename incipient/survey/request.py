@@ -1,0 +1,122 @@
+"""What is asked of a survey: the bed, the flow past it, which grains, and how many full runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ..scene.section import NotNegative, Pair, Positive, PositivePair, Section, key
+
+MOST_GRAINS = 100_000
+
+
+class Deposited(Section):
+    """Spheres dropped one by one at random places, each of which rolls down until it rests."""
+
+    kind: Literal["deposited"] = key("Where the grains come from", "deposited")
+    number: int = key("Number of spheres", ge=4, le=MOST_GRAINS)
+    length: Positive = key("Extent along x of a box that repeats itself [length]")
+    width: Positive = key("Extent along y of a box that repeats itself [length]")
+    diameter: Positive = key("Diameter of the spheres, the median of unequal ones [length]", 1.0)
+    sizes: Literal["equal", "uniform", "lognormal"] = key("Distribution of the diameters", "equal")
+    spread: NotNegative = key(
+        "Uniform: half of the range over the diameter; lognormal: geometric standard deviation less one [-]",
+        0.0,
+        lt=1,
+    )
+    diameters: Annotated[tuple[Positive, ...], Field(strict=False)] = key(
+        "Diameters to draw from, each equally likely, in place of sizes [length]", ()
+    )
+    tries: int = key(
+        "Places tried for each sphere, of which the lowest is taken: the more, the more level",
+        1,
+        ge=1,
+        le=1000,
+    )
+    seed: int = key("Seed of places and diameters", 0, ge=0, le=2**31)
+
+    @model_validator(mode="after")
+    def _has_a_spread(self) -> Deposited:
+        if (self.sizes == "equal") != (self.spread == 0.0):
+            why = "is needed by unequal sizes" if self.spread == 0.0 else "is read only for unequal sizes"
+            raise self.refused(
+                "spread", why, 'give both spread and sizes = "uniform" or "lognormal", or neither'
+            )
+        return self
+
+
+class MeasuredSpheres(Section):
+    """Spheres from a table."""
+
+    kind: Literal["spheres"] = key("Where the grains come from", "spheres")
+    file: str = key("CSV file with a row x, y, z, diameter for each sphere")
+
+
+class MeasuredEllipsoids(Section):
+    """Ellipsoids fitted to a point cloud, as G3Point exports them; taken as spheres of equal volume."""
+
+    kind: Literal["ellipsoids"] = key("Where the grains come from", "ellipsoids")
+    file: str = key("CSV file with columns Xc, Yc, Zc, Dmax, Dmed, Dmin among others, as of G3Point's table")
+
+
+class LabelledHeights(Section):
+    """A height map with labelled grains; each is taken as the sphere of equal area in plan."""
+
+    kind: Literal["labels"] = key("Where the grains come from", "labels")
+    heights: str = key("PNG, TIFF, .npy or .asc file of heights")
+    labels: str = key("PNG, TIFF or .npy file of as many whole numbers: a grain each, 0 for none")
+    cell: PositivePair = key("Distance between heights along x and y [length]")
+    relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
+    offset: Pair = key("Place x, y of the first height [length]", (0.0, 0.0))
+
+
+BedOfGrains = Deposited | MeasuredSpheres | MeasuredEllipsoids | LabelledHeights
+
+
+class FlowPast(Section):
+    """The flow past the bed, and what resists it."""
+
+    azimuth: float = key("Direction in which the flow goes, from x towards y [degrees]", 0.0)
+    galileo: Positive | None = key(
+        "sqrt((s - 1) g d^3)/nu of the median grain, by which inertia has its part; without it creeping flow [-]",
+        None,
+    )
+    density: float = key("Density of the grains relative to the fluid [-]", 2.65, gt=1)
+    friction: NotNegative = key("Coefficient of static friction [-]", 0.5)
+
+
+class Surveyed(Section):
+    """Which grains are surveyed."""
+
+    visible: NotNegative = key(
+        "Share of a grain that is seen from above, from which on it is exposed [-]", 0.5, le=1
+    )
+    most: int | None = key("Number of exposed grains, drawn at random; without it all", None, ge=1)
+
+
+class Runs(Section):
+    """Full runs of the flow past some of the grains."""
+
+    number: int = key("Number of grains with a full run", 0, ge=0)
+    mesh_size: Positive = key("Factor on the size of all cells of these runs [-]", 2.2)
+    order: int = key("Order of the velocity, 2 or 3", 2, ge=2, le=3)
+    gap: Positive = key("Gap that stands for contact while the flow is computed [grain sizes]", 0.02, le=0.1)
+    meshed_bed: Positive = key(
+        "Factor on the radius about the grain within which the bed is meshed as it is [-]", 0.6
+    )
+    domain: Positive = key("Length and width of the domain, twice its height [grain sizes]", 10.0, ge=6)
+    with_error_bars: int = key(
+        "Number of these runs that estimate their errors, which are taken for all", 2, ge=0
+    )
+    seed: int = key("Seed of the emulator's draws", 0, ge=0)
+
+
+class SurveyRequest(Section):
+    """A survey of a bed of grains."""
+
+    title: str = key("What this survey is about", "")
+    bed: Annotated[BedOfGrains, Field(discriminator="kind")] = key("The grains of the bed")
+    flow: FlowPast = key("The flow past the bed", FlowPast())
+    grains: Surveyed = key("Which grains are surveyed", Surveyed())
+    runs: Runs = key("Full runs of the flow past some of the grains", Runs())

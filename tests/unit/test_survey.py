@@ -1,0 +1,263 @@
+"""Beds of many grains: deposition, pockets, laws of pivot angles, files, scenes of full runs, thresholds, bad input."""
+
+import math
+
+import numpy as np
+import pytest
+
+from incipient.errors import SceneError
+from incipient.geometry.statics import balance
+from incipient.scene.file import parse
+from incipient.survey.beds import spheres_of
+from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
+from incipient.survey.full_runs import coefficients_of, reynolds_of, scene_of
+from incipient.survey.laws import buffington, kirchner, on_triangular_pocket, with_constant_drag
+from incipient.survey.pockets import Pocket, Surface, exposed, pockets
+from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
+
+DEPOSITED = """
+[bed]
+kind = "deposited"
+number = 60
+length = 6.0
+width = 6.0
+seed = 3
+"""
+
+
+def asked(text: str = DEPOSITED, *settings: str) -> SurveyRequest:
+    return parse(SurveyRequest, text, ".", settings, "bed.toml")
+
+
+def layer(rows: int = 12) -> np.ndarray:
+    """Centres of a triangular layer of spheres of diameter 1 that touch, rows along y, on the plane z = 0."""
+    places = [(math.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(rows) for j in range(rows)]
+    return np.array(places)
+
+
+def on_pocket(size: float, azimuth: float = 0.0) -> Pocket:
+    """A sphere in the middle pocket of a triangular layer whose two spheres ahead are one beside the other."""
+    below = layer()
+    height = math.sqrt((0.5 + 0.5 * size) ** 2 - 1.0 / 3.0)
+    period = np.array([12 * math.sqrt(0.75), 12.0])
+    centres = np.vstack([below, below[6 * 12 + 6] + [1.0 / math.sqrt(3.0), 0.0, height]])
+    spheres = Spheres(centres, np.append(np.full(len(below), 0.5), 0.5 * size), period)
+    surface = Surface.of(spheres)
+    (found,) = pockets(spheres, surface, np.array([len(below)]), FlowPast(azimuth=azimuth))
+    return found
+
+
+class TestDeposition:
+    @pytest.mark.parametrize("spread", [0.0, 0.4])
+    def test_each_sphere_rests_on_those_before_it(self, spread):
+        """Its weight is balanced by the normals of its contacts alone, and no two spheres overlap."""
+        drawn = np.clip(np.random.default_rng(0).standard_normal(120), -2.0, 2.0)
+        found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
+        for number in range(len(found)):
+            before = Spheres(found.centres[:number], found.radii[:number], found.period)
+            normals, _, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
+            left, _ = balance(normals, DOWN)
+            assert np.abs(left).max() < 1e-9
+            away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
+            assert (away - found.without(number).radii - found.radii[number]).min() > -1e-12
+
+    def test_the_seed_and_the_tries_decide(self):
+        radii, period = np.full(50, 0.5), np.array([5.0, 5.0])
+        first, again, other = (deposited(radii, period, seed) for seed in (1, 1, 2))
+        assert (first.centres == again.centres).all() and not (first.centres == other.centres).all()
+        # The more places are tried the more level the bed is.
+        rough, level = (Surface.of(deposited(radii, period, 1, tries)).deviation for tries in (1, 10))
+        assert level < rough
+
+    def test_a_sphere_rolls_into_the_pocket(self):
+        """From anywhere above a triangular layer to sqrt(2/3) above it."""
+        below = Spheres(layer(), np.full(144, 0.5), np.array([12 * math.sqrt(0.75), 12.0]))
+        for x, y in np.random.default_rng(4).uniform(3.0, 6.0, (10, 2)):
+            rest = rolled(below, np.array([x, y, np.inf]), 0.5)
+            assert rest[2] == pytest.approx(math.sqrt(2.0 / 3.0), abs=1e-9)
+
+    def test_a_sphere_that_finds_no_rest(self):
+        with pytest.raises(SceneError, match="rolls off the bed"):
+            rolled(Spheres(np.zeros((1, 3)), np.array([0.5])), np.array([0.1, 0.0, np.inf]), 0.5)
+
+
+class TestPockets:
+    def test_the_layer_is_one(self):
+        away = np.linalg.norm(layer()[:, None] - layer(), axis=2) + 9.0 * np.eye(144)
+        assert away.min() == pytest.approx(1.0)
+
+    @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
+    def test_pivot_angle_over_two_spheres(self, size):
+        """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3)."""
+        found = on_pocket(size)
+        exact = math.atan(1.0 / math.sqrt(3.0) / math.sqrt(size**2 + 2.0 * size - 1.0 / 3.0))
+        assert found.pivot == pytest.approx(math.degrees(exact), abs=1e-5)
+        assert on_triangular_pocket(size) == pytest.approx(math.degrees(exact), abs=1e-12)
+        assert len(found.contacts) == 3 and found.carries == 0
+
+    def test_pivot_angle_over_one_sphere(self):
+        """Upstream of the same pocket one sphere is ahead: tan = 1/sqrt(2)."""
+        assert on_pocket(1.0, 180.0).pivot == pytest.approx(math.degrees(math.atan(math.sqrt(0.5))), abs=1e-5)
+
+    def test_how_far_it_stands_out(self):
+        found = on_pocket(1.0)
+        assert found.exposure == pytest.approx(math.sqrt(2.0 / 3.0), abs=1e-9)  # above the tops of the layer
+        # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
+        # bead raises it a little.
+        assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
+        assert found.visible == pytest.approx(1.0, abs=0.03)
+        assert found.sheltered < 0.25 and found.skew == pytest.approx(0.0, abs=0.02)
+
+    def test_what_carries_another_is_told(self):
+        spheres = deposited(np.full(60, 0.5), np.array([6.0, 6.0]), 3)
+        surface = Surface.of(spheres)
+        numbers = exposed(spheres, surface, Surveyed(), 0)
+        found = list(pockets(spheres, surface, numbers, FlowPast()))
+        for one in found:
+            away = spheres.without(one.number).away(one.centre)
+            touching = np.linalg.norm(away, axis=1) < 1.0 + 1e-6
+            assert one.carries == int((away[touching, 2] < 0.0).sum())
+        assert 0 < sum(not one.carries for one in found) < len(found)
+        assert len(exposed(spheres, surface, Surveyed(most=5), 0)) == 5
+
+
+class TestLaws:
+    def test_kirchner(self):
+        """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
+        assert kirchner(50) == pytest.approx(55.0)
+        assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
+
+    def test_buffington(self):
+        assert buffington((50.0, 0.25, 0.3), 2.0, 1.5) == pytest.approx(50.0 * 2.0**-0.25 * 1.5**-0.3)
+
+    def test_constant_drag_by_hand(self):
+        """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
+        from scipy.integrate import quad
+
+        def inside(z: float) -> float:
+            speed = math.log(max(30.0 * z, 1.0)) / 0.41
+            return speed**2 * 2.0 * math.sqrt(max(0.25 - (z - 0.5) ** 2, 0.0))
+
+        exact = (
+            math.pi / 6.0 * math.tan(math.radians(40.0)) / (0.5 * 0.76 * quad(inside, 0.0, 1.0, limit=200)[0])
+        )
+        assert with_constant_drag(40.0, 1.0, 1.0) == pytest.approx(exact, rel=1e-3)
+        assert with_constant_drag(40.0, -0.1, 1.0) == math.inf
+
+
+class TestFiles:
+    def test_spheres(self, tmp_path):
+        (tmp_path / "bed.csv").write_text("x,y,z,diameter\n0,0,0,1\n1,0,0,1.5\n0,1,0,2\n")
+        found = spheres_of(asked('[bed]\nkind = "spheres"\nfile = "bed.csv"').bed, tmp_path)
+        assert found.radii.tolist() == [0.5, 0.75, 1.0] and found.period is None
+
+    def test_ellipsoids_become_spheres_of_their_volume(self, tmp_path):
+        head = "Ngrain,Xc,Yc,Zc,Dmax,Dmed,Dmin,angle_Mview,angle_Xview\n"
+        (tmp_path / "grains.csv").write_text(head + "".join(f"{k},{k},0,0,2,1,0.5,10,20\n" for k in range(3)))
+        found = spheres_of(asked('[bed]\nkind = "ellipsoids"\nfile = "grains.csv"').bed, tmp_path)
+        assert 2.0 * found.radii == pytest.approx(1.0) and found.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+    def test_labels_become_spheres_of_their_area(self, tmp_path):
+        y, x = 0.05 * np.mgrid[:80, :80]
+        heights, labels = np.zeros((80, 80)), np.zeros((80, 80), dtype=np.int32)
+        for number, (a, b, r) in enumerate([(1.0, 1.0, 0.5), (2.5, 1.2, 0.7), (1.5, 3.0, 0.6)], 1):
+            away = (x - a) ** 2 + (y - b) ** 2
+            heights = np.maximum(heights, np.sqrt(np.maximum(r * r - away, 0.0)))
+            labels[away < r * r] = number
+        np.save(tmp_path / "h.npy", heights)
+        np.save(tmp_path / "l.npy", labels)
+        text = '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [0.05, 0.05]'
+        found = spheres_of(asked(text).bed, tmp_path)
+        assert found.radii == pytest.approx([0.5, 0.7, 0.6], rel=0.02)
+        assert found.centres[1] == pytest.approx([2.5, 1.2, 0.0], abs=0.03)
+
+    def test_measured_grains_are_let_down_onto_their_neighbours(self):
+        """A bead measured a tenth of a diameter above its pocket rests in it."""
+        below = layer()
+        place = below[6 * 12 + 6] + [1.0 / math.sqrt(3.0), 0.0, math.sqrt(2.0 / 3.0) + 0.1]
+        spheres = Spheres(np.vstack([below, place]), np.full(145, 0.5))
+        (found,) = pockets(spheres, Surface.of(spheres), np.array([144]), FlowPast())
+        assert found.shifted == pytest.approx(0.1, abs=1e-6)
+        assert found.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
+
+
+class TestFullRuns:
+    def test_the_scene_has_the_grain_in_its_pocket(self):
+        """As near its neighbours as the gap and no nearer, the flow's datum where the bed's surface is."""
+        radii = 0.5 * 1.3 ** np.clip(np.random.default_rng(5).standard_normal(150), -2.0, 2.0)
+        spheres = deposited(radii, np.array([9.0, 9.0]), 5, 2)
+        surface = Surface.of(spheres)
+        numbers = exposed(spheres, surface, Surveyed(), 0)
+        free = [one for one in pockets(spheres, surface, numbers, FlowPast()) if not one.carries]
+        assert len(free) > 10
+        for one in free[:4]:
+            level = (surface.level - float(one.centre[2])) / one.diameter
+            for wide, gap in ((False, 0.02), (True, 0.04)):
+                scene = scene_of(one, level, asked(), 1.0, wide=wide)
+                assert scene.placement is not None and scene.bed_shape is not None
+                centre = np.array(scene.placement.centre)
+                # All three contacts are as wide.
+                away = 0.5 + gap - 1e-9
+                ends = centre + away * one.contacts.normals
+                assert np.abs(scene.bed_shape.distance(ends)).max() < 1e-8
+                assert scene.bed_shape.distance(centre)[0] == pytest.approx(0.5 + gap, abs=1e-9)
+                assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
+
+    def test_coefficients_by_the_rows_of_a_sweep(self):
+        row = {"source": "grain 7", "status": "done", "fluid.reynolds": 2.0, "force_x": 3.0, "couple_y": 1.0}
+        rows = [
+            row | {"force_x_low": 2.9, "force_x_high": 3.1},
+            row | {"source": "grain 7 wide gap", "force_x": 3.3},
+            {**row, "source": "grain 8", "status": "failed"},
+        ]
+        (found,) = coefficients_of(rows)
+        assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
+        assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
+
+    def test_reynolds_numbers_spread_over_the_thresholds(self):
+        assert reynolds_of(5, None) == 1.0
+        found = np.log([reynolds_of(run, 10.0) for run in range(40)])
+        low, high = np.log(0.3), np.log(30.0)
+        assert (
+            low <= found.min() and found.max() <= high and np.diff(np.sort(found)).max() < 0.1 * (high - low)
+        )
+
+
+REFUSED = [
+    (
+        '[bed]\nkind = "heap"',
+        'bed.kind: "heap" is not known; use "deposited", "spheres", "ellipsoids" or "labels"',
+    ),
+    (DEPOSITED + "grains = 3", 'bed.grains: unknown key for "deposited"'),
+    (DEPOSITED + 'sizes = "uniform"', "bed.spread: is needed by unequal sizes; give both spread and sizes"),
+    (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
+    (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
+    (DEPOSITED + "[flow]\ndensity = 0.9", "flow.density: is 0.9; give a number greater than 1"),
+    (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
+]
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
+    def test_one_line(self, text, said):
+        with pytest.raises(SceneError) as caught:
+            asked(text)
+        assert str(caught.value).startswith(f"bed.toml: {said}") and "\n" not in str(caught.value)
+
+    def test_files(self, tmp_path):
+        (tmp_path / "bed.csv").write_text("x,y,z\n0,0,0\n")
+        (tmp_path / "grains.csv").write_text("Xc,Yc\n0,0\n")
+        np.save(tmp_path / "h.npy", np.zeros((40, 40)))
+        np.save(tmp_path / "l.npy", np.zeros((4, 4), dtype=int))
+        cases = {
+            '[bed]\nkind = "spheres"\nfile = "bed.csv"': "has 1 point; give three or more",
+            '[bed]\nkind = "spheres"\nfile = "none.csv"': "cannot be read",
+            '[bed]\nkind = "ellipsoids"\nfile = "grains.csv"': "has no column Zc; write Xc, Yc, Zc",
+            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [1, 1]': "give as many of both",
+            '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "h.npy"\ncell = [1, 1]': "is no table of whole",
+            DEPOSITED.replace("6.0", "3.0"): "less than four of its grains; enlarge length and width",
+        }
+        for text, said in cases.items():
+            with pytest.raises(SceneError) as caught:
+                spheres_of(asked(text).bed, tmp_path)
+            assert said in str(caught.value) and "\n" not in str(caught.value)

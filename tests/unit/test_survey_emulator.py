@@ -1,0 +1,157 @@
+"""The emulator of load coefficients on functions that are known, thresholds by it, and what more runs would do."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sklearn")
+from incipient.contact import Contacts
+from incipient.survey.emulator import NINETY_FIVE, Emulator, designed, runs_to_halve
+from incipient.survey.full_runs import LoadCoefficients, share_of_error
+from incipient.survey.pockets import Pocket
+from incipient.survey.thresholds import LoadErrors, features_of, thresholds
+
+RANDOM = np.random.default_rng(7)
+
+
+def drawn(count: int) -> np.ndarray:
+    """Features (count, 7) of grains of one size in creeping flow."""
+    return np.column_stack([RANDOM.uniform(-1.0, 1.0, (count, 5)), np.ones(count), np.zeros(count)])
+
+
+def known(features: np.ndarray, noise: float = 0.15) -> np.ndarray:
+    """Six coefficients (n, 6) that depend on what is around a grain, smoothly, and on what the features do not say."""
+    p, e, s, b, k = features[:, :5].T
+    columns = [5.0 + 2.0 * p + np.sin(2.0 * e) - s * p, 0.3 * k, e * e, 0.2 * k, 1.0 + 0.5 * p * b, 0.1 * s]
+    return np.column_stack(columns) + noise * RANDOM.standard_normal((len(features), 6))
+
+
+def pocket(number: int, features: np.ndarray) -> Pocket:
+    """A sphere in a pocket of three equal ones, two of them ahead, with features as given."""
+    across, height = 1.0 / math.sqrt(3.0), math.sqrt(2.0 / 3.0)
+    near = [[across * math.cos(a), across * math.sin(a), -height] for a in (np.pi / 3, -np.pi / 3, np.pi)]
+    return Pocket(
+        number=number,
+        centre=np.zeros(3),
+        diameter=1.0,
+        neighbours=np.array(near),
+        radii=np.full(3, 0.5),
+        contacts=Contacts(0.5 * np.array(near), np.array(near)),
+        **dict(zip(("protrusion", "exposure", "sheltered", "backed", "skew"), features[:5], strict=True)),
+        visible=1.0,
+        carries=0,
+        shifted=0.0,
+        pivot=19.47,
+        critical_force=math.tan(math.radians(19.47)),
+    )
+
+
+class TestEmulator:
+    def test_grains_it_never_saw_are_inside_its_bars(self):
+        """95% of 300 grains' coefficients within 1.96 bars, for 60 runs; errors near the noise."""
+        features, others = drawn(60), drawn(300)
+        emulator = Emulator.of(features, known(features))
+        means, deviations = emulator.predicted(others)
+        errors = means - known(others)
+        within = np.abs(errors) <= NINETY_FIVE * deviations
+        assert within.mean() >= 0.95
+        assert np.sqrt((errors[:, 0] ** 2).mean()) < 2.0 * 0.15
+        assert deviations[:, 0].mean() < 3.0 * 0.15  # bars that hold because they are wide would not help
+
+    def test_bars_are_wider_where_no_run_is_near(self):
+        features = drawn(40)
+        emulator = Emulator.of(features, known(features))
+        far = np.array([[4.0, -4.0, 4.0, 4.0, -4.0, 1.0, 0.0]])
+        assert (
+            emulator.predicted(far)[1][0, [0, 2]]
+            > 2.0 * emulator.predicted(features)[1][:, [0, 2]].mean(axis=0)
+        ).all()
+
+    def test_predictions_by_the_textbook(self):
+        """Mean and variance of a Gaussian process: Rasmussen & Williams 2006, equations 2.25 and 2.26."""
+        features = drawn(15)
+        process = Emulator.of(features, known(features)).processes[0]
+        at = process.points[:3] + 0.1
+        own = process.covariance(process.points) + process.noise * np.eye(15)
+        across = process.covariance(at, process.points)
+        means, deviations = process.predicted(at)
+        assert means == pytest.approx(
+            process.mean + process.scale * across @ np.linalg.solve(own, process.values)
+        )
+        left = np.diag(process.covariance(at) - across @ np.linalg.solve(own, across.T)) + process.noise
+        assert deviations == pytest.approx(process.scale * np.sqrt(left))
+
+    def test_design_is_spread_out(self):
+        features = drawn(200)
+        chosen = features[designed(features, 12)]
+        apart = np.linalg.norm(chosen[:, None] - chosen, axis=2) + 9.0 * np.eye(12)
+        chance = np.linalg.norm(features[:12, None] - features[:12], axis=2) + 9.0 * np.eye(12)
+        assert len(np.unique(chosen, axis=0)) == 12 and apart.min() > 1.5 * chance.min()
+
+    def test_how_many_runs_halve_the_bar(self):
+        features = drawn(60)
+        emulator = Emulator.of(features[:15], known(features[:15]))
+        count = runs_to_halve(emulator, features, range(15, 60))
+        assert 1 <= count <= 45
+        # With noise alone, every grain that is computed takes its own bar away: half of them.
+        process = emulator.processes[0]
+        sure = features[emulator.most_wanted(features, 60)]
+        assert (
+            emulator.variances_with(features, sure).mean()
+            < emulator.variances_with(features, sure[:5]).mean()
+        )
+        assert process.noise > 0.0
+
+    def test_the_next_run_is_the_least_sure(self):
+        features = drawn(30)
+        emulator = Emulator.of(features, known(features))
+        others = np.vstack([features[:5], [[3.0, 3.0, 3.0, 3.0, 3.0, 1.0, 0.0]]])
+        assert emulator.most_wanted(others, 2)[0] == 5
+
+
+class TestThresholds:
+    def test_drag_alone(self):
+        """A force through the centre: Shields number (pi/6) tan(angle of repose)/C, with tan = 1/sqrt(8)."""
+        features = drawn(12)
+        values = np.zeros((12, 6))
+        values[:, 0] = 4.0 + features[:, 0]
+        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
+        grains = [pocket(k, features[k]) for k in range(12)]
+        emulator = Emulator.of(features, values)
+        errors = LoadErrors(np.eye(6), share_of_error(runs), 0)
+        found = thresholds(grains, 1.0, 0.5, None, runs, emulator, errors)
+        for one, value in zip(found, values, strict=True):
+            assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
+            assert one.is_computed and one.bar == pytest.approx((one.shields, one.shields), rel=1e-9)
+
+    def test_bars_of_grains_without_a_run(self):
+        """Emulated thresholds of half the grains against those by their own coefficients."""
+        features = drawn(120)
+        values = known(features, 0.05)
+        values[:, [1, 2, 3, 4, 5]] *= 0.1
+        grains = [pocket(k, features[k]) for k in range(120)]
+        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(60)]
+        emulator = Emulator.of(features[:60], values[:60])
+        errors = LoadErrors(emulator.correlation, np.zeros(6), 0)
+        found = thresholds(grains, 1.0, 0.5, None, runs, emulator, errors)
+        own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(120)]
+        exact = thresholds(grains, 1.0, 0.5, None, own, emulator, errors)
+        inside = [
+            one.bar[0] <= true.shields <= one.bar[1] for one, true in zip(found[60:], exact[60:], strict=True)
+        ]
+        assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
+
+    def test_with_inertia_at_its_own_reynolds_number(self):
+        """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan."""
+        galileo, numbers = 10.0, np.geomspace(0.3, 30.0, 24)
+        features = np.array([features_of(pocket(0, np.zeros(5)), 1.0, number) for number in numbers])
+        features[:, :5] = RANDOM.uniform(-1.0, 1.0, (24, 5))
+        values = 1e-3 * RANDOM.standard_normal((24, 6))
+        values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
+        emulator = Emulator.of(features, values)
+        grains = [pocket(0, np.zeros(5))]
+        errors = LoadErrors(np.eye(6), np.zeros(6), 0)
+        (found,) = thresholds(grains, 1.0, 0.5, galileo, [], emulator, errors)
+        drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2)
+        assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
