@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import ufl
@@ -29,6 +30,10 @@ EXPONENT = 0.5 + math.sqrt(0.25 + 6.0 * BETA_STAR / INNER[2])  # n of k = c y^n 
 LARGEST_ARGUMENT = 5.0  # of a blending function, from which on it is one to round-off
 LEAST_CROSS = 1e-10  # of d^2 grad K . grad W, as a divisor
 LEAST_RATE = 1e-30  # of S^2, so that its root has a derivative
+SMOOTHEST_SAND = 4.0  # u* k_s/nu below which a rough wall is as at this one, nearly smooth
+LITTLE_K = 0.01  # k over u*^2, which is added at rough walls: it does nothing there, and keeps ln k finite
+ROOTS = 4  # of a quadratic equation, to u* on a rough wall
+UFL = SimpleNamespace(exp=ufl.exp, tanh=ufl.tanh, log=ufl.ln, sqrt=ufl.sqrt, larger=ufl.max_value)
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,75 @@ def from_wall(logarithms: Any, test: Any, normal: Any, stream: Stream, closure: 
 def at_smooth_wall(viscosity: float, distance: Any, functions: Any) -> Any:
     """ln(6 nu/(beta_1 d^2)), which is ln omega next to a smooth wall, by the functions of numpy or of UFL."""
     return functions.log(6 * viscosity / INNER[2] / distance**2)
+
+
+@dataclass(frozen=True)
+class RoughWall:
+    """Walls of an equivalent sand roughness, in UFL.
+
+    normal: out of the fluid; penalty: of weak values, one over a length of the cell
+    calm:   shear stress that is always there, where the flow separates; little: k that is added
+    """
+
+    roughness: Any
+    normal: Any
+    penalty: Any
+    calm: Any
+    little: Any
+
+
+def on_rough_wall(logarithms: Any, tests: Any, wall: RoughWall, stream: Stream) -> Any:
+    """Both equations' terms on rough walls: weakly what `at_rough_wall` says (Nitsche 1971).
+
+    u* is that of the shear stress on the wall, by the slope of the velocity and the eddy viscosity that goes with u*.
+    """
+    slope = ufl.dot(ufl.grad(stream.velocity), wall.normal)
+    along = slope - ufl.dot(slope, wall.normal) * wall.normal
+    calm = wall.calm / stream.viscosity
+    found = shear_velocity_at(ufl.sqrt(ufl.inner(along, along) + calm**2), wall.roughness, stream.viscosity)
+    k, omega = at_rough_wall(wall.roughness * found / stream.viscosity)
+    given = ufl.ln(k * found**2 + wall.little), ufl.ln(omega * stream.viscosity / wall.roughness**2)
+    # Those of the values given, which do not change with what they are to bring about.
+    eddies = ufl.exp(given[0] - given[1])
+    form = 0
+    for one, value, test, sigma in zip(logarithms, given, tests, INNER, strict=False):
+        away = wall.penalty * (one - value) - ufl.dot(ufl.grad(one), wall.normal)
+        form += (stream.viscosity + sigma * eddies) * away * test
+    return form
+
+
+def little_k(sand: float) -> float:
+    """k over u*^2 that is added at rough walls where u* k_s/nu is typical: less where they are smooth."""
+    return LITTLE_K * min(1.0, sand / SMOOTHEST_SAND) ** 2
+
+
+def shear_velocity_at(slope: Any, roughness: Any, viscosity: Any, functions: Any = UFL) -> Any:
+    """u* on a rough wall where the velocity has a slope: u*^2 = (nu + k/omega) dU/dy, k and omega by u*."""
+    found = functions.sqrt(viscosity * slope)
+    for _ in range(ROOTS):
+        # The eddy viscosity grows about as u*, which leaves a quadratic equation.
+        sand = roughness * found / viscosity
+        k, omega = at_rough_wall(sand, functions)
+        half = 0.5 * k * sand / omega * roughness * slope
+        found = half + functions.sqrt(half**2 + viscosity * slope)
+    return found
+
+
+def at_rough_wall(sand: Any, functions: Any = UFL) -> tuple[Any, Any]:
+    """k over u*^2, and omega over nu/k_s^2, at a wall of the equivalent sand roughness k_s.
+
+    By them the logarithmic layer is shifted as Nikuradse measured: Aupoix (2015), J. Fluids Eng. 137, 021202, the
+    pair for his law.
+
+    Args:
+        sand: u* k_s/nu.
+        functions: `exp`, `tanh`, `log`, `sqrt`, `larger` for what it is: UFL, or numbers and arrays.
+    """
+    s, tanh = functions.larger(sand, SMOOTHEST_SAND), functions.tanh
+    rise = functions.log(s / 30) / math.log(8.0) + 0.5 * (1 - tanh(s / 100))
+    k = functions.larger(tanh(rise * tanh(s / 75)) / math.sqrt(BETA_STAR), 0.0)
+    omega = 4e5 / (s**4 * tanh(1e4 / (3 * s**3))) + 70 / s * (1 - functions.exp(-s / 300))
+    return k, s**2 * omega
 
 
 def _square(velocity: Any) -> Any:

@@ -1,28 +1,42 @@
-"""Developed flow over one smooth wall by the k-omega SST model, in one dimension: what enters channels.
+"""Developed flow over one wall by the k-omega SST model, in one dimension: what enters channels.
 
 The equations are those of `forms.k_omega_sst` for a flow that depends on the height alone, in units of u* and the
-depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top.
+depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top. At a smooth wall volumes
+begin where only molecules matter, at a rough one on the wall.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.linalg import solve_banded
 
 from ..arrays import Floats
 from ..errors import ConvergenceError
-from ..forms.k_omega_sst import A_1, BETA_STAR, EXPONENT, INNER, MOST_PRODUCED, OUTER, SIGMA_CROSS
+from ..forms.k_omega_sst import (
+    A_1,
+    BETA_STAR,
+    EXPONENT,
+    INNER,
+    MOST_PRODUCED,
+    OUTER,
+    SIGMA_CROSS,
+    at_rough_wall,
+    little_k,
+)
 
 VOLUMES = 160
 FIRST = 0.5  # wall units, from which on volumes begin; below only molecules matter
+FIRST_ON_SAND = 0.1  # of the length over which omega falls at a rough wall: its first volume
 LARGEST_ARGUMENT = 5.0
 STEP, GROWTH, CUT, LONGEST = 1e-4, 2.0, 0.5, 1e9  # of pseudo-time, in h/u*
 MOST_STEPS, ENOUGH = 300, 1e-7
 LARGEST_CORRECTION, SMALL, LARGE = 0.7, 1.0, 3.0  # of logarithms: applied; for longer steps; for shorter ones
 LAMINAR = -25.0  # ln k+ below which a flow is laminar
+NUMPY = SimpleNamespace(exp=np.exp, tanh=np.tanh, log=np.log, sqrt=np.sqrt, larger=np.maximum)
 SLIGHT = 1e-6  # by which logarithms are changed for derivatives
 MOST_TRIALS, SAME_DISCHARGE = 30, 1e-6
 
@@ -42,6 +56,7 @@ class DevelopedChannel:
     speed: Floats
     log_k: Floats
     log_omega: Floats
+    sand: float = 0.0
 
     @property
     def is_laminar(self) -> bool:
@@ -50,14 +65,21 @@ class DevelopedChannel:
 
 
 class _Column:
-    """The equations of one Re_tau."""
+    """The equations of one Re_tau and sand roughness over the depth."""
 
-    def __init__(self, re_tau: float):
-        self.viscosity, self._laminar = 1.0 / re_tau, False
+    def __init__(self, re_tau: float, sand: float):
+        self.viscosity, self._laminar, self._sand = 1.0 / re_tau, False, sand
         first = min(FIRST / re_tau, 0.02)
+        if sand:
+            k, omega = at_rough_wall(sand * re_tau, NUMPY)
+            k += little_k(sand * re_tau)
+            self._on_wall = np.log([k, omega * self.viscosity / sand**2])
+            first = min(first, FIRST_ON_SAND * length_at_sand(re_tau * sand) * sand)
         # Even in the logarithm next to the wall, evenly growing to the top.
         stretch = np.linspace(0.0, 1.0, VOLUMES + 1)
         self.faces = first * (1.0 / first) ** stretch
+        if sand:
+            self.faces[0] = 0.0
         self.centres = 0.5 * (self.faces[1:] + self.faces[:-1])
         self.sizes, self.apart = np.diff(self.faces), np.diff(self.centres)
         self.stress = 1.0 - self.centres
@@ -68,6 +90,9 @@ class _Column:
         damped = (1.0 - np.exp(-y / self.viscosity / 12.0)) ** 3
         k = (3.3 - 2.3 * y) * damped + 1e-8
         omega = 6.0 * self.viscosity / (INNER[2] * y**2) + 1.0 / (0.3 * 0.41 * y)
+        if self._sand:
+            wall = np.exp(self._on_wall)
+            k, omega = np.maximum(k, wall[0] * (1.0 - y)), np.minimum(omega, wall[1])
         return np.log(np.column_stack([k, omega]))
 
     def strain(self, k: Floats, omega: Floats) -> tuple[Floats, Floats]:
@@ -87,9 +112,7 @@ class _Column:
         k, omega = np.exp(logarithms).T
         strain, time = self.strain(k, omega)
         slope_faces = np.diff(logarithms, axis=0) / self.apart[:, None]
-        edge = np.array([EXPONENT, -2.0]) / self.faces[0]
-        omega_edge = math.log(6.0 * nu / (INNER[2] * self.faces[0] ** 2))
-        edge[1] = (logarithms[0, 1] - omega_edge) / (y[0] - self.faces[0])
+        edge, starts, spread_at_edge = self._edge(logarithms)
         slopes = np.vstack([edge, slope_faces, np.zeros((1, 2))])
         middle = 0.5 * (slopes[1:] + slopes[:-1])
         cross = np.maximum(y**2 * middle[:, 0] * middle[:, 1], 1e-10)
@@ -101,12 +124,11 @@ class _Column:
         made = np.minimum(strain**2 * time, MOST_PRODUCED * BETA_STAR * omega)
         carried = 2.0 * (1.0 - inner) * SIGMA_CROSS * k / omega * middle[:, 0] * middle[:, 1]
         sources = (made - BETA_STAR * omega, gamma * strain**2 / omega - beta * omega + carried)
-        # k and omega at the lowest face over those in the lowest volume.
-        starts = (self.faces[0] / y[0]) ** EXPONENT, math.exp(omega_edge - logarithms[0, 1])
         found = np.empty_like(logarithms)
         for i, sigma in enumerate((sigma_k, sigma_omega)):
             spread = nu + sigma * k * time
-            at_faces = np.concatenate([[nu], 0.5 * (spread[1:] + spread[:-1]), [spread[-1]]])
+            at_edge = nu + sigma[0] * spread_at_edge
+            at_faces = np.concatenate([[at_edge], 0.5 * (spread[1:] + spread[:-1]), [spread[-1]]])
             # div(D grad K) + D |grad K|^2 = div(k D grad K)/k, k being its mean between neighbours.
             weight = np.exp(0.5 * np.diff(logarithms[:, i]))
             flux = at_faces * slopes[:, i]
@@ -116,6 +138,16 @@ class _Column:
         if self._laminar:
             found[:, 0] = 0.0
         return found
+
+    def _edge(self, logarithms: Floats) -> tuple[Floats, Floats, float]:
+        """At the lowest face: slopes (2,), k and omega over those in the lowest volume (2,), and eddy viscosity."""
+        face, centre, lowest = self.faces[0], self.centres[0], logarithms[0]
+        if self._sand:
+            slopes = (lowest - self._on_wall) / (centre - face)
+            return slopes, np.exp(self._on_wall - lowest), math.exp(self._on_wall[0] - self._on_wall[1])
+        omega = math.log(6.0 * self.viscosity / (INNER[2] * face**2))
+        slopes = np.array([EXPONENT / face, (lowest[1] - omega) / (centre - face)])
+        return slopes, np.array([(face / centre) ** EXPONENT, math.exp(omega - lowest[1])]), 0.0
 
     def jacobian(self, logarithms: Floats) -> Floats:
         """The derivatives of the rates as a banded matrix (7, 2 n), unknowns in the order K, W of each volume."""
@@ -164,22 +196,32 @@ class _Column:
         heights = np.concatenate([[0.0], self.centres, [1.0]])
         mean = below + float(speed @ self.sizes)
         speeds = np.concatenate([[0.0], speed, [speed[-1] + 0.5 * rise[-1]]])
-        log_k, log_omega = (np.concatenate([one[:1], one, one[-1:]]) for one in logarithms.T)
-        return DevelopedChannel(re_tau, mean, heights, speeds, log_k, log_omega)
+        wall = self._on_wall if self._sand else logarithms[0]
+        log_k, log_omega = (
+            np.concatenate([[a], one, one[-1:]]) for a, one in zip(wall, logarithms.T, strict=True)
+        )
+        return DevelopedChannel(re_tau, mean, heights, speeds, log_k, log_omega, self._sand)
 
 
-def developed(re_tau: float) -> DevelopedChannel:
-    """The developed flow at u* h/nu. Not collective.
+def length_at_sand(sand: float) -> float:
+    """Length over which omega falls at a rough wall by molecules, over its sand roughness k_s; `sand` is u* k_s/nu."""
+    return math.sqrt(6.0 / (INNER[2] * float(at_rough_wall(sand, NUMPY)[1])))
+
+
+def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
+    """The developed flow at u* h/nu, over a wall of a sand roughness over the depth. Not collective.
 
     Raises:
         ConvergenceError: it was not found.
     """
-    column = _Column(re_tau)
+    column = _Column(re_tau, sand)
     return column.profiles(column.solve(column.guess()))
 
 
-def of_discharge(reynolds: float) -> DevelopedChannel:
+def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
     """The developed flow at a Reynolds number of the mean velocity and the depth. Not collective.
+
+    sand: equivalent sand roughness over the depth
 
     Raises:
         ConvergenceError: it was not found.
@@ -188,7 +230,7 @@ def of_discharge(reynolds: float) -> DevelopedChannel:
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)
     slope, before = 1.1, None
     for _ in range(MOST_TRIALS):
-        found = developed(re_tau)
+        found = developed(re_tau, sand)
         away = math.log(reynolds / (found.mean * re_tau))
         if abs(away) < SAME_DISCHARGE:
             return found

@@ -124,7 +124,7 @@ class Setup:
         """Walls that the mesh resolves, and what enters between them."""
         from .resolved_walls import resolved_walls_of
 
-        return resolved_walls_of(self.geometry, self.base_flow, self.sides)
+        return resolved_walls_of(self.geometry, self.base_flow, self.sides, self.turbulence.roughness)
 
     @cached_property
     def walls(self) -> LayeredWalls:

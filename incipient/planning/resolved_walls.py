@@ -1,4 +1,4 @@
-"""Smooth walls that a model of the mean flow reaches: how finely they are meshed, and what enters between them."""
+"""Walls that a model of the mean flow reaches: how finely they are meshed, and what enters between them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from ..meshes import Grid, Near
 from ..scene import Domain
 from .base_flow import BaseFlow
 from .cells import RowSizes, growing_rows
-from .developed_channel import DevelopedChannel, of_discharge
+from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
 from .scene_geometry import Geometry
 from .sides import SideNames
 from .wall_layer import height_at_inflow
 
 # Wall units: rows next to plane walls, and cells at others, for mesh_size = 1.
 FIRST_ROW, FIRST_CELL = 0.6, 1.0
+ON_SAND = 0.25  # of the length over which omega falls at rough walls: rows and cells there
+THICKEST = 2.5  # wall units, up to which only molecules matter in the cells at smooth walls
 GROWTH, LARGEST_ROW = 0.3, 0.08  # of cells with the distance from walls; of the depth
 CELL_GROWTH = 0.3  # of cells that are not stretched
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
@@ -43,6 +45,7 @@ class ResolvedWalls:
     plane:          whether all walls are planes: no bed forms, no grain
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
+    roughness:      equivalent sand roughness of all walls, 0: smooth
     """
 
     depth: float
@@ -55,6 +58,24 @@ class ResolvedWalls:
     names: tuple[str, ...]
     up: int
     developed: DevelopedChannel
+    roughness: float = 0.0
+
+    @property
+    def sand(self) -> float:
+        """u* k_s/nu of what enters."""
+        return self.roughness / self.unit
+
+    @property
+    def first(self) -> float:
+        """Thickness [length] of the cells at plane walls for mesh_size = 1."""
+        if not self.roughness:
+            return FIRST_ROW * self.unit
+        return ON_SAND * length_at_sand(self.sand) * self.roughness
+
+    @property
+    def thickest(self) -> float:
+        """Thickness of cells at walls [nu/u*] up to which they are resolved."""
+        return THICKEST if not self.roughness else THICKEST / FIRST_ROW * self.first / self.unit
 
     @property
     def unit(self) -> float:
@@ -63,9 +84,10 @@ class ResolvedWalls:
 
     def text(self) -> str:
         """How walls are treated, in words."""
-        first = FIRST_ROW if self.plane else FIRST_CELL
+        first = self.first / self.unit * (1.0 if self.plane else FIRST_CELL / FIRST_ROW)
+        kind = f"rough walls (u* k_s/nu about {self.sand:.3g})" if self.roughness else "walls"
         return (
-            f"walls resolved, first cells {first:g} nu/u* thick with mesh_size = 1, "
+            f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
             f"u* about {self.shear_velocity:.3g}"
         )
 
@@ -95,6 +117,10 @@ class ResolvedWalls:
     def logarithms_at(self, away: Floats) -> Floats:
         """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
         found, first = self.developed, self.developed.heights[1]
+        if self.roughness:
+            profiles = found.log_k + 2.0 * math.log(self.shear_velocity), found.log_omega
+            log_k, log_omega = (np.interp(away / self.depth, found.heights, one) for one in profiles)
+            return np.array([log_k, log_omega + math.log(self.shear_velocity / self.depth)])
         heights = np.maximum(away / self.depth, SLOWEST * first)
         nodes = np.log(found.heights[1:])
         unit = self.shear_velocity
@@ -108,7 +134,7 @@ class ResolvedWalls:
     def channel_rows(self, domain: Domain, names: SideNames, order: int, mesh_size: float) -> Grid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), LARGEST_ROW * self.depth
-        sizes = RowSizes(min(FIRST_ROW * self.unit, largest), GROWTH, largest)
+        sizes = RowSizes(min(self.first, largest), GROWTH, largest)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         corner = (domain.left, domain.bottom)
@@ -116,13 +142,15 @@ class ResolvedWalls:
 
     def cells(self, order: int) -> tuple[Near, ...]:
         """Cells at walls of which some are no planes. Not collective."""
-        size = FIRST_CELL * self.unit * COARSENING.get(order, ORDER_THREE)
+        size = FIRST_CELL / FIRST_ROW * self.first * COARSENING.get(order, ORDER_THREE)
         parts = {name: AT_GRAIN if name == "body" else 1.0 for name in self.names}
         return tuple(Near(part * size, CELL_GROWTH, boundary=name) for name, part in parts.items())
 
 
-def resolved_walls_of(geometry: Geometry, base_flow: BaseFlow, names: SideNames) -> ResolvedWalls:
-    """The walls of a flow and what enters between them. Not collective.
+def resolved_walls_of(
+    geometry: Geometry, base_flow: BaseFlow, names: SideNames, roughness: float = 0.0
+) -> ResolvedWalls:
+    """The walls of a flow, of an equivalent sand roughness, and what enters between them. Not collective.
 
     Raises:
         ConvergenceError: there is no developed flow that could be found.
@@ -132,7 +160,7 @@ def resolved_walls_of(geometry: Geometry, base_flow: BaseFlow, names: SideNames)
     ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     number = 2 if two else 1
     depth, mean, viscosity = (domain.ceiling - ground) / number, base_flow.reference, base_flow.viscosity
-    developed = of_discharge(mean * depth / viscosity)
+    developed = of_discharge(mean * depth / viscosity, roughness / depth)
     body = () if geometry.grain is None else ("body",)
     return ResolvedWalls(
         depth=depth,
@@ -145,4 +173,5 @@ def resolved_walls_of(geometry: Geometry, base_flow: BaseFlow, names: SideNames)
         names=(names.bottom, *((names.top,) if two else ()), *body),
         up=geometry.up,
         developed=developed,
+        roughness=roughness,
     )

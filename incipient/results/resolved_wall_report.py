@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 from .wall_report import MOST_OUTSIDE, WallReport
 
-THICKEST = 2.5  # nu/u*, up to which only molecules matter in the cells at walls
-
 
 @dataclass(frozen=True)
 class ResolvedWallReport(WallReport):
     """The walls of a flow that its mesh resolves: y+ is the thickness of the cells at them, in nu/u*.
 
     mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
+    thickest: up to which cells at walls resolve them, in nu/u*
     """
 
     mesh_size: float = 1.0
+    thickest: float = 2.5
 
     @property
     def model(self) -> str:
@@ -36,12 +36,12 @@ class ResolvedWallReport(WallReport):
     @property
     def suitable(self) -> float:
         """The thickness that the cells at walls might have."""
-        return THICKEST * self.viscosity / self.shear_velocity if self.shear_velocity else float("inf")
+        return self.thickest * self.viscosity / self.shear_velocity if self.shear_velocity else float("inf")
 
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
-        return f"set numerics.mesh_size = {0.9 * THICKEST / self.largest * self.mesh_size:.2g}"
+        return f"set numerics.mesh_size = {0.9 * self.thickest / self.largest * self.mesh_size:.2g}"
 
     def _of_model(self) -> str:
         return ""
@@ -49,7 +49,7 @@ class ResolvedWallReport(WallReport):
     def _judged(self) -> list[str]:
         told = f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
         if self.outside:
-            told += f", along {100 * self.outside:.3g}% of the walls more than {THICKEST:g}"
+            told += f", along {100 * self.outside:.3g}% of the walls more than {self.thickest:.3g}"
         if self.applicable:
             return [f"{told}: walls are resolved; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"

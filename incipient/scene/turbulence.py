@@ -95,9 +95,6 @@ class Turbulence(Section):
         """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
         if self.has_wall_functions:
             return None
-        if self.wall == "rough":
-            why = 'is "rough", which model = "k-omega-sst" does not simulate in this version'
-            return "wall", why, 'use smooth walls, or model = "k-epsilon"'
         if self.inflow != "developed":
             why = f'is "{self.inflow}", which model = "k-omega-sst" does not simulate in this version'
             return "inflow", why, 'use "developed", or model = "k-epsilon"'

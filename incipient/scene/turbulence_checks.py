@@ -25,6 +25,10 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     if scene.resolves_walls:
         motion = scene.body.motion if scene.body is not None and scene.moves else ""
         yield from _of_resolved_walls(scene.domain, motion)
+        is_level = scene.body is None and (scene.bed is None or scene.bed.kind == "flat")
+        if scene.turbulence and scene.turbulence.roughness and not is_level:
+            why = f'is "rough", but past grains and bed forms sand {_NOT_TO_THE_WALL}'
+            yield problem("turbulence.wall", why, 'use smooth walls, or turbulence.model = "k-epsilon"')
     yield from _of_flow(scene.flow, scene.domain)
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"

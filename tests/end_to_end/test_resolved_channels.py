@@ -32,6 +32,8 @@ from incipient.scene import (
 # U_b+ of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
 DIRECT = {547.0: 18.401, 1000.5: 19.990}
 
+ROUGH = {"wall": "rough", "roughness": 0.01}
+
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
     """An open channel of depth 1 and mean velocity 1: half of one between walls."""
@@ -58,6 +60,31 @@ def test_a_channel_is_that_of_finite_volumes(re_tau):
     assert 1 / walls.shear_velocity == pytest.approx(mean, rel=3e-3)
     if re_tau in DIRECT:
         assert 1 / walls.at_outflow == pytest.approx(DIRECT[re_tau], rel=0.03)
+
+
+@pytest.mark.parametrize("sand", [5.2, 11.0, 40.0])
+def test_a_rough_channel_is_that_of_finite_volumes(sand):
+    """U_b+ within 0.2% of the same model in one dimension with the same values at the wall; u* k_s/nu in the middle."""
+    re_tau = 1000.0
+    mean = k_omega_channel(re_tau, sand=sand)
+    rough = Turbulence(model="k-omega-sst", wall="rough", roughness=sand / re_tau)
+    walls = incipient.run(channel(re_tau * mean, turbulence=rough)).turbulence
+    assert walls.applicable
+    print(sand, 1 / walls.at_outflow, 1 / walls.shear_velocity, mean)
+    assert 1 / walls.at_outflow == pytest.approx(mean, rel=2e-3)
+    assert 1 / walls.shear_velocity == pytest.approx(mean, rel=2e-3)
+
+
+def test_sand_as_high_as_the_flow_is_deep_is_refused():
+    rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.3)
+    with pytest.raises(SceneError, match=r"turbulence\.roughness: .* of the depth, at most 20%"):
+        incipient.run(channel(11000.0, turbulence=rough))
+
+
+def test_fine_sand_is_told_to_be_smooth():
+    rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.001)
+    warnings = incipient.plan(channel(11000.0, turbulence=rough)).warnings
+    assert any("hydraulically smooth" in line for line in warnings)
 
 
 def test_a_channel_between_walls_is_two_open_ones():
@@ -209,7 +236,11 @@ def test_ranks_agree(mpirun):
     ("changes", "told"),
     [
         ({"domain": Domain(length=4.0, width=2.0, height=1.0)}, "domain.width"),
-        ({"turbulence": {"wall": "rough", "roughness": 0.01}}, "turbulence.wall"),
+        ({"turbulence": ROUGH, "bed": Sinusoidal(amplitude=0.1, wavelength=1.0)}, "turbulence.wall"),
+        (
+            {"turbulence": ROUGH, "bed": Flat(), "body": Disc(diameter=0.2, x=3.0, density=2.0)},
+            "turbulence.wall",
+        ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
         ({"flow": Uniform(), "bed": Flat()}, "flow.kind"),

@@ -14,6 +14,7 @@ from incipient.forms.k_omega_sst import EXPONENT
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
 from incipient.planning.developed_channel import developed, of_discharge
+from incipient.planning.wall_law import WallLaw
 
 BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds far from walls
 
@@ -95,6 +96,26 @@ def test_distances_from_walls_are_those_of_geometry():
 def test_developed_flow_is_that_of_finite_volumes(re_tau):
     """In k and omega themselves, written for the tests: the same mean velocity within 0.1%."""
     assert developed(re_tau).mean == pytest.approx(k_omega_channel(re_tau), rel=1e-3)
+
+
+@pytest.mark.parametrize("sand", [5.0, 11.0, 40.0, 200.0])
+def test_developed_flow_over_sand_is_that_of_finite_volumes(sand):
+    assert developed(2000.0, sand / 2000.0).mean == pytest.approx(
+        k_omega_channel(2000.0, sand=sand), rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("sand", [5.0, 10.0, 30.0, 60.0, 90.0, 300.0, 1000.0])
+def test_developed_flow_over_sand_obeys_the_law_of_rough_walls(sand):
+    """u+ within 0.32 of Nikuradse's law (as fitted by Cebeci & Bradshaw 1977) to k_s+ = 90, 0.6 below it beyond."""
+    found, law = developed(20000.0, sand / 20000.0), WallLaw(sand / 20000.0)
+    away = [
+        np.interp(y, found.heights, found.speed) - law.velocity(1.0, 1.0 / 20000.0, y)
+        for y in (0.05, 0.1, 0.2)
+    ]
+    print(sand, away)
+    assert max(away) < 0.32
+    assert min(away) > (-0.32 if sand <= 90.0 else -0.6)
 
 
 def test_developed_flow_has_the_discharge_asked_for():

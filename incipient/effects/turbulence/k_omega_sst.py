@@ -21,7 +21,7 @@ from ...mesh.domain import Domain
 from ...mesh.wall_distance import cells_at, distances, nodes_of
 from ...planning.base_flow import Velocity
 from ...planning.resolved_walls import ResolvedWalls
-from ...results.resolved_wall_report import THICKEST, ResolvedWallReport
+from ...results.resolved_wall_report import ResolvedWallReport
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .iteration import Round, solve_steadily
@@ -32,19 +32,24 @@ ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-10  # k over V^2, as little as nothing: loads on a disc change by 4e-9 with it
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
+CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
+PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
 class KOmegaSST(TurbulenceFields):
-    """ln k and ln omega on a mesh in the plane, with smooth walls. Every method is collective.
+    """ln k and ln omega on a mesh in the plane, with smooth or rough walls. Every method is collective.
 
-    In cells with a corner on a wall only molecules are taken to matter: there omega = 6 nu/(beta_1 d^2), which is
-    given at all their nodes, and k goes as a power of the distance d, which is a flux of ln k into the cells beyond.
+    In cells with a corner on a smooth wall only molecules are taken to matter: there omega = 6 nu/(beta_1 d^2), which
+    is given at all their nodes, and k goes as a power of the distance d, which is a flux of ln k into the cells beyond.
+    On rough walls both have values by u*, given weakly.
 
     Args:
         viscosity: of the molecules.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity.
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
+        roughness: equivalent sand roughness of the walls, 0: smooth.
+        stress: typical shear stress at rough walls.
     """
 
     second = "omega"
@@ -57,6 +62,8 @@ class KOmegaSST(TurbulenceFields):
         viscosity: float,
         order_of_flow: int = 2,
         least: float = 0.0,
+        roughness: float = 0.0,
+        stress: float = 0.0,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -65,7 +72,8 @@ class KOmegaSST(TurbulenceFields):
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (2,)))
         self._fluid: Fluid | None = None
-        self._molecules, self._least = viscosity, least
+        self._molecules, self._least, self._roughness = viscosity, least, roughness
+        self._stress, self._little = self.constant(stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
         self._edge, self._within = np.empty((2, 0), dtype=np.int64)
@@ -84,23 +92,31 @@ class KOmegaSST(TurbulenceFields):
         places = scalar.tabulate_dof_coordinates()[:, :2]
         self._distance.x.array[:] = distances(self.domain, walls, places)
         cells = cells_at(self.domain, walls)
-        self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
+        if not self._roughness:
+            self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
         near = nodes_of(scalar, cells)
         outer = np.setdiff1d(np.arange(len(compat.cell_dofs(scalar))), cells)
         free = nodes_of(scalar, outer)
         self._edge = np.intersect1d(near, free)
+        if self._roughness:
+            self.stand(self._molecules, float(self._stress.value))
+            return
         self._within = np.setdiff1d(near, np.union1d(free, self._entering()))
         self._from_next(places)
         self._at_walls, self._inner = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
         self._near = near
-        self.stand(self._molecules)
+        self.stand(self._molecules, float(self._stress.value))
         self._conditions += [
             self._given_of(self._at_walls, near, 1),
             self._given_of(self._inner, self._within, 0),
         ]
 
-    def stand(self, viscosity: float) -> None:
-        """Let the molecules at walls have another viscosity."""
+    def stand(self, viscosity: float, stress: float) -> None:
+        """Let the molecules at walls have another viscosity, and rough walls another typical shear stress."""
+        self._stress.value = stress
+        self._little.value = stress * forms.little_k(self._roughness * stress**0.5 / viscosity)
+        if self._roughness or not self.surroundings.walls:
+            return
         away = self._distance.x.array[self._near]
         least = ON_WALL * self.largest(away)
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
@@ -131,7 +147,7 @@ class KOmegaSST(TurbulenceFields):
         self._drop = forms.EXPONENT * np.log(np.maximum(away[self._within], least) / away[self._source])
 
     def _prepare(self) -> None:
-        """Let ln k within the cells at walls follow that beyond."""
+        """Let ln k within the cells at smooth walls follow that beyond."""
         if len(self._within):
             values = self.state.x.array
             values[2 * self._within] = values[2 * self._source] + self._drop
@@ -182,13 +198,22 @@ class KOmegaSST(TurbulenceFields):
         """The residual of both equations in UFL, in the cells beyond those at walls."""
         inside = self._beyond
         form = super()._equations(rate, [inside * test for test in tests], stream)
+        mesh, unknowns = self.domain.mesh, ufl.split(self.state)
+        n = ufl.FacetNormal(mesh)
         if not self.surroundings.walls:
             return form
-        n, facets = ufl.FacetNormal(self.domain.mesh), self._interface()
-        flux = inside * forms.from_wall(ufl.split(self.state), tests[0], n, stream, self.closure)
-        between = ufl.dS(
-            1, domain=self.domain.mesh, subdomain_data=facets, metadata=stream.measure.metadata()
-        )
+        if self._roughness:
+            across = ufl.dot(ufl.classes.ReferenceNormal(mesh), ufl.JacobianInverse(mesh))
+            penalty = PENALTY * self.order**2 * ufl.sqrt(ufl.inner(across, across))
+            wall = forms.RoughWall(
+                self.constant(self._roughness), n, penalty, CALM * self._stress, self._little
+            )
+            given = forms.on_rough_wall(unknowns, tests, wall, stream)
+            measure = self.domain.measure(*self.surroundings.walls)
+            return form + given * measure(metadata=stream.measure.metadata())
+        facets = self._interface()
+        flux = inside * forms.from_wall(unknowns, tests[0], n, stream, self.closure)
+        between = ufl.dS(1, domain=mesh, subdomain_data=facets, metadata=stream.measure.metadata())
         return form + (flux("+") + flux("-")) * between
 
     def _interface(self) -> Any:
@@ -215,7 +240,8 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least)
+        kinds = walls.roughness, walls.shear_velocity**2
+        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
@@ -232,7 +258,7 @@ class KOmegaFlow(TurbulentFlow):
     def _give(self, fluid: Fluid) -> None:
         """Let inflow and walls be those of the setup as it is now."""
         super()._give(fluid)
-        self.fields.stand(self._scene.viscosity)
+        self.fields.stand(self._scene.viscosity, self._walls.shear_velocity**2)
 
     @property
     def _least(self) -> float:
@@ -288,12 +314,13 @@ class KOmegaFlow(TurbulentFlow):
             friction=2.0 * (last / scene.reference_velocity) ** 2,
             viscosity=scene.viscosity,
             c_mu=0.09,
-            outside=float((y_plus > THICKEST).mean()),
+            outside=float((y_plus > walls.thickest).mean()),
             plane=walls.plane,
             reach=walls.depth,
             backward=bottom.backward(),
             along={name: self._told(one) for name, one in along.items()},
             mesh_size=scene.numerics.mesh_size,
+            thickest=walls.thickest,
         )
 
     def _thickness(self, walls: Sequence[AlongWall]) -> Floats:

@@ -6,11 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 
 from ...errors import SceneError
+from ...forms.k_omega_sst import SMOOTHEST_SAND
 from ...planning.flow_setup import Setup
 from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
+COARSEST = 0.2  # sand roughness over the depth
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
 Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
@@ -73,7 +75,18 @@ class KOmegaModel(TurbulenceModel):
         return f"k-omega SST model; {setup.resolved_walls.text()}"
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Flows that are laminar by the model."""
+        """Flows that are laminar by the model; sand that is too coarse raises, too fine is told."""
+        walls = setup.resolved_walls
+        if (share := walls.roughness / walls.depth) > COARSEST:
+            raise SceneError(
+                f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the depth, at most "
+                f"{limits.percent(COARSEST)}; use a smaller one"
+            )
+        if 0.0 < walls.sand < SMOOTHEST_SAND:
+            yield (
+                f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
+                f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
+            )
         if (found := setup.resolved_walls.developed).is_laminar:
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...planning.wall_law import WallLaw
-from ...results.resolved_wall_report import THICKEST
 from ..record import StoredRun
 from ..style import FLOW, GROUND, INK, PUSH
 
@@ -29,7 +28,7 @@ def picture(run: StoredRun) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     walls = run.result["turbulence"]
     resolved = walls.get("model") == "k-omega-sst"  # results of earlier versions have no model
-    bounds = (LEAST, THICKEST) if resolved else _bounds(walls)
+    bounds = (LEAST, walls.get("thickest", 2.5)) if resolved else _bounds(walls)
     label = "walls are resolved" if resolved else "the law of the wall holds"
     upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
     lower.axhline(0.0, color=GROUND)
