@@ -83,7 +83,7 @@ def test_sand_as_high_as_the_flow_is_deep_is_refused():
 
 def test_fine_sand_is_told_to_be_smooth():
     rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.001)
-    warnings = incipient.plan(channel(11000.0, turbulence=rough)).warnings
+    warnings = incipient.run(channel(11000.0, 2.0, 2.0, turbulence=rough)).plan.warnings
     assert any("hydraulically smooth" in line for line in warnings)
 
 
