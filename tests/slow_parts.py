@@ -65,6 +65,7 @@ PARTS = {
         "end_to_end/test_report.py",
         "end_to_end/test_shapes.py",
         "end_to_end/test_small_lengths.py",
+        "end_to_end/test_survey_command.py",
         "end_to_end/test_sweeps.py",
         "stability/test_flow.py",
         "stability/test_hard_cases.py",

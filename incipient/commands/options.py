@@ -193,14 +193,19 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
 def of_survey(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient survey`."""
     add = parser.add_argument
-    add("bed", type=Path, help="survey file (TOML)")
+    add("bed", type=Path, help="survey file (TOML); with --orientations or --seeds a scene in space")
     overrides(parser, "bed.seed=2")
     add("--out", type=named, help="directory for the results (default: results/NAME OF THE FILE_survey)")
     text = (
         "compute so many full runs more, of grains whose loads are least sure (default: runs.number in all)"
     )
     add("--runs", type=int, default=0, metavar="N", help=text)
+    text = "find the thresholds of a scene's grain in so many random orientations, the first being its own"
+    add("--orientations", type=int, metavar="N", help=text)
+    add("--seeds", type=int, metavar="N", help="the same on random beds of so many seeds")
     add("--jobs", type=int, metavar="N", help="runs at a time (default: by cores)")
+    text = "workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler"
+    add("--executor", metavar="ADDRESS", help=text)
     add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
     add("--retry", action="store_true", help="compute runs again that have failed")
 

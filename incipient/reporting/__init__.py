@@ -12,7 +12,7 @@ from pathlib import Path
 from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
 from ..pictures.apart import draw_apart
-from . import entrainment, gusts, judgement, run, study, sweep, threshold
+from . import entrainment, gusts, judgement, run, study, survey, sweep, threshold
 from .citation import closing
 from .page import Page, PagePart, html
 
@@ -22,6 +22,7 @@ RECORDS: dict[str, tuple[Callable[[Path], PagePart], tuple[str, ...]]] = {
     "threshold.json": (threshold.part, ("threshold.png",)),
     "gusts.json": (gusts.part, ("gusts.png",)),
     "entrainment.json": (entrainment.part, ("entrainment.png",)),
+    "survey.json": (survey.part, ("survey.png",)),
     "judgement.json": (judgement.part, ("judgement.png",)),
     "series.json": (judgement.part_of_series, ("series.png",)),
     "cost.json": (study.part, ("cost.png",)),

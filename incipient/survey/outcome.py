@@ -52,8 +52,8 @@ COLUMNS = (
 class EmulatorRecord:
     """How good the emulator is.
 
-    error, bar: root mean square over runs of the drag's error, each foretold by all others, over its mean; and of the
-        bars of one standard deviation
+    error, bar: root mean square over runs of the drag's error, each foretold without the fifth of them that it is in,
+        over the mean drag; and of the bars of one standard deviation
     within: share of the six coefficients of these that were within 1.96 bars; mean_bar: of the critical Shields number
         over grains without a run, as a share of it
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None where none has it
@@ -240,8 +240,8 @@ class SurveyOutcome:
         failed = f", {record.failed} failed" if record.failed else ""
         return [
             f"runs                {record.runs}{failed}; error of the flow {flow}",
-            f"emulator            drag of a run foretold by all others: error {record.error:.1%}, bar {record.bar:.1%} "
-            f"(one standard deviation); {record.within:.0%} of all coefficients within 1.96 bars",
+            f"emulator            drag of runs foretold without their fifth: error {record.error:.1%}, "
+            f"bar {record.bar:.1%} (one standard deviation); {record.within:.0%} of all coefficients within 1.96 bars",
             f"                    {record.to_halve} more runs would halve the mean bar of the drag (--runs "
             f"{record.to_halve})",
         ]

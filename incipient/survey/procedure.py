@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,12 +44,16 @@ RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "sur
 
 @dataclass(frozen=True)
 class RunMeans:
-    """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again."""
+    """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again.
+
+    executor: as of a sweep
+    """
 
     more: int = 0
     jobs: int | None = None
     wall: str | None = None
     retry: bool = False
+    executor: Executor | str | None = None
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -183,6 +189,7 @@ class _Survey:
             jobs=self.means.jobs,
             wall=self.means.wall,
             retry=self.means.retry,
+            executor=self.means.executor,
             watcher=self.watcher,
             comm=self.comm,
         )
@@ -197,7 +204,13 @@ class _Survey:
         return [scene_of(*given, place < bars), *([scene_of(*given, wide=True)] if place < bars else [])]
 
     def _computed(self, file: Path, chosen: list[int]) -> tuple[list[LoadCoefficients], int]:
-        rows = [row for row in rows_of(file) if grain_of(str(row["source"])) in chosen]
+        with Store(file) as store:
+            scenes = {row["id"]: tomllib.loads(row["scene"]) for row in store.rows() if row["scene"]}
+        rows = [
+            row | {"fluid.reynolds": scenes[row["id"]]["fluid"]["reynolds"]}
+            for row in rows_of(file)
+            if row["id"] in scenes and grain_of(str(row["source"])) in chosen
+        ]
         return coefficients_of(rows), sum(row["status"] == FAILED for row in rows)
 
     # Thresholds.

@@ -127,18 +127,18 @@ class TestThresholds:
 
     def test_bars_of_grains_without_a_run(self):
         """Emulated thresholds of half the grains against those by their own coefficients."""
-        features = drawn(120)
+        features = drawn(80)
         values = known(features, 0.05)
         values[:, [1, 2, 3, 4, 5]] *= 0.1
-        grains = [pocket(k, features[k]) for k in range(120)]
-        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(60)]
-        emulator = Emulator.of(features[:60], values[:60])
+        grains = [pocket(k, features[k]) for k in range(80)]
+        runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(50)]
+        emulator = Emulator.of(features[:50], values[:50])
         errors = LoadErrors(emulator.correlation, np.zeros(6), 0)
         found = thresholds(grains, 1.0, 0.5, None, runs, emulator, errors)
-        own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(120)]
+        own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
         exact = thresholds(grains, 1.0, 0.5, None, own, emulator, errors)
         inside = [
-            one.bar[0] <= true.shields <= one.bar[1] for one, true in zip(found[60:], exact[60:], strict=True)
+            one.bar[0] <= true.shields <= one.bar[1] for one, true in zip(found[50:], exact[50:], strict=True)
         ]
         assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
 
