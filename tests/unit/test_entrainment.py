@@ -191,6 +191,33 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     assert stream.microscale(2.0) == pytest.approx(lasts / 2.0**1.5, rel=1e-9)
 
 
+def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> None:
+    """sqrt(2k/3) over U, means over the disc's heights above the bed, of the developed flow in one dimension."""
+    sand = Path(__file__).parents[2] / "demos" / "scenes" / "sand_in_turbulence.toml"
+    words = [
+        "bed={kind='flat'}",
+        *(f'gusts.{name}="model"' for name in ("intensity", "microscale", "integral_time")),
+    ]
+    setup = Setup(load(sand, words))
+    gusts, scene, walls = setup.scene.gusts, setup.scene, setup.resolved_walls
+    assert gusts is not None and scene.grain is not None and scene.placement is not None
+    half, centre = 0.5 * scene.grain.size, scene.placement.centre[1] - walls.floor
+    # Strips of a disc, weighted by their widths.
+    heights = centre + half * np.sin(np.linspace(-0.5, 0.5, 2001) * np.pi)
+    weights = np.gradient(heights) * np.sqrt(np.maximum(half**2 - (heights - centre) ** 2, 0.0))
+    flow, unit = walls.developed, walls.shear_velocity
+    at = heights / walls.depth
+    speed = np.average(np.interp(at, flow.heights, flow.speed), weights=weights) * unit
+    energy = np.average(
+        np.exp(np.interp(np.log(np.maximum(at, 1e-6)), np.log(flow.heights[1:]), flow.log_k[1:])),
+        weights=weights,
+    )
+    stream = Stream(setup, gusts)
+    assert stream.speed == pytest.approx(speed, rel=0.01)
+    assert stream.intensity(1.0) == pytest.approx(np.sqrt(2.0 / 3.0 * energy) * unit / speed, rel=0.02)
+    assert 0.1 < stream.intensity(1.0) < 0.5
+
+
 def test_intensity_near_walls_has_its_limits() -> None:
     # Zanke (2003): 0.31 k+ + 0.18 k+ for small k+, 1.8 above rough beds far below the surface.
     assert near_wall(1e-3) == pytest.approx(0.49e-3, rel=1e-3)
