@@ -71,6 +71,7 @@ PARTS = {
         "stability/test_hard_cases.py",
         "stability/test_random_files.py",
         "stability/test_random_scenes.py",
+        "unit/test_large_sweeps.py",
         "unit/test_parallel.py",
         "unit/test_scene_file.py",
         "unit/test_scene_shapes.py",

@@ -14,6 +14,7 @@ from ..sweep import table as tables
 from ..sweep.store import Store
 
 WIDE = 160  # columns of a table that goes to a file
+FIRST = 300  # cases of a large sweep that are printed
 
 
 def table(options: argparse.Namespace, comm: Comm) -> int:
@@ -34,9 +35,10 @@ def _print(file: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    found = tables.rows(file)
     with Store(file) as store:
-        keys = store.keys()
+        keys, is_large = store.keys(), store.is_large
+        counts = store.counts() if is_large else {}
+    found = tables.rows(file, FIRST if is_large else None)
     heads = [name for name in tables.columns(found) if name in keys or name == "source"]
     if len({row["source"] for row in found}) == 1:
         heads.remove("source")
@@ -53,6 +55,11 @@ def _print(file: Path) -> None:
         time = "" if row["wall"] is None else f"{row['wall']:.1f}"
         shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
     Console(width=None if sys.stdout.isatty() else WIDE, markup=False).print(shown)
+    if is_large:
+        counted = ", ".join(f"{number} {status}" for status, number in counts.items())
+        print(
+            f"{sum(counts.values())} cases: {counted}; the first {len(found)} are shown, --csv or --parquet has all"
+        )
 
 
 def _unit(key: str, tasks: Set[str]) -> str:

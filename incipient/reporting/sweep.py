@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -24,6 +25,7 @@ FOUND = (
     *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
     *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
+FIRST = 300  # cases of a large sweep that a page has
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
     "wall": "wall time [s]",
@@ -36,21 +38,24 @@ Row = Mapping[str, Any]
 
 def part(file: Path) -> PagePart:
     """What a page says of a sweep, with new pictures. Not collective; raises OutputError for a bad or empty file."""
-    found = rows(file)
+    with Store(file) as store:
+        keys, scenes, counts = store.keys(), _scenes(store), store.counts()
+        most = FIRST if store.is_large else None
+    found = rows(file, most)
     if not found:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
-    with Store(file) as store:
-        keys, scenes = store.keys(), _scenes(store)
     drawn = draw_sweep_apart(file)
-    done, failed, damaged = (
-        [row for row in found if row["status"] == state] for state in (DONE, FAILED, DAMAGED)
-    )
+    done, failed = ([row for row in found if row["status"] == state] for state in (DONE, FAILED))
+    if most is None:
+        counts = Counter(row["status"] for row in found)  # by checksums, too
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
-    rest = len(found) - len(done) - len(failed) - len(damaged)
-    counted = f"{len(found)} cases: {len(done)} computed, {len(failed)} failed"
-    counted += f", {len(damaged)} damaged" if damaged else ""
+    total = sum(counts.values())
+    rest = total - sum(counts.get(state, 0) for state in (DONE, FAILED, DAMAGED))
+    counted = f"{total} cases: {counts.get(DONE, 0)} computed, {counts.get(FAILED, 0)} failed"
+    counted += f", {counts[DAMAGED]} damaged" if counts.get(DAMAGED) else ""
     counted += f", {rest} not computed yet." if rest else "."
+    counted += f" Tables are of the first {len(found)}." if most else ""
     varied = table(("key", "values", "how many"), [_varied(key, found) for key in named])
     first = [section(f"First case of {name}", Settings(text)) for name, text in scenes.items()]
     return PagePart(
@@ -72,9 +77,9 @@ def part(file: Path) -> PagePart:
 def _scenes(store: Store) -> dict[str, str]:
     """The scene of the first case of each source, as TOML."""
     first: dict[str, str] = {}
-    for stored in store.rows():
+    for stored in store.first_of_sources():
         text = stored["scene"]
-        if stored["source"] not in first and stored["status"] != DAMAGED:
+        if stored["status"] != DAMAGED:
             first[stored["source"]] = tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
     return first
 

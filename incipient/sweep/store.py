@@ -23,6 +23,7 @@ from typing import Any, Self
 from ..errors import OutputError, shortened
 from ..files import make_directory
 from ..output.lock import Holder
+from . import quantities
 from .cases import SweepCase
 
 log = logging.getLogger("incipient")
@@ -38,7 +39,10 @@ OF_NETWORKS = frozenset(_FREE.split()) | {
     "quobyte",
     "wekafs",
 }
-SCHEMA_VERSION, WITHOUT_LOGS, WITHOUT_CHECKSUMS = 3, 2, 1
+SCHEMA_VERSION, WITHOUT_COLUMNS, WITHOUT_LOGS, WITHOUT_CHECKSUMS = 4, 3, 2, 1
+LARGE = 20_000  # cases above which tables and pictures are by the table `shown`, without a look at checksums
+AT_A_TIME = 1000  # rows that are read at a time
+CHECKED = 2**28  # bytes of a file above which its pages are not checked as a whole when it is read
 APPLICATION = 0x696E6370  # in the file's head: "incp"
 PATIENCE = 60.0  # seconds that a writer waits for another
 WAITING, RUNNING, DONE, FAILED, DAMAGED = "waiting", "running", "done", "failed", "damaged"
@@ -51,11 +55,18 @@ CREATE TABLE cases (
 );
 CREATE TABLE parameters (key TEXT PRIMARY KEY);
 """
+# What finished cases have for the table, a column each; and what cases are counted by.
+_SHOWN = """
+CREATE TABLE shown (number INTEGER PRIMARY KEY);
+CREATE INDEX cases_by_status ON cases (status, source);
+"""
 # What a case is, what came out, and what changes while it is at work.
 _CASE = ("id", "task", "source", "settings", "scene")
 _OUTCOME = ("reason", "finished", "wall", "cpu", "peak_mib", "versions", "result")
 _COLUMNS = frozenset((*_CASE, *_OUTCOME, "status", "owner", "tries"))
 _ADDED = {"checksum": WITHOUT_CHECKSUMS, "log": WITHOUT_LOGS}  # columns, and the last version without them
+_NUMBERED = "SELECT rowid AS number, * FROM cases WHERE rowid = ?"
+_IDENTIFIED = "SELECT rowid AS number, * FROM cases WHERE id = ?"
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"  # in place of bytes that are no text
 _OF_THE_DISK = {
     sqlite3.SQLITE_FULL: "free some space",
@@ -126,9 +137,10 @@ class Store:
     def _prepare(self, make: bool) -> None:
         application, version = (self._pragma(name) for name in ("application_id", "user_version"))
         if application == APPLICATION:
-            if version not in (SCHEMA_VERSION, WITHOUT_LOGS, WITHOUT_CHECKSUMS):
+            if not WITHOUT_CHECKSUMS <= version <= SCHEMA_VERSION:
                 raise OutputError(f"{self.path}: is of another version of the program; give another name")
-            self._require_whole({*_COLUMNS, *(name for name, last in _ADDED.items() if version > last)})
+            columns = {*_COLUMNS, *(name for name, last in _ADDED.items() if version > last)}
+            self._require_whole(columns, make or self.path.stat().st_size <= CHECKED)
             if make:
                 self._choose_journal()
                 self._add_columns(version)
@@ -138,16 +150,16 @@ class Store:
         self._choose_journal()
         with self._together():
             if not self._pragma("application_id"):  # else another sweep has just made it
-                for statement in filter(str.strip, _TABLES.split(";")):
+                for statement in filter(str.strip, (_TABLES + _SHOWN).split(";")):
                     self._base.execute(statement)
                 self._base.execute(f"PRAGMA application_id = {APPLICATION}")
                 self._base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
 
-    def _require_whole(self, columns: Set[str]) -> None:
-        """Refuse a file whose pages do not fit together: cases may be missing without a trace."""
+    def _require_whole(self, columns: Set[str], wholly: bool) -> None:
+        """Refuse a file whose pages do not fit together, if `wholly` checked: cases may be missing without a trace."""
         found = {row["name"] for row in self._base.execute("PRAGMA table_info(cases)")}
         missing = sorted(columns - found)
-        said = str(self._base.execute("PRAGMA integrity_check(1)").fetchone()[0])
+        said = str(self._base.execute("PRAGMA integrity_check(1)").fetchone()[0]) if wholly else "ok"
         if missing or said != "ok":
             raise OutputError(f"{self.path}: {_damaged(f'no column {missing[0]}' if missing else said)}")
 
@@ -168,10 +180,93 @@ class Store:
             for name in (name for name, last in _ADDED.items() if version <= last):
                 self._base.execute(f"ALTER TABLE cases ADD COLUMN {name} TEXT")
             self._base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-            for row in (
-                self._base.execute("SELECT * FROM cases").fetchall() if version == WITHOUT_CHECKSUMS else ()
-            ):
-                self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), row["id"]))
+            for statement in filter(str.strip, _SHOWN.split(";")):
+                self._base.execute(statement)
+            numbers = self._base.execute("SELECT rowid FROM cases").fetchall()
+            for row in (self._base.execute(_NUMBERED, tuple(one)).fetchone() for one in numbers):
+                if version == WITHOUT_CHECKSUMS:
+                    update = "UPDATE cases SET checksum = ? WHERE id = ?"
+                    self._base.execute(update, (_checksum(row), row["id"]))
+                if row["status"] in (DONE, FAILED):
+                    self._show(row)
+
+    def _show(self, row: sqlite3.Row) -> None:
+        """Put what a finished case has for the table into columns, which are made as they come."""
+        try:
+            found = quantities.found(row, self.keys())
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            return  # damaged
+        known = self._columns()
+        for name in (name for name in found if name not in known):
+            # A column without a type keeps numbers as they are.
+            kind = "BOOLEAN" if isinstance(found[name], bool) else ""
+            self._base.execute(f"ALTER TABLE shown ADD COLUMN {_quoted(name)} {kind}")
+        names, values = ["number", *map(_quoted, found)], [row["number"], *found.values()]
+        holders = ", ".join("?" * len(values))
+        self._base.execute(f"INSERT OR REPLACE INTO shown ({', '.join(names)}) VALUES ({holders})", values)
+
+    def _columns(self) -> dict[str, str]:
+        """Columns of the table `shown`, with their types."""
+        found = self._base.execute("PRAGMA table_info(shown)")
+        return {row["name"]: row["type"] for row in found if row["name"] != "number"}
+
+    @property
+    def is_large(self) -> bool:
+        """Whether there are more than `LARGE` cases, and columns of theirs."""
+        with self._reported():
+            if self._pragma("user_version") <= WITHOUT_COLUMNS:
+                return False
+            (last,) = self._base.execute("SELECT max(rowid) FROM cases").fetchone()
+            return (last or 0) > LARGE
+
+    def counts(self) -> dict[str, int]:
+        """How many cases have each status."""
+        with self._reported():
+            return {
+                one: n for one, n in self._base.execute("SELECT status, count(*) FROM cases GROUP BY status")
+            }
+
+    def first_of_sources(self) -> list[dict[str, Any]]:
+        """The first case of each source."""
+        with self._reported():
+            first = self._base.execute("SELECT min(rowid) FROM cases GROUP BY source").fetchall()
+            rows = [self._base.execute(_NUMBERED, one).fetchone() for one in sorted(map(tuple, first))]
+            return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in rows]
+
+    def columns_shown(self) -> list[str]:
+        """Names of the varied keys and quantities of finished cases."""
+        with self._reported():
+            return list(self._columns())
+
+    def values(self, names: Sequence[str]) -> list[list[Any]]:
+        """The values of each of these columns, of all finished cases, None where one has none. Not checked."""
+        with self._reported():
+            cursor = self._base.cursor()
+            cursor.row_factory = None
+            columns = ", ".join(map(_quoted, names))
+            cursor.execute(f"SELECT {columns} FROM shown ORDER BY number")
+            found: list[list[Any]] = [[] for _ in names]
+            # In parts: a million small tuples at a time take several times as long.
+            while part := cursor.fetchmany(AT_A_TIME):
+                for column, values in zip(found, zip(*part, strict=True), strict=True):
+                    column.extend(values)
+            return found
+
+    def shown(self) -> Iterator[dict[str, Any]]:
+        """All cases in the order in which they came, without their scenes and results. Not checked."""
+        first, last = ("source", "task", "status"), (*_OUTCOME[:-1], "tries", "id")
+        with self._reported():
+            kinds = self._columns()
+            names = [*first, *kinds, *last]
+            columns = [*first, *(f"shown.{_quoted(name)}" for name in kinds), *last]
+            join = "FROM cases LEFT JOIN shown ON number = cases.rowid ORDER BY cases.rowid"
+            for row in self._base.execute(f"SELECT {', '.join(columns)} {join}"):
+                found = zip(names, row, strict=True)
+                yield {
+                    name: bool(cell) if kinds.get(name) == "BOOLEAN" else cell
+                    for name, cell in found
+                    if cell is not None or name in last
+                }
 
     def _pragma(self, name: str) -> int:
         return int(self._base.execute(f"PRAGMA {name}").fetchone()[0])
@@ -214,6 +309,7 @@ class Store:
             found = self._changed()
             marked = [(DAMAGED, number) for number in found]
             self._base.executemany("UPDATE cases SET status = ? WHERE rowid = ?", marked)
+            self._base.executemany("DELETE FROM shown WHERE number = ?", [(one,) for one in found])
         return len(found)
 
     def _changed(self) -> list[int]:
@@ -284,8 +380,9 @@ class Store:
             (state, outcome.log, *found, identity, self._owner),
         )
         if changed.rowcount:
-            row = self._base.execute("SELECT * FROM cases WHERE id = ?", (identity,)).fetchone()
+            row = self._base.execute(_IDENTIFIED, (identity,)).fetchone()
             self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity))
+            self._show(row)
 
     def give_back(self) -> None:
         """Let the cases wait again that this sweep has claimed and not finished."""
@@ -303,10 +400,12 @@ class Store:
             raise OutputError(f"{self.path}: {_damaged('a key of its parameters is none')}")
         return found
 
-    def rows(self) -> list[dict[str, Any]]:
-        """All cases in the order in which they came; damaged ones with that status and no result."""
+    def rows(self, most: int | None = None) -> list[dict[str, Any]]:
+        """All cases, or the first, in the order in which they came; damaged ones with that status and no result."""
         with self._reported():
-            found = self._base.execute("SELECT * FROM cases ORDER BY rowid")
+            found = self._base.execute(
+                "SELECT * FROM cases ORDER BY rowid LIMIT ?", (-1 if most is None else most,)
+            )
             return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in found]
 
 
@@ -321,6 +420,12 @@ def network_of(path: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
             if (place == point or place.startswith(f"{point}/")) and len(point) >= best:
                 best, found = len(point), kind
     return found if found.removeprefix("fuse.") in OF_NETWORKS else ""
+
+
+def _quoted(name: str) -> str:
+    """A name for SQL."""
+    doubled = name.replace('"', '""')
+    return f'"{doubled}"'
 
 
 def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:

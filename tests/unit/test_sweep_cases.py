@@ -15,7 +15,7 @@ from scenes import message
 
 from incipient.cli import main
 from incipient.errors import OutputError
-from incipient.pictures.charts.sweep import soulsby_whitehouse
+from incipient.pictures.charts.sweep_axes import soulsby_whitehouse
 from incipient.progress import Silent
 from incipient.scene import Scene, example, load
 from incipient.scene.key_units import unit_of

@@ -1,15 +1,10 @@
-"""Pictures of a sweep: a quantity against a parameter, maps over two parameters, and the critical Shields number.
-
-The curve of Soulsby and Whitehouse (1997) stands beside the critical Shields numbers for comparison: it fits
-measurements of beds of many grains in turbulent flow, ours are of one grain in laminar flow.
-"""
+"""Pictures of a sweep: a quantity against a parameter, maps over two parameters, and the critical Shields number."""
 
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -26,24 +21,21 @@ from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
 from ..style import Looks
+from . import many_cases
+from .sweep_axes import (
+    COLOURS,
+    MARKERS,
+    ONE_GRAIN_AND_BEDS,
+    beside_soulsby_whitehouse,
+    choose_scale,
+    figure_of,
+    legend,
+    name_of,
+)
 
 Rows = list[dict[str, Any]]
 
-LAMINAR_AND_TURBULENT = (
-    "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
-    "turbulent flow. Compare shapes, not digits."
-)
-_NAMES = {
-    "shields": "critical Shields number (largest diameter)",
-    "shields_nominal": "critical Shields number (nominal diameter)",
-    "reynolds": "critical Reynolds number",
-}
-_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
-_COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
 _MANY = 20  # curves, above which only as many are drawn as there are colours
-_WIDE, _HIGH = 7.2, 5.0  # inches
-_DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
-_DIMENSIONLESS = np.geomspace(1.0, 400.0, 200)  # diameters D* of the curve
 
 
 def draw(
@@ -53,7 +45,7 @@ def draw(
     against: str | None = None,
     by: str | None = None,
 ) -> list[Path]:
-    """Draw the pictures of a sweep next to its file, under its name. Not collective.
+    """Draw the pictures of a sweep next to its file, under its name; those of very many cases in bins. Not collective.
 
     Args:
         quantity: column to draw; default: the critical Shields number, else the safety factor.
@@ -64,8 +56,10 @@ def draw(
         OutputError: nothing has been computed yet, or a picture cannot be written.
         SceneError: there is no such column.
     """
-    with Store(file) as store:
+    with Store(file) as store, style.applied():
         keys = store.keys()
+        if store.is_large:
+            return _saved(many_cases.figures(store, quantity, against, by), file, announce)
     found = [row for row in rows(file) if row["status"] == "done"]
     if not found:
         raise OutputError(f"{file}: no case has been computed; continue with incipient sweep")
@@ -80,18 +74,24 @@ def draw(
             figures["threshold"] = _shields(found, by, file)
         if by is not None and len(varied) > 1 and _numbers(found, against) and _numbers(found, by):
             figures["map"] = _map(found, against, by, file)
-        paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
-        for path, figure in zip(paths, figures.values(), strict=True):
-            style.save(figure, path)
-            announce(path)
-        return paths
+        return _saved(figures, file, announce)
+
+
+def _saved(figures: Mapping[str, Figure], file: Path, announce: Callable[[Path], object]) -> list[Path]:
+    paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
+    for path, figure in zip(paths, figures.values(), strict=True):
+        style.save(figure, path)
+        announce(path)
+    return paths
 
 
 def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in found):
             raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(found))}")
-    figure, axes = _figure(found, f"{_name(quantity)} against {_name(against)}")
+    figure, axes = figure_of(
+        (row["source"] for row in found), f"{name_of(quantity)} against {name_of(against)}"
+    )
     shown = [row for row in found if quantity in row and against in row]
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
@@ -103,12 +103,12 @@ def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path
     if worded:
         axes.set_xticks(list(places.values()), [str(value) for value in places])
     else:
-        _scale(axes.set_xscale, [row[against] for row in shown])
-    _scale(axes.set_yscale, [row[quantity] for row in shown])
+        choose_scale(axes.set_xscale, [row[against] for row in shown])
+    choose_scale(axes.set_yscale, [row[quantity] for row in shown])
     if quantity == "safety_factor":
         axes.axhline(1.0, color=style.INK, lw=0.8, ls=":")
-    axes.set(xlabel=_name(against), ylabel=_name(quantity))
-    _legend(axes, by)
+    axes.set(xlabel=name_of(against), ylabel=name_of(quantity))
+    legend(axes, by)
     return figure
 
 
@@ -132,25 +132,15 @@ def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
     counted = Counter(None if by is None else row.get(by) for row in found)
     values = list(counted)
     if len(values) > _MANY:  # a refined sweep has cases at values of their own
-        values = [value for value, _ in counted.most_common(len(_COLOURS))]
+        values = [value for value, _ in counted.most_common(len(COLOURS))]
     if by is not None and _numbers(found, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
     families = []
-    for value, marker, colour in zip(values, cycle(_MARKERS), cycle(_COLOURS), strict=False):
+    for value, marker, colour in zip(values, cycle(MARKERS), cycle(COLOURS), strict=False):
         shown = f"{value:.4g}" if isinstance(value, float) else str(value)
         mine = [row for row in found if by is None or row.get(by) == value]
         families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
     return families
-
-
-def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
-    """Grain Reynolds numbers u* d/nu and critical Shields numbers of beds of grains of dimensionless diameters D* (n,).
-
-    theta = 0.30/(1 + 1.2 D*) + 0.055 (1 - exp(-0.020 D*)), D* = d (g (s - 1)/nu^2)^(1/3), of Soulsby and Whitehouse
-    (1997); the Reynolds number follows from (u* d/nu)^2 = theta D*^3.
-    """
-    shields = 0.30 / (1.0 + 1.2 * diameters) + 0.055 * (1.0 - np.exp(-0.020 * diameters))
-    return np.sqrt(shields * diameters**3), shields
 
 
 def _shields(found: Rows, by: str | None, file: Path) -> Figure:
@@ -158,16 +148,15 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     critical = [row for row in found if 0.0 < row.get("shields", 0.0) < math.inf]
     if not critical:
         raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
-    figure, axes = _figure(found, "Critical Shields number", note=LAMINAR_AND_TURBULENT)
+    figure, axes = figure_of(
+        (row["source"] for row in found), "Critical Shields number", note=ONE_GRAIN_AND_BEDS
+    )
     families = _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
     for label, mine, looks in families:
         x = np.array([float(row["shear_reynolds"]) for row in mine])
         _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
-    reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
-    label = "Soulsby & Whitehouse (1997)"
-    axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
-    axes.set(xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel=_name("shields"))
-    _legend(axes, by if len(families) > 1 else None)
+    beside_soulsby_whitehouse(axes)
+    legend(axes, by if len(families) > 1 else None)
     return figure
 
 
@@ -175,18 +164,18 @@ def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
     """Modes as marks, and the safety factor in colour with the line S = 1; without it the critical Shields number."""
     shown = [row for row in found if across in row and up in row]
     value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
-    figure, axes = _figure(found, f"Mode and {_name(value)}")
+    figure, axes = figure_of((row["source"] for row in found), f"Mode and {name_of(value)}")
     x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
-    _scale(axes.set_xscale, x.tolist())
-    _scale(axes.set_yscale, y.tolist())
-    axes.set(xlabel=_name(across), ylabel=_name(up))
+    choose_scale(axes.set_xscale, x.tolist())
+    choose_scale(axes.set_yscale, y.tolist())
+    axes.set(xlabel=name_of(across), ylabel=name_of(up))
     _colour(figure, axes, x, y, shown, value)
     modes = sorted({str(row.get("mode", "")) for row in shown})
-    for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
+    for mode, marker, colour in zip(modes, cycle(MARKERS), cycle(COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
         looks: Looks = {"color": colour, "mec": "white", "mew": 0.6, "ms": 7.0, "label": mode or "no verdict"}
         axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
-    _legend(axes, None)
+    legend(axes, None)
     return figure
 
 
@@ -204,41 +193,13 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     logs = np.log10(values[good])
     filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
-    bar.set_label(f"log10 of the {_name(value)}")
+    bar.set_label(f"log10 of the {name_of(value)}")
     if value == "safety_factor" and logs.min() < 0.0 < logs.max():
         line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
-
-
-def _figure(found: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
-    axes = figure.subplots()
-    axes.set_title(f"{title}  ({', '.join(dict.fromkeys(row['source'] for row in found))})")
-    axes.grid(color="#e2e2e2", lw=0.5)
-    axes.set_axisbelow(True)
-    if note:
-        figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
-    return figure, axes
-
-
-def _legend(axes: Axes, by: str | None) -> None:
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(title=by and _name(by), fontsize=8, title_fontsize=8)
 
 
 def _numbers(found: Rows, name: str) -> bool:
     """Whether a column holds numbers alone."""
     values = [row[name] for row in found if name in row]
     return bool(values) and all(isinstance(one, int | float) and not isinstance(one, bool) for one in values)
-
-
-def _scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
-    """Choose a logarithmic scale for positive values that span much."""
-    known = [value for value in values if math.isfinite(value)]
-    if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
-        set_scale("log")
-
-
-def _name(column: str) -> str:
-    """A column in words; a key of scenes as it is."""
-    return column if "." in column else _NAMES.get(column, column.replace("_", " "))
