@@ -13,10 +13,12 @@ from ..parallel import Comm, collectively
 from ..progress import telling
 from ..simulation.batch_table import open_table
 from ..simulation.forces_of_openfoam import read_forces
+from ..simulation.grain_in_place import grain_in_place
 from ..simulation.judge_batch import SUMMARY, VERDICTS, judge_table
 from ..simulation.judge_case import Case, judge_case, load_case, save, text
 from ..simulation.judge_forces import judge_forces, load_case_without_load
 from ..simulation.judge_series import judge_series, read_columns, save_series
+from ..simulation.motion_in_time import FlowThreshold
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -28,11 +30,13 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
             if options.batch is not None:
                 _judge_batch(options)
                 return 0
-            if options.case is None:
-                raise SceneError("judge: there is no case; give a case file, or --batch FILE")
             if options.forces is not None:
                 _judge_forces(options)
                 return 0
+            if options.case is None:
+                raise SceneError(
+                    "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
+                )
             case = load_case(options.case, options.overrides)
             if options.series is not None:
                 _judge_series(case, options)
@@ -65,6 +69,9 @@ def _judge_batch(options: argparse.Namespace) -> None:
 def _judge_series(case: Case, options: argparse.Namespace) -> None:
     found = judge_series(case, read_columns(options.series))
     print(found.text())
+    if options.law is not None:
+        start = float(found.times[0])
+        print(FlowThreshold.of(options.law, found.times, found.batch, start, None).text())
     if options.out is not None:
         directory = options.series.parent if options.out is BESIDE else options.out
         refuse_foreign(directory, ("series.csv", "series.json"))
@@ -77,11 +84,17 @@ def _judge_forces(options: argparse.Namespace) -> None:
     if options.density is None:
         why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
         raise SceneError(why)
-    case = load_case_without_load(options.case, options.overrides)
-    found = judge_forces(case, read_forces(options.forces), options.density, options.since)
+    if options.case is None:
+        case = grain_in_place(options.grain, options.bed, options.overrides)
+    elif options.grain or options.bed:
+        raise SceneError(f"--grain and --bed: {options.case} has the contacts; leave one of them out")
+    else:
+        case = load_case_without_load(options.case, options.overrides)
+    found = judge_forces(case, read_forces(options.forces), options.density, options.since, options.law)
     print(found.text())
     if options.out is not None:
-        directory = options.case.parent if options.out is BESIDE else options.out
+        beside = (options.case or options.forces).parent
+        directory = beside if options.out is BESIDE else options.out
         refuse_foreign(directory, ("judgement.json", "series.csv", "series.json"))
         save(found.judgement, directory)
         save_series(found.series, directory)

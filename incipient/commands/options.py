@@ -241,8 +241,16 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
         "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
     )
     ways.add_argument("--forces", type=named, metavar="PATH", help=text)
+    text = (
+        "with --forces, in place of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
+    )
+    add("--grain", type=named, metavar="FILE", help=text)
+    text = "the same of the bed; flat: a plane below the grain"
+    add("--bed", type=named, metavar="FILE", help=text)
     text = "with --forces: density of the fluid over the rhoInf that they were computed with"
     add("--density", type=float, metavar="RATIO", help=text)
+    text = "with --forces or --series: loads grow as the velocity, U, or its square, U2: in which flow the grain moves"
+    add("--law", choices=("U", "U2"), help=text)
     text = "with --forces: time from which on they are taken (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
     text = "write judgement.json and its picture there; without a DIRECTORY next to the case or table"

@@ -23,6 +23,7 @@ from incipient.contact.loads.spatial_rows import in_no_plane, judged_in_space
 from incipient.contact.model import Load, Loads
 from incipient.errors import SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
+from incipient.parallel import end_with_parent
 
 __all__ = ["LABELS", "Batch", "Cases", "Loads", "judge_batch", "judge_many"]
 
@@ -115,7 +116,7 @@ def judge_many(cases: Cases, jobs: int = 1) -> Batch:
     """
     parts = [cases.part(slice(start, start + CHUNK)) for start in range(0, len(cases), CHUNK)]
     if jobs > 1 and len(parts) > 1:
-        with ProcessPoolExecutor(min(jobs, len(parts))) as pool:
+        with ProcessPoolExecutor(min(jobs, len(parts)), initializer=end_with_parent) as pool:
             return _joined(list(pool.map(_judged, parts)))
     return _joined([_judged(part) for part in parts])
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
+from .motion_in_time import BATCHES, FEWEST, steps_of
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.IGNORECASE)
 CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)]*)\)?", re.IGNORECASE)
 ROUNDING = 1e-5  # of a total that is written beside its parts, relative to the largest
-BATCHES, FEWEST = 20, 40  # means of batches that tell the error of a mean; samples that they take
 SHARE = 0.5  # of the time, the last, over which a mean is taken where nothing else is asked for
 FORMATS = "force.dat and moment.dat (openfoam.com) or forces.dat (openfoam.org, foam-extend)"
 
@@ -54,7 +54,7 @@ class ForcesInTime:
         """
         if len(self.times) < FEWEST:
             raise SceneError(f"--since: {len(self.times)} samples are left; a mean takes {FEWEST} or more")
-        values, weights = np.hstack([self.forces, self.moments]), _weights(self.times)
+        values, weights = np.hstack([self.forces, self.moments]), steps_of(self.times)
         mean = weights @ values / weights.sum()
         batches = [
             weights[part] @ values[part] / weights[part].sum()
@@ -184,9 +184,3 @@ def _joined(parts: Sequence[ForcesInTime]) -> ForcesInTime:
         np.concatenate([getattr(one, name) for one in kept]) for name in ("times", "forces", "moments")
     )
     return ForcesInTime(times, forces, moments, parts[0].centre)
-
-
-def _weights(times: Floats) -> Floats:
-    """The time that each sample stands for, (n,)."""
-    gaps = 0.5 * np.diff(times)
-    return np.append(gaps, 0.0) + np.append(0.0, gaps)

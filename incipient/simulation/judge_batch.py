@@ -18,6 +18,7 @@ from typing import Any
 from ..contact.batch import CHUNK, judge_many
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import make_directory, part_of, replaced, reported, write_json, write_text_atomically
+from ..parallel import end_with_parent
 from ..progress import Silent
 from ..tables.parquet import pyarrow
 from .batch_table import Columns, Row, Table
@@ -116,7 +117,7 @@ def _judged(table: Table, chunks: Path, jobs: int) -> Iterator[tuple[int, str]]:
         return
     # Not forked: what the parent has loaded may hold threads.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=end_with_parent) as pool:
         try:
             yield from _in_order_of_ends(pool, table.columns, missing, jobs)
         except BrokenProcessPool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +13,28 @@ from ..errors import SceneError
 from .forces_of_openfoam import SHARE, ForcesInTime
 from .judge_case import Case, CaseErrors, judge_case, load_case, text
 from .judge_series import Series, judge_series
+from .motion_in_time import FlowThreshold
 
 LOAD = ("load.flow_force", "load.flow_couple")
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedForces:
-    """The verdict on the mean of the last part, with standard errors, and on all times."""
+    """The verdict on the mean of the last part, with standard errors, and on all times; flows that move the grain."""
 
     case: Case
     since: float
     samples: int
     judgement: dict[str, Any]
     series: Series
+    threshold: FlowThreshold | None
 
     def text(self) -> str:
         """Both in a few lines."""
         mean = f"mean from time {self.since:.6g} on, {self.samples} samples:"
-        return "\n".join([mean, text(self.case, self.judgement), "", "all times:", self.series.text()])
+        lines = [mean, text(self.case, self.judgement)]
+        lines += [] if self.threshold is None else [self.threshold.text()]
+        return "\n".join([*lines, "", "all times:", self.series.text()])
 
 
 def load_case_without_load(path: Path, overrides: Sequence[str]) -> Case:
@@ -52,12 +56,15 @@ def load_case_without_load(path: Path, overrides: Sequence[str]) -> Case:
     raise last
 
 
-def judge_forces(case: Case, found: ForcesInTime, density: float, since: float | None) -> JudgedForces:
+def judge_forces(
+    case: Case, found: ForcesInTime, density: float, since: float | None, law: str | None = None
+) -> JudgedForces:
     """Judge the forces of a run on a case, of which everything but the flow's load is taken.
 
     Args:
         density: of the fluid, over that which the other program computed the forces with.
         since: time from which on they are taken; None: all, and the mean of the last half of the time.
+        law: how loads grow with the velocity, one of `motion_in_time.LAWS`, for flows that move the grain.
 
     Raises:
         SceneError: the density is not positive, or too few samples are left.
@@ -84,7 +91,18 @@ def judge_forces(case: Case, found: ForcesInTime, density: float, since: float |
         columns["couple"] = moment[:, 2]
     else:
         columns |= {f"couple_{axis}": moment[:, i] for i, axis in enumerate(axes)}
-    return JudgedForces(of_mean, start, len(last.times), judge_case(of_mean), judge_series(case, columns))
+    judgement, series = judge_case(of_mean), judge_series(case, columns, start)
+    threshold = None
+    if law is not None:
+        within = judgement["probabilities"]["within"]
+        ends = (judgement["verdict"]["safety_factor"], within["low"], within["high"])
+        value, low, high = (np.inf if one is None else float(one) for one in ends)
+        threshold = FlowThreshold.of(law, series.times, series.batch, start, (value, low, high))
+    judgement |= {
+        "motion": asdict(series.motion),
+        "threshold": None if threshold is None else asdict(threshold),
+    }
+    return JudgedForces(of_mean, start, len(last.times), judgement, series, threshold)
 
 
 def _about(case: Case, found: ForcesInTime) -> Case:

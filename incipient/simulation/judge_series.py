@@ -16,6 +16,7 @@ from ..errors import SceneError, shortened
 from ..files import reported, write_json
 from ..tables.parquet import pyarrow
 from .judge_case import Case
+from .motion_in_time import MotionInTime, steps_of
 
 AXES = "xyz"
 SAMPLES, SUMMARY = "series.csv", "series.json"
@@ -40,12 +41,13 @@ class UnheldTime:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What comes of a series: times (n,), the judge's answers, shares of time by mode, and events."""
+    """What comes of a series: times (n,), the judge's answers, shares of time by mode, events, how often it moves."""
 
     times: Floats
     batch: Batch
     shares: dict[str, float]
     events: tuple[UnheldTime, ...]
+    motion: MotionInTime
 
     def to_dict(self) -> dict[str, Any]:
         """All but the samples as plain data."""
@@ -57,6 +59,7 @@ class Series:
             "shares": self.shares,
             "events": [asdict(event) for event in self.events],
             "judged_alone": self.batch.alone,
+            "motion": asdict(self.motion),
         }
 
     def text(self) -> str:
@@ -64,6 +67,7 @@ class Series:
         lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
         lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
         lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
+        lines.append(self.motion.text())
         longest = sorted(self.events, key=lambda event: -event.length)[:MOST_EVENTS]
         lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
         lines += [
@@ -74,12 +78,13 @@ class Series:
         return "\n".join(lines)
 
 
-def judge_series(case: Case, columns: Mapping[str, Floats]) -> Series:
+def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None = None) -> Series:
     """Judge the loads of a series on a case, of which everything else is taken.
 
     Args:
         columns: arrays (n,) by name: time, force_x, force_y, couple, in space force_z and couple_x, couple_y, couple_z
             for couple; couples are about the case's point; weight_x ... and friction where they vary.
+        since: time from which on the probability of motion is taken; None: the first.
 
     Raises:
         SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
@@ -88,12 +93,13 @@ def judge_series(case: Case, columns: Mapping[str, Floats]) -> Series:
     times = np.asarray(columns["time"], dtype=float)
     loads, friction = _loads(case, columns), columns.get("friction", case.contacts.friction)
     batch = judge_batch(loads, case.to_contacts(), friction, case.mass_and_inertia())
-    steps, shares = _steps(times), dict[str, float]()
+    steps, shares = steps_of(times), dict[str, float]()
     total = float(steps.sum())
     for number, label in enumerate(batch.labels):
         if (of_mode := batch.modes == number).any():
             shares[label] = float(steps[of_mode].sum() / total)
-    return Series(times, batch, shares, tuple(_events(times, steps, loads, batch)))
+    motion = MotionInTime.of(times, batch.held, float(times[0]) if since is None else since)
+    return Series(times, batch, shares, tuple(_events(times, steps, loads, batch)), motion)
 
 
 def _names(case: Case) -> tuple[list[str], list[str], list[str]]:
@@ -139,14 +145,6 @@ def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
     # tau_c = tau_a + (a - c) ^ F
     about = vectors[1] + np.cross(case.about - case.centre, vectors[0])
     return Loads(vectors[0], about, vectors[2], case.centre)
-
-
-def _steps(times: Floats) -> Floats:
-    """The time that each sample stands for, (n,): half of that to its neighbours."""
-    if len(times) == 1:
-        return np.ones(1)
-    gaps = 0.5 * np.diff(times)
-    return np.append(gaps, 0.0) + np.append(0.0, gaps)
 
 
 def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[UnheldTime]:

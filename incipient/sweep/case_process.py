@@ -7,7 +7,6 @@ memory loses that case alone, and leaves the worker as it was: no standard pool 
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import re
@@ -28,6 +27,7 @@ from typing import IO, cast
 
 from ..cost.process import environment_of_one_rank
 from ..errors import MissingError, OutputError, SceneError
+from ..parallel import end_with_parent
 from .expectation import cores
 from .store import CaseOutcome
 
@@ -38,7 +38,6 @@ LEAVE = 5.0  # seconds that a process has to end
 LOOK = 0.2  # seconds between looks at its memory
 IDLE = 300.0  # seconds after which a process that has nothing to do ends by itself
 LONGEST_LOG = 20_000  # letters
-END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # The process below each thread of this worker. An executor hands its workers functions alone, so they are kept here.
 _BELOW: dict[int, _Process] = {}
 _STARTING = threading.Lock()
@@ -109,17 +108,6 @@ def end_all(sweep: str, at_once: bool = True) -> None:
             process.dismiss()
             process.end()
             _BELOW.pop(thread, None)
-
-
-def end_with_parent(parent: int | None = None) -> None:
-    """Let the kernel kill this process when the thread that started it ends, however that ends; on Linux only.
-
-    A process whose `parent` is known, and has ended before the kernel knew, ends at once.
-    """
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
-    if parent is not None and os.getppid() != parent:
-        os._exit(1)
 
 
 class _Process:

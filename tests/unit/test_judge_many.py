@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -346,7 +348,7 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ([], "there is no case; give a case file, or --batch FILE"),
+        ([], "there is no case; give a case file, --batch FILE, or --forces with --grain"),
         (["case.toml", "--batch", "cases.csv"], "leave out case.toml"),
         (["--batch", "absent.csv"], "absent.csv: cannot be read (No such file or directory)"),
         (["--batch", "absent.csv", "--jobs", "0"], "--jobs: is 0; give 1 or more"),
@@ -355,3 +357,31 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
 def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
     assert cli.main(["judge", *options]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_killed_outright_it_leaves_no_process_and_goes_on(tmp_path: Path) -> None:
+    """SIGKILL to the parent of two workers once a chunk is there; a second call ends with what one call gives."""
+    rows = rows_of(random_cases(10_000, 2, space=False))
+    path = write(tmp_path / "cases.csv", [row for _ in range(8) for row in rows])
+    order = [sys.executable, "-m", "incipient", "judge", "--batch", str(path), "--jobs", "2", "--out"]
+    whole = subprocess.run([*order, str(tmp_path / "whole")], check=True, capture_output=True)
+    assert b"cases               80000" in whole.stdout
+    parent = subprocess.Popen([*order, str(tmp_path / "out")], stdout=subprocess.DEVNULL)
+    chunks = tmp_path / "out" / "verdicts.chunks"
+    while len(list(chunks.glob("*.csv"))) < 2:
+        assert parent.poll() is None
+        time.sleep(0.02)
+    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
+    parent.kill()
+    parent.wait()
+    time.sleep(1.0)
+    for child in map(Path("/proc").joinpath, children):
+        assert not child.exists() or "\nState:\tZ" in (child / "status").read_text()
+    left = len(list(chunks.glob("*.csv")))
+    assert 2 <= left < 8
+    subprocess.run([*order, str(tmp_path / "out")], check=True, capture_output=True)
+    assert json.loads((tmp_path / "out" / "batch.json").read_text())["kept"] == left
+    assert (tmp_path / "out" / "verdicts.csv").read_bytes() == (
+        tmp_path / "whole" / "verdicts.csv"
+    ).read_bytes()

@@ -1,6 +1,6 @@
 """Beds from height maps: a raster of heights, read from an image or a table, between which cubics run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,14 +76,27 @@ class HeightMap(SmoothTerrain):
         """
         require_positive("scale", scale)
         points, triangles = triangles_in(path)
-        corners = scale * points[triangles]
+        found = cls.of_triangles(scale * points[triangles], cell, Path(path))
+        return replace(found, origin=(*found.origin[:2], 0.0))
+
+    @classmethod
+    def of_triangles(
+        cls, corners: Floats, cell: tuple[float, float] | None, path: Path, within: Extent | None = None
+    ) -> "HeightMap":
+        """A bed from the upper side of triangles (m, 3, 3) of a file, at their heights; as `from_surface`.
+
+        within: ((x, x), (y, y)) that matter; all by default
+        """
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        if within is not None:
+            least, most = np.transpose(within)
+            low[:2], high[:2] = np.maximum(low[:2], least), np.minimum(high[:2], most)
         extent = high - low
         if not extent[:2].min() > 1e-9 * extent.max():
             raise SceneError(f"{path} has no upper side: it stands upright; turn it until z is upwards")
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
         require_positive("cell", dx, dy)
-        _require_few(Path(path), *(extent[:2] / (dx, dy)))
+        _require_few(path, *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
         if not np.isfinite(heights).all():
@@ -92,7 +105,8 @@ class HeightMap(SmoothTerrain):
             raise SceneError(
                 f"{path} has a hole as seen from above, at {where}; fill it, or cut the surface to a rectangle"
             )
-        return cls(heights - heights.min(), (dx, dy), (float(low[0]), float(low[1]), 0.0))
+        lowest = float(heights.min())
+        return cls(heights - lowest, (dx, dy), (float(low[0]), float(low[1]), lowest))
 
     @property
     def origin_z(self) -> float:  # type: ignore[override]
