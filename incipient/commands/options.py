@@ -206,6 +206,10 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
     add("--jobs", type=int, metavar="N", help="runs at a time (default: by cores)")
     text = "workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler"
     add("--executor", metavar="ADDRESS", help=text)
+    text = (
+        "that a run may take, as 5m, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
+    )
+    add("--limit", metavar="TIME", help=text)
     add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
     add("--retry", action="store_true", help="compute runs again that have failed")
 

@@ -40,7 +40,7 @@ def _means(options: argparse.Namespace) -> RunMeans:
         value = getattr(options, name)
         if value is not None and value < least:
             raise SceneError(f"--{name} {value}: is not a number of them; give {least} or more")
-    return RunMeans(options.runs, options.jobs, options.wall, options.retry, options.executor)
+    return RunMeans(options.runs, options.jobs, options.wall, options.retry, options.executor, options.limit)
 
 
 def _poses(options: argparse.Namespace, directory: Path, means: RunMeans, comm: Comm) -> int:

@@ -92,7 +92,10 @@ def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, floa
 
 
 def reynolds_of(run: int, galileo: float | None) -> float:
-    """The Reynolds number of a run: of several spread evenly, in their logarithm, over what thresholds may need."""
+    """The Reynolds number of a run: of several spread evenly, in their logarithm, over what thresholds may need.
+
+    galileo: Galileo number of the run's own grain
+    """
     if galileo is None:
         return CREEPING
     low, high = (math.log(shields * galileo**2) for shields in SHIELDS_RANGE)

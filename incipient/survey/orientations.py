@@ -101,8 +101,7 @@ def survey_poses(
     with locked(directory, comm, make=True):
         file = directory / RUNS
         kept = {"fluid.inertia": [first.fluid.inertia]}
-        given = {"jobs": means.jobs, "wall": means.wall, "retry": means.retry, "executor": means.executor}
-        run_sweep(found, file, kept, do="threshold", watcher=watcher, comm=comm, **given)  # type: ignore[arg-type]
+        run_sweep(found, file, kept, do="threshold", watcher=watcher, comm=comm, **means.of_sweep())
         table = rows(file)
         outcome = replace(_outcome(table), poses=total, refused=refused, reason=reason)
         with collectively(comm):

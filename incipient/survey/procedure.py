@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "sur
 class RunMeans:
     """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again.
 
-    executor: as of a sweep
+    executor, limit: as of a sweep
     """
 
     more: int = 0
@@ -54,6 +55,12 @@ class RunMeans:
     wall: str | None = None
     retry: bool = False
     executor: Executor | str | None = None
+    limit: str | None = None
+
+    def of_sweep(self) -> dict[str, Any]:
+        """Arguments of a sweep. A run that dies or takes too long is one of many, and not begun again by itself."""
+        given = {"jobs": self.jobs, "wall": self.wall, "retry": self.retry, "limit": self.limit}
+        return {**given, "executor": self.executor, "tries": 1}
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -186,10 +193,7 @@ class _Survey:
             file,
             {"fluid.inertia": [self.asked.flow.galileo is not None]},
             do="run",
-            jobs=self.means.jobs,
-            wall=self.means.wall,
-            retry=self.means.retry,
-            executor=self.means.executor,
+            **self.means.of_sweep(),
             watcher=self.watcher,
             comm=self.comm,
         )
@@ -200,8 +204,12 @@ class _Survey:
             (surface.level - float(grain.centre[2])) / grain.diameter,
             self.asked.runs.with_error_bars,
         )
-        given = grain, level, self.asked, reynolds_of(place, self.asked.flow.galileo)
+        given = grain, level, self.asked, reynolds_of(place, self._galileo(grain, surface))
         return [scene_of(*given, place < bars), *([scene_of(*given, wide=True)] if place < bars else [])]
+
+    def _galileo(self, grain: Pocket, surface: Surface) -> float | None:
+        galileo = self.asked.flow.galileo
+        return None if galileo is None else galileo * float((grain.diameter / surface.median) ** 1.5)
 
     def _computed(self, file: Path, chosen: list[int]) -> tuple[list[LoadCoefficients], int]:
         with Store(file) as store:

@@ -82,7 +82,6 @@ class FlowPast(Section):
         "sqrt((s - 1) g d^3)/nu of the median grain, by which inertia has its part; without it creeping flow [-]",
         None,
     )
-    density: float = key("Density of the grains relative to the fluid [-]", 2.65, gt=1)
     friction: NotNegative = key("Coefficient of static friction [-]", 0.5)
 
 

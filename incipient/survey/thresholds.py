@@ -79,9 +79,14 @@ def thresholds(
     """Thresholds of grains: by their own run in creeping flow, else by the emulator."""
     computed = {one.number: one for one in runs} if galileo is None else {}
     strengths = np.geomspace(*SHIELDS_RANGE, STRENGTHS)
-    numbers = [CREEPING] if galileo is None else (strengths * galileo**2).tolist()
-    features = np.array([features_of(grain, median, one) for grain in grains for one in numbers])
-    means, deviations = (part.reshape(len(grains), len(numbers), 6) for part in emulator.predicted(features))
+    features = []
+    for grain in grains:
+        # G d^2/nu = Shields number times the square of the grain's own Galileo number, which goes as d^1.5.
+        squared = None if galileo is None else galileo**2 * (grain.diameter / median) ** 3
+        numbers = [CREEPING] if squared is None else (strengths * squared).tolist()
+        features += [features_of(grain, median, one) for one in numbers]
+    shape = len(grains), -1, 6
+    means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
     found = []
     for place, grain in enumerate(grains):
         own, ranges = means[place], deviations[place][:, None] * errors.of_emulator(grain.number)

@@ -27,6 +27,7 @@ from incipient.scene import (
     Fluid,
     Gravity,
     HalfDiscs,
+    HeapBed,
     HeightMapBed,
     Inclined,
     Mesh,
@@ -63,6 +64,10 @@ TERRAINS = [
     SphereBed(radius=0.5, spacing=1.3, arrangement="random", seed=7),
     RidgeBed(amplitude=0.1, wavelength=2.0),
     HeightMapBed(heights=((0.0, 0.1, 0.0),) * 3, cell=(6.0, 4.0)),
+    HeapBed(
+        spheres=((4.6, 3.5, 0.0, 0.5), (4.6, 4.5, 0.0, 0.5), (5.47, 4.0, 0.1, 0.5)),
+        posts=((6.4, 4.2, 0.3, 0.4),),
+    ),
 ]
 
 
@@ -376,6 +381,16 @@ WRONG_KEYS = [
         lambda: SphereBed(radius=1, spacing=4, seed=1),
         "SphereBed: seed: is read only for a random arrangement",
     ),
+    (lambda: HeapBed(), "HeapBed: file: neither file nor spheres is given; give the name of a CSV file"),
+    (lambda: HeapBed(file="none.csv"), "HeapBed: file: none.csv cannot be read (No such file or directory)"),
+    (
+        lambda: HeapBed(spheres=()),
+        "HeapBed: spheres: 0 centres and 0 radii; give as many of both, one or more",
+    ),
+    (
+        lambda: HeapBed(spheres=((0, 0, 0, -1),)),
+        "HeapBed: spheres[0][3]: is -1; give a number greater than 0",
+    ),
     (lambda: MeshBed(file="bed.png"), "MeshBed: file: bed.png does not exist; give the name of an STL"),
     (lambda: HeightMapBed(), "HeightMapBed: file: neither file nor heights is given; give the name"),
     (
@@ -451,3 +466,19 @@ def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(tm
     found = Scene(**{**scene().model_dump(exclude={"contact", "gravity"}), "bed": None, "body": body})
     assert not Setup(found).symmetric
     assert 0 < sum(asked) < 1000
+
+
+def test_a_heap_of_spheres_from_a_file(tmp_path):
+    """Heights of each sphere's top, of posts too, and the plane between; the same scene by the file and by numbers."""
+    (tmp_path / "heap.csv").write_text("x,y,z,radius\n4.6,3.5,0.1,0.5\n6.0,4.0,0.0,0.7\n")
+    data = {"kind": "heap", "file": str(tmp_path / "heap.csv"), "posts": [(2.0, 4.0, 0.6, 0.4)]}
+    found = scene(bed=data)
+    assert found == scene(
+        bed=HeapBed(spheres=((4.6, 3.5, 0.1, 0.5), (6.0, 4.0, 0.0, 0.7)), posts=((2.0, 4.0, 0.6, 0.4),))
+    )
+    heights = found.bed_shape.height([[4.6, 3.5], [6.0, 4.0], [2.0, 4.0], [1.0, 1.0]])
+    assert heights == pytest.approx([0.6, 0.7, 1.0, 0.0])
+    # Below its top a post is solid down to the plane: the nearest point is straight beside it.
+    beside = [[1.4, 4.0, 0.3]]
+    assert found.bed_shape.distance(beside)[0] == pytest.approx(0.2)
+    assert found.bed_shape.nearest(beside)[0] == pytest.approx([1.6, 4.0, 0.3])

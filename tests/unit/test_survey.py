@@ -232,7 +232,7 @@ REFUSED = [
     (DEPOSITED + 'sizes = "uniform"', "bed.spread: is needed by unequal sizes; give both spread and sizes"),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
-    (DEPOSITED + "[flow]\ndensity = 0.9", "flow.density: is 0.9; give a number greater than 1"),
+    (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
     (DEPOSITED + "[runs]\norder = 7", "runs.order: is 7; give a number of at most 3"),
 ]
 

@@ -142,16 +142,17 @@ class TestThresholds:
         ]
         assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
 
-    def test_with_inertia_at_its_own_reynolds_number(self):
-        """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan."""
+    @pytest.mark.parametrize("ratio", [1.0, 1.5])
+    def test_with_inertia_at_its_own_reynolds_number(self, ratio):
+        """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan, Ga as d^1.5."""
         galileo, numbers = 10.0, np.geomspace(0.3, 30.0, 24)
-        features = np.array([features_of(pocket(0, np.zeros(5)), 1.0, number) for number in numbers])
+        features = np.array([features_of(pocket(0, np.zeros(5)), 1.0 / ratio, number) for number in numbers])
         features[:, :5] = RANDOM.uniform(-1.0, 1.0, (24, 5))
         values = 1e-3 * RANDOM.standard_normal((24, 6))
         values[:, 0] = 4.0 + 2.0 * np.log10(numbers)
         emulator = Emulator.of(features, values)
         grains = [pocket(0, np.zeros(5))]
         errors = LoadErrors(np.eye(6), np.zeros(6), 0)
-        (found,) = thresholds(grains, 1.0, 0.5, galileo, [], emulator, errors)
-        drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2)
+        (found,) = thresholds(grains, 1.0 / ratio, 0.5, galileo, [], emulator, errors)
+        drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
         assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
