@@ -223,10 +223,25 @@ def _share(text: str) -> float:
 
 def of_table(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient table`."""
-    parser.add_argument("file", type=Path, help="file of a sweep")
+    parser.add_argument(
+        "file", type=Path, help="file of a sweep; for size classes also grains.csv of a survey"
+    )
+    text = "with --size-classes: column of sizes (default: diameter, or body.diameter)"
+    parser.add_argument("--size", metavar="COLUMN", help=text)
     ways = parser.add_mutually_exclusive_group()
     ways.add_argument("--csv", action="store_true", help="all columns, as CSV")
     ways.add_argument("--parquet", type=named, metavar="FILE", help="write all columns there")
+    text = "critical Shields numbers by size class, as CSV: bounds of the classes, as in 0.5,1,2"
+    ways.add_argument("--size-classes", type=_numbers, metavar="BOUNDS", help=text)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is no list of numbers; give bounds, as in 0.5,1,2"
+        ) from None
 
 
 def of_judge(parser: argparse.ArgumentParser) -> None:

@@ -7,10 +7,12 @@ import sys
 from collections.abc import Set
 from pathlib import Path
 
+from ..files import csv_text
 from ..parallel import Comm, collectively
 from ..scene import Scene
 from ..scene.key_units import unit_of
 from ..sweep import table as tables
+from ..sweep.size_classes import HEADS, size_classes
 from ..sweep.store import Store
 
 WIDE = 160  # columns of a table that goes to a file
@@ -23,6 +25,9 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0 and options.parquet is not None:
             tables.write_parquet(options.file, options.parquet)
             print(options.parquet)
+        elif comm.rank == 0 and options.size_classes is not None:
+            classes = size_classes(options.file, options.size_classes, options.size)
+            print(csv_text(HEADS, classes), end="", flush=True)
         elif comm.rank == 0 and options.csv:
             print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
         elif comm.rank == 0:

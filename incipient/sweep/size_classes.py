@@ -1,0 +1,90 @@
+"""Critical Shields numbers by size class, as programs of bed evolution read them: of a sweep, or a table of grains."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SceneError
+from .table import rows
+
+SHARES = (16, 50, 84)  # percentiles of a class
+HEADS = (
+    *("size_low", "size_high", "size_median", "grains", "without_threshold"),
+    *(f"shields_{share}" for share in SHARES),
+)
+SIZES = ("diameter", "body.diameter")  # columns that are looked for where none is named
+
+
+def size_classes(path: Path, bounds: Sequence[float], size: str | None = None) -> list[dict[str, float]]:
+    """A row for each class [low, high) of sizes: how many grains, how many without a threshold, and percentiles.
+
+    Percentiles of the critical Shields number are of all grains of the class, those that no flow moves among them as
+    infinite. A class without grains has none. Not collective.
+
+    Args:
+        path: file of a sweep of thresholds, or a CSV with a column `shields`, such as grains.csv of a survey.
+        bounds: n + 1 sizes, growing, in the unit of the column.
+        size: the column of sizes; default: diameter, or body.diameter.
+
+    Raises:
+        SceneError: bounds do not grow, a column is missing, or no grain is in a class.
+        OutputError: the file of the sweep cannot be read.
+    """
+    if len(bounds) < 2 or not all(low < high for low, high in pairwise(bounds)):
+        raise SceneError(
+            f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
+        )
+    found = _of_csv(path) if path.suffix == ".csv" else [row for row in rows(path) if row["status"] == "done"]
+    named = next((one for one in ([size] if size else SIZES) if any(one in row for row in found)), None)
+    if named is None or not any("shields" in row for row in found):
+        lacks = "shields" if named is not None else size or " or ".join(SIZES)
+        raise SceneError(f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN")
+    # A grain that carries others has none, and is not free to move.
+    grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in found]
+    table = np.array([one for one in grains if not any(map(math.isnan, one))]).reshape(-1, 2)
+    classes = [_class(table, low, high) for low, high in pairwise(bounds)]
+    if not any(one["grains"] for one in classes):
+        where = f"{named} from {bounds[0]:g} to {bounds[-1]:g}"
+        raise SceneError(
+            f"--size-classes: {path} has no threshold of a {where}; give others, or compute thresholds"
+        )
+    return classes
+
+
+def _class(table: Any, low: float, high: float) -> dict[str, float]:
+    inside = table[(table[:, 0] >= low) & (table[:, 0] < high)]
+    row = {"size_low": low, "size_high": high, "grains": len(inside)}
+    row["without_threshold"] = int(np.isinf(inside[:, 1]).sum())
+    if len(inside):
+        row["size_median"] = float(np.median(inside[:, 0]))
+        values = np.quantile(inside[:, 1], np.array(SHARES) / 100.0, method="inverted_cdf")
+        row |= {f"shields_{share}": float(value) for share, value in zip(SHARES, values, strict=True)}
+    return row
+
+
+def _of_csv(path: Path) -> list[dict[str, Any]]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            return list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or "is no table"
+        raise SceneError(f"{path}: cannot be read ({why}); give grains.csv of a survey") from None
+
+
+def _number(value: Any) -> float:
+    """A number; NaN where there is none."""
+    try:
+        return math.nan if value is None else float(value)
+    except ValueError:
+        return math.nan
+
+
+def _shown(bounds: Sequence[float]) -> str:
+    return ", ".join(f"{one:g}" for one in bounds)
