@@ -7,7 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
@@ -20,6 +20,8 @@ else:
 
 T = TypeVar("T")
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
+# Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
+_PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
 OFTEN = 0.01  # seconds between looks at who has come
 
 
@@ -118,8 +120,8 @@ def end_with_parent(parent: int | None = None) -> None:
 
     A process whose `parent` is known, and has ended before the kernel knew, ends at once.
     """
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
+    if _PRCTL is not None:
+        _PRCTL(END_WITH_PARENT, signal.SIGKILL)
     if parent is not None and os.getppid() != parent:
         os._exit(1)
 

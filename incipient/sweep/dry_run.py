@@ -88,7 +88,9 @@ def _memory(expected: Mapping[str, Expected], more: float, means: Means, places:
     sizes = sorted((one.memory_mib or 0.0 for one in expected.values()), reverse=True)
     most, limit = sizes[:1] or [0.0], means.limits.memory_mib
     together = sum(sizes[:places])
-    text = f"up to {most[0]:.0f} MiB a case, {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
+    text = f"up to {most[0]:.0f} MiB a case"
+    if places:
+        text += f", {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
     if any(one.memory_mib is None for one in expected.values()):
         text += "; that of some cases is not known"
     too_large = round(more * sum(size > limit for size in sizes))

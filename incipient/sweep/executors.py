@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import Interrupted, MissingError, OutputError, SceneError
@@ -68,7 +69,8 @@ class DaskWorkers(Workers):
         """Threads of the workers that there are now."""
         if time.monotonic() > self._counted + COUNTED:
             with suppress(OSError, ValueError, RuntimeError):  # gone: the futures will say so
-                found = sum(self._client.nthreads().values())
+                asked = self._client.scheduler.ncores
+                found = sum(self._client.sync(asked, callback_timeout=COUNTED).values())
                 if not found and self._places:
                     log.warning("%s: has no workers; waiting for some", self._address)
                 self._places = found
@@ -119,6 +121,8 @@ class DaskWorkers(Workers):
         until = time.monotonic() + patience
         while True:
             try:
+                if "scheduler_file" in given and not Path(where).is_file():  # Dask would wait for it for ever
+                    raise FileNotFoundError("there is no such file")
                 client = Client(**given, timeout=START, set_as_default=False)
                 break
             except (OSError, ValueError) as error:

@@ -25,6 +25,7 @@ from test_sweeps import COARSE, LONG, QUICK, children, rows, wait_for, written
 import incipient.sweep
 from incipient import cli
 from incipient.errors import OutputError, SceneError
+from incipient.sweep import executors
 from incipient.sweep.procedure import Watcher
 
 NUMBER = 40
@@ -168,6 +169,17 @@ def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(tmp_path: Path)
             end(worker)
 
 
+def test_a_scheduler_that_is_not_there_is_named(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    pytest.importorskip("distributed", reason="needs pip install 'incipient[dask]'")
+    monkeypatch.setattr(executors, "START", 0.5)
+    order = ["sweep", str(written(tmp_path, QUICK)), "--do", "judge", "--over", "contacts.friction=0.1,0.2"]
+    for where in (f"dask://{tmp_path}/none.json", "dask://127.0.0.1:9"):
+        assert cli.main([*order, "--out", str(tmp_path / "sweep.sqlite"), "--executor", where]) == 5
+        complaint = capsys.readouterr().err
+        assert complaint.count("incipient: ") == 1 and f"{where}: no scheduler answers" in complaint
+
+
+@pytest.mark.slow
 def test_any_executor_of_python_computes_a_sweep(tmp_path: Path) -> None:
     """One of processes ends as a whole when a worker dies; then what was computed is kept, and the rest follows."""
     context = multiprocessing.get_context("spawn")
@@ -197,6 +209,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_pool_of_ranks_computes_a_sweep(tmp_path: Path, mpirun: Any) -> None:
     """`mpi4py.futures` under `mpirun -n 3`: one rank gives out, two compute. MPI ends all ranks when one dies."""
     start = f"import runpy, sys; sys.argv[:1] = ['-m', {str(tmp_path / 'pool.py')!r}]\n"
@@ -229,6 +242,7 @@ def test_others_go_on_beside_a_case_that_never_ends(tmp_path: Path) -> None:
     assert rows(file, "status, tries") == [("done", 1), ("failed", 2), ("done", 1), ("done", 1)]
 
 
+@pytest.mark.slow
 def test_a_case_that_takes_too_much_memory_fails_with_its_reason(tmp_path: Path) -> None:
     """A flow in the plane on coarse cells takes 190 MiB and more; 120 are too few for its libraries alone."""
     file = tmp_path / "sweep.sqlite"
@@ -259,6 +273,9 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path, capsys: Any, monk
         assert cli.main([*order, *more]) == 2
         complaint = capsys.readouterr().err
         assert complaint.count("\n") == 1 and said in complaint
+    assert cli.main([*order, "--executor", "dask://HOST:9", "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    assert "2 to compute, by the workers of the executor" in said and "up to 150 MiB a case\n" in said
     scene = tmp_path / "case.toml"
     with (
         concurrent.futures.ThreadPoolExecutor(1) as executor,
