@@ -22,9 +22,9 @@ from ..errors import SceneError
 from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
-from ..scene.fluctuations import MODEL, NEAR_WALL, Gusts
+from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
 from .lasting import Course, RateOfLasting, WeakestGusts, rate_of_lasting
-from .laws import Gaussian, Law, Measured
+from .laws import Data, Events, Gaussian, Law, Measured
 from .outcome import Entrainment, OfStrength, Quantile
 from .stream import Stream
 from .sudden import CriticalStrength, load_of_growth
@@ -92,8 +92,8 @@ def _require(probabilities: Sequence[float], strengths: Sequence[float]) -> None
 
 def _without_growth(setup: Setup, gusts: Gusts) -> str:
     """Why the load of the flow's growth is left out; empty where it is known."""
-    if gusts.law == "measured":
-        return "the load of the flow's acceleration is left out: the series is taken as of slow changes"
+    if gusts.law in GIVEN:
+        return "the load of the flow's acceleration is left out: the data are taken as of slow changes"
     if gusts.microscale is None:
         return "the load of the flow's acceleration is left out: gusts.microscale is not given"
     if setup.is_averaged:
@@ -103,6 +103,8 @@ def _without_growth(setup: Setup, gusts: Gusts) -> str:
 
 def _law_of(gusts: Gusts, stream: Stream, strength: float) -> Law:
     """The law of the factor in a mean flow of a strength."""
+    if gusts.record is not None:
+        return Events.of(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
         return Measured.of(np.array(gusts.points), stream.integral_time(1.0))
     return Gaussian(stream.intensity(strength), gusts.law == "lognormal", stream.microscale(strength))
@@ -122,6 +124,12 @@ def _assumed(motion: Motion, without_growth: str) -> list[str]:
             f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
         )
         lines.append(f"the velocity over its mean is as in the series in all mean flows: {known}")
+        return [*lines, without_growth]
+    if isinstance(law, Events):
+        known = (
+            f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
+        )
+        lines.append(f"the gusts over the mean velocity are those counted, in all mean flows: {known}")
         return [*lines, without_growth]
     how = {
         NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
@@ -163,8 +171,8 @@ class Motion:
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
         self._growths = list(zip(nodes.tolist(), (weights / weights.sum()).tolist(), strict=True))
         self._levels: dict[tuple[float, bool], float] = {}
-        measured = _law_of(gusts, stream, 1.0)
-        self._measured = measured if isinstance(measured, Measured) else None
+        law = _law_of(gusts, stream, 1.0)
+        self._measured = law if isinstance(law, Data) else None
 
     def law(self, strength: float) -> Law:
         """The law of the factor in a mean flow."""
@@ -197,7 +205,7 @@ class Motion:
         else:
             spread = law.spread(probability)
             ends = [self.strength(probability + sign * spread, clipped=True) for sign in (-1.0, 1.0)]
-            terms["length of the series"] = max(abs(self.stream.shields(one) - shields) for one in ends)
+            terms["length of the record"] = max(abs(self.stream.shields(one) - shields) for one in ends)
         rate = law.upcrossings(self.threshold.factor / strength)
         return Quantile(probability, strength, shields, terms, rate, self._lasting(strength, law))
 
@@ -237,8 +245,8 @@ class Motion:
         critical = share * self.threshold.factor
         if self._measured is not None:
             if clipped:
-                least = 1.0 / self._measured.independent
-                probability = min(max(probability, least), 1.0 - least)
+                least, most = self._measured.told
+                probability = min(max(probability, least), most)
             return critical / self._measured.level(probability)
 
         def excess(logarithm: float) -> float:

@@ -9,14 +9,13 @@ A gust moves it if the velocity stays above a strength for as long as the weakes
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from .laws import Law, Measured
+from .laws import Events, Law, Measured
 
 PER_MICROSCALE = 16  # points of a series that is made
 MOST_POINTS = 4_000_000
@@ -70,8 +69,10 @@ class Course:
     step: float
 
     @classmethod
-    def of(cls, law: Law, integral_time: float | None) -> Course:
-        """The series of a law, measured or made; raises SceneError where its times are not known."""
+    def of(cls, law: Law, integral_time: float | None) -> Course | Events:
+        """The series of a law, measured or made, or the events; raises SceneError where its times are not known."""
+        if isinstance(law, Events):
+            return law
         if isinstance(law, Measured):
             count = len(law.times)
             even = np.linspace(law.times[0], law.times[-1], count)
@@ -89,9 +90,7 @@ class Course:
         """How long it is."""
         return self.step * (len(self.factors) - 1)
 
-    def moving(
-        self, levels: Sequence[float] | Floats, durations: Sequence[float] | Floats, static: float
-    ) -> int:
+    def moving(self, levels: Floats, durations: Floats, static: float) -> int:
         """Number of excursions above `static` that stay above one of the levels as long as its duration."""
         excursion = np.cumsum(np.diff(self.factors > static, prepend=False) & (self.factors > static))
         found: set[int] = set()
@@ -120,7 +119,7 @@ class RateOfLasting:
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 
-def rate_of_lasting(course: Course, weakest: WeakestGusts, strength: float) -> RateOfLasting:
+def rate_of_lasting(course: Course | Events, weakest: WeakestGusts, strength: float) -> RateOfLasting:
     """The rate in a mean flow of a strength over the scene's. Not collective."""
     counts = []
     for sign in (0.0, -1.0, 1.0):

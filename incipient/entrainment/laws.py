@@ -133,6 +133,11 @@ class Measured:
         return float((even[1] - even[0]) * (kept.sum() - 0.5))
 
     @property
+    def told(self) -> tuple[float, float]:
+        """Between which probabilities the series can tell levels."""
+        return 1.0 / self.independent, 1.0 - 1.0 / self.independent
+
+    @property
     def independent(self) -> float:
         """Number of independent samples that the series amounts to."""
         return self.duration / (2.0 * self.integral)
@@ -151,10 +156,7 @@ class Measured:
 
     def level(self, probability: float) -> float:
         """The level that is exceeded with a probability; raises SceneError beyond what the series can tell."""
-        least = 1.0 / self.independent
-        if not least <= probability <= 1.0 - least:
-            why = f"probability {probability:g} is beyond what the series can tell, {least:.2g} to {1.0 - least:.2g}"
-            raise SceneError(f"gusts.points: {why}; give a longer series, or a law")
+        _require_told(probability, self.told, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
         return float(brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10))
 
@@ -168,4 +170,61 @@ class Measured:
         return math.sqrt(probability * (1.0 - probability) / self.independent)
 
 
-Law = Gaussian | Measured
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The law of gusts that were counted: each is as strong for as long as it lasts, and between them nothing moves.
+
+    strengths, lengths: (n,) velocities over the mean, the strongest first, and how long they stayed as high
+    duration: of the record
+    """
+
+    strengths: Floats
+    lengths: Floats
+    duration: float
+
+    @classmethod
+    def of(cls, points: Floats, record: float) -> Events:
+        """The law of rows (n, 2) of strength and duration."""
+        strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
+        return cls(strengths, lengths, record)
+
+    @property
+    def told(self) -> tuple[float, float]:
+        """Between which probabilities the events can tell levels."""
+        shares = np.cumsum(self.lengths) / self.duration
+        return float(shares[0]), float(shares[-1])
+
+    def exceeded(self, level: float) -> float:
+        """Share of the time in which a gust is above a level."""
+        return float(self.lengths[self.strengths > level].sum()) / self.duration
+
+    def level(self, probability: float) -> float:
+        """The level that is exceeded with a probability; raises SceneError beyond what the events can tell."""
+        _require_told(probability, self.told, "events")
+        return float(np.interp(probability, np.cumsum(self.lengths) / self.duration, self.strengths))
+
+    def upcrossings(self, level: float) -> float | None:
+        """How often a gust above a level comes in unit time."""
+        return float(np.count_nonzero(self.strengths > level)) / self.duration
+
+    def spread(self, probability: float) -> float:
+        """Standard error of a share of the time, by the number of gusts that make it up."""
+        count = np.searchsorted(np.cumsum(self.lengths) / self.duration, probability) + 1
+        return probability / math.sqrt(float(count))
+
+    def moving(self, levels: Floats, durations: Floats, static: float) -> int:
+        """Number of gusts that are above one of the levels for as long as its duration."""
+        lasting = (self.strengths[:, None] > levels) & (self.lengths[:, None] >= durations)
+        return int(np.count_nonzero(lasting.any(axis=1)))
+
+
+def _require_told(probability: float, told: tuple[float, float], what: str) -> None:
+    if not told[0] <= probability <= told[1]:
+        why = (
+            f"probability {probability:g} is beyond what the {what} can tell, {told[0]:.2g} to {told[1]:.2g}"
+        )
+        raise SceneError(f"gusts.points: {why}; give longer data, or a law")
+
+
+Data = Measured | Events
+Law = Gaussian | Data

@@ -13,7 +13,7 @@ from ..arrays import Floats, spatial
 from ..errors import SceneError
 from ..planning.driving_force import DisplacedFluid
 from ..planning.flow_setup import Setup
-from ..scene.fluctuations import MODEL, NEAR_WALL, Gusts
+from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
 
 INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon, in the limit of large Reynolds numbers
 LARGEST = 3.0  # intensity, beyond which the laws are not those of a stream
@@ -60,7 +60,7 @@ class Stream:
 
     def require_intensity(self) -> None:
         """Raise SceneError where the intensity in the scene's flow is that of no stream."""
-        if self.gusts.law != "measured" and not (found := self.intensity(1.0)) < LARGEST:
+        if self.gusts.law not in GIVEN and not (found := self.intensity(1.0)) < LARGEST:
             why = f"is {found:.3g}, of a velocity at the grain of {self.speed:.3g}"
             raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")
 

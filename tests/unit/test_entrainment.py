@@ -14,7 +14,7 @@ from incipient.contact import Contacts, Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.entrainment.find import Motion, find_entrainment
 from incipient.entrainment.lasting import Course, WeakestGusts, rate_of_lasting
-from incipient.entrainment.laws import Gaussian, Measured
+from incipient.entrainment.laws import Events, Gaussian, Measured
 from incipient.entrainment.outcome import Entrainment
 from incipient.entrainment.stream import Stream, near_wall
 from incipient.entrainment.sudden import CriticalStrength, load_of_growth
@@ -295,6 +295,63 @@ class TestAcceleration:
         # (x/2)^2 + 0.4 = 1, and (x/2)^2 + 0.4 x = 1.
         assert critical.at(1.0, relative=False) == pytest.approx(2.0 * math.sqrt(0.6), rel=1e-6)
         assert critical.at(1.0, relative=True) == pytest.approx(2.0 * (math.sqrt(1.16) - 0.4), rel=1e-6)
+
+
+class TestEvents:
+    """Four gusts, counted by hand, and many of a stated law."""
+
+    LAW = Events.of(np.array([[1.2, 3.0], [2.0, 0.5], [1.5, 1.0], [1.8, 0.5]]), 100.0)
+
+    def test_shares_and_rates_are_those_counted(self) -> None:
+        assert [self.LAW.exceeded(one) for one in (1.0, 1.4, 1.8, 2.5)] == pytest.approx(
+            [0.05, 0.02, 0.005, 0.0]
+        )
+        assert self.LAW.upcrossings(1.4) == pytest.approx(0.03)
+        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx((0.005, 0.05))
+        assert self.LAW.spread(0.02) == pytest.approx(0.02 / math.sqrt(3.0))
+
+    @pytest.mark.parametrize("probability", [0.001, 0.06])
+    def test_probabilities_beyond_them_are_refused(self, probability: float) -> None:
+        with pytest.raises(
+            SceneError, match=r"gusts\.points: probability .* beyond what the events can tell"
+        ):
+            self.LAW.level(probability)
+
+    def test_gusts_that_last_are_those_above_the_curve(self) -> None:
+        # The weakest gusts: 1.9 for 0.4, 1.4 for 2. Of the four, 2.0 for 0.5 is above it.
+        weakest = WeakestGusts(np.array([0.4, 2.0]), np.array([1.9, 1.4]), np.zeros(2), 1.1)
+        assert rate_of_lasting(self.LAW, weakest, 1.0).rate == pytest.approx(0.01)
+        # In a mean flow 1.25 times as strong they are 2.5, 2.25, 1.875 and 1.5: of 0.5, 0.5, 1 and 3.
+        assert rate_of_lasting(self.LAW, weakest, 1.25).rate == pytest.approx(0.04)
+
+    def test_events_of_a_lognormal_law_give_its_levels(self) -> None:
+        """Pieces of one length whose strengths are lognormal, of intensity 0.3: 1.8962 is exceeded with 1%."""
+        strengths = np.random.default_rng(5).lognormal(
+            -0.5 * math.log(1.09), math.sqrt(math.log(1.09)), 200_000
+        )
+        law = Events.of(np.column_stack([strengths, np.full(len(strengths), 0.5)]), 0.5 * len(strengths))
+        assert law.level(0.01) == pytest.approx(1.8962, rel=3.0 * 0.0025)
+        assert law.upcrossings(1.8962) == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
+        ('law = "events"\npoints = [POINTS]', "gusts.record: is missing"),
+        ('law = "events"\nrecord = 10.0\npoints = [POINTS]', "gusts.record: is 10, less than the 20"),
+        ('law = "events"\nrecord = 100.0\nintensity = 0.3\npoints = [POINTS]', "gusts.intensity"),
+        ("intensity = 0.3\nrecord = 100.0", "gusts.record: is read only with"),
+        (
+            'law = "events"\nrecord = 100.0\npoints = [POINTS, [1.5, 0.0]]',
+            "gusts.points: have a strength or duration",
+        ),
+    ],
+)
+def test_events_that_are_wrong_are_refused_by_name(words: str, said: str) -> None:
+    given = words.replace("POINTS", ", ".join(["[1.5, 1.0]"] * 20))
+    with pytest.raises(SceneError, match=said.replace(".", r"\.")):
+        loads(POCKET.replace("intensity = 0.3", given))
 
 
 class TestLasting:
