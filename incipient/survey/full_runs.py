@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from ..arrays import Floats
+from ..geometry.space.heap import SphereHeap
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
 from .pockets import TOUCHING, Pocket
 from .request import SurveyRequest
@@ -21,6 +23,7 @@ from .request import SurveyRequest
 BELOW = (
     0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
 )
+WIDEST = 0.8  # diameters: radius of what fills clefts between neighbours
 SLENDER = 0.2  # diameters: radius of posts below which there are none
 WIDE = " wide gap"  # in titles of runs with twice the gap
 COMPONENTS = ("force_x", "force_y", "force_z", "couple_x", "couple_y", "couple_z")
@@ -68,6 +71,8 @@ def scene_of(
     slim = aside - radius - BELOW
     slender = over & (slim > SLENDER)
     posts = _rows(places[~over], radii[~over]) + _rows(places[slender], np.minimum(slim, radii)[slender])
+    fillers, thick = _fillers(near, radii, base)
+    posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
     with_inertia = asked.flow.galileo is not None
     return Scene(
         title=f"grain {pocket.number}{WIDE if wide else ''}",
@@ -85,6 +90,24 @@ def scene_of(
         ),
         output=Output(fields=False),
     )
+
+
+def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
+    """Posts (k, 3), their radii (k,), that fill the clefts between three neighbours up to the lowest of their centres.
+
+    What lies deeper hardly moves, and cells for it would be many. None comes near the grain.
+    """
+    heap = SphereHeap(near, radii, base)
+    seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
+    if len(seen) < 4:
+        return np.empty((0, 3)), np.empty(0)
+    corners = near[seen][Delaunay(near[seen, :2]).simplices]
+    middle = corners[:, :, :2].mean(axis=1)
+    thick = 0.8 * np.linalg.norm(corners[:, :, :2] - middle[:, None], axis=2).max(axis=1)
+    places = np.column_stack([middle, corners[:, :, 2].min(axis=1) - thick])
+    clear = np.linalg.norm(middle, axis=1) > 0.5 + thick + BELOW
+    wanted = clear & (thick < WIDEST) & (places[:, 2] + thick > base + BELOW)
+    return places[wanted], thick[wanted]
 
 
 def _rows(places: Floats, radii: Floats) -> list[tuple[float, float, float, float]]:
