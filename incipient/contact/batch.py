@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields
+from itertools import repeat
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -21,7 +25,7 @@ from incipient.contact.loads.planar_rows import MOST_CONTACTS, judged_in_plane
 from incipient.contact.loads.rows import Answers, Rows
 from incipient.contact.loads.spatial_rows import in_no_plane, judged_in_space
 from incipient.contact.model import Load, Loads
-from incipient.errors import SceneError, shortened
+from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
 from incipient.parallel import end_with_parent
 
@@ -113,12 +117,34 @@ def judge_many(cases: Cases, jobs: int = 1) -> Batch:
 
     Args:
         jobs: processes that share the cases, 10,000 at a time.
+
+    Raises:
+        ConvergenceError: a process was ended from outside.
     """
-    parts = [cases.part(slice(start, start + CHUNK)) for start in range(0, len(cases), CHUNK)]
-    if jobs > 1 and len(parts) > 1:
-        with ProcessPoolExecutor(min(jobs, len(parts)), initializer=end_with_parent) as pool:
-            return _joined(list(pool.map(_judged, parts)))
-    return _joined([_judged(part) for part in parts])
+    starts = range(0, len(cases), CHUNK)
+    if jobs == 1 or len(starts) < 2:
+        return _joined([_judged(cases.part(slice(start, start + CHUNK))) for start in starts])
+    # By files: to a pool of which a worker is killed large messages may never arrive.
+    with TemporaryDirectory() as directory:
+        for item in fields(cases):
+            np.save(_file(directory, item.name), getattr(cases, item.name))
+        with ProcessPoolExecutor(min(jobs, len(starts)), initializer=end_with_parent) as pool:
+            try:
+                ends = (start + CHUNK for start in starts)
+                return _joined(list(pool.map(_judged_in_files, repeat(directory), starts, ends)))
+            except BrokenProcessPool:
+                why = "a process was ended, perhaps for want of memory"
+                raise ConvergenceError(f"judge_many: {why}; use fewer jobs") from None
+
+
+def _file(directory: str, name: str) -> Path:
+    return Path(directory, f"{name}.npy")
+
+
+def _judged_in_files(directory: str, start: int, end: int) -> Batch:
+    """Judge a part of the cases whose arrays are in files."""
+    arrays = (np.load(_file(directory, item.name), mmap_mode="r")[start:end] for item in fields(Cases))
+    return _judged(Cases(*map(np.array, arrays)))
 
 
 def judge_batch(

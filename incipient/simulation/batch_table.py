@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from .judge_case import ROUNDING
 
 CONTACT = re.compile(r"(contact|normal)_([1-9][0-9]{0,2})_([xyz])")
 LONGEST_CELL = 10_000  # letters
+BOM = b"\xef\xbb\xbf"
 Row = list[Any]  # its cells: text of CSV, values of Parquet
 
 
@@ -187,25 +189,27 @@ def _spatial(components: list[Floats]) -> Floats:
 
 @dataclass(frozen=True)
 class Table:
-    """A file of cases, of which the rows are read a chunk at a time."""
+    """A file of cases, of which the rows are read a chunk of `size` at a time, by any process.
+
+    starts: places of the chunks in a CSV file
+    """
 
     path: Path
     columns: Columns
     rows: int
+    size: int
+    starts: tuple[int, ...]
 
-    def chunks(self) -> Iterator[list[Row]]:
-        """The rows, CHUNK at a time; raises SceneError where the file cannot be read on."""
+    def __len__(self) -> int:
+        return -(-self.rows // self.size)
+
+    def chunk(self, number: int) -> list[Row]:
+        """The rows of a chunk; raises SceneError where the file cannot be read any more."""
         if self.path.suffix == ".parquet":
-            yield from _parquet_chunks(self.path)
-            return
-        with (
-            _reading(self.path),
-            self.path.open(encoding="utf-8-sig", errors="replace", newline="") as stream,
-        ):
-            rows = (row for row in _cells(stream) if row)
-            next(rows)
-            while chunk := list(islice(rows, CHUNK)):
-                yield chunk
+            return _parquet_rows(self.path, number * self.size, (number + 1) * self.size)
+        with _reading(self.path), self.path.open("rb") as stream:
+            stream.seek(self.starts[number])
+            return [_cells(line) for line in islice(filter(bytes.strip, stream), self.size)]
 
 
 def open_table(path: Path, settings: Sequence[str]) -> Table:
@@ -221,12 +225,22 @@ def open_table(path: Path, settings: Sequence[str]) -> Table:
     constant = dict(_setting(one) for one in settings)
     if path.suffix == ".parquet":
         file = _parquet(path)
-        return Table(path, Columns(tuple(file.schema_arrow.names), constant), file.metadata.num_rows)
-    with _reading(path), path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
-        rows = (row for row in _cells(stream) if row)
-        names = tuple(name.strip() for name in next(rows, []))
-        table = Table(path, Columns(names, constant), 0)
-        return replace(table, rows=sum(1 for _ in rows))
+        columns = Columns(tuple(file.schema_arrow.names), constant)
+        return Table(path, columns, file.metadata.num_rows, CHUNK, ())
+    starts, place, rows = list[int](), 0, 0
+    names: tuple[str, ...] | None = None
+    with _reading(path), path.open("rb") as stream:
+        for line in stream:
+            if not line.strip():
+                pass
+            elif names is None:
+                names = tuple(name.strip() for name in _cells(line.removeprefix(BOM)))
+            else:
+                if rows % CHUNK == 0:
+                    starts.append(place)
+                rows += 1
+            place += len(line)
+    return Table(path, Columns(names or (), constant), rows, CHUNK, tuple(starts))
 
 
 def _setting(text: str) -> tuple[str, float]:
@@ -252,13 +266,13 @@ class _reading:
             raise SceneError(f"{self._path}: {why}; give the name of a CSV or Parquet file") from None
 
 
-def _cells(stream: Iterator[str]) -> Iterator[list[str]]:
-    """The cells of each line; a line that is no CSV is one cell of its own."""
-    for line in stream:
-        try:
-            yield next(csv.reader([line]), [])
-        except csv.Error:
-            yield [line[:LONGEST_CELL]]
+def _cells(line: bytes) -> list[str]:
+    """The cells of a line; one that is no CSV is one cell of its own."""
+    text = line.decode("utf-8", errors="replace")
+    try:
+        return next(csv.reader([text]), [])
+    except csv.Error:
+        return [text[:LONGEST_CELL]]
 
 
 def _parquet(path: Path) -> Any:
@@ -270,15 +284,22 @@ def _parquet(path: Path) -> Any:
             raise SceneError(f"{path}: cannot be read ({shortened(error)}); give a Parquet file") from None
 
 
-def _parquet_chunks(path: Path) -> Iterator[list[Row]]:
-    kept: list[Row] = []
-    for batch in _parquet(path).iter_batches(batch_size=CHUNK):
+def _parquet_rows(path: Path, start: int, end: int) -> list[Row]:
+    """Rows from `start` up to `end`, with "" where nothing is."""
+    found: list[Row] = []
+    first = 0
+    for group in range(_parquet(path).num_row_groups):
+        table = _row_group(path, group)
+        part = table.slice(max(start - first, 0), max(min(end, first + len(table)) - max(start, first), 0))
+        first += len(table)
         columns = [
-            ["" if value is None else value for value in column.to_pylist()] for column in batch.columns
+            ["" if value is None else value for value in column.to_pylist()] for column in part.columns
         ]
-        kept += [list(row) for row in zip(*columns, strict=True)]
-        while len(kept) >= CHUNK:
-            yield kept[:CHUNK]
-            kept = kept[CHUNK:]
-    if kept:
-        yield kept
+        found += map(list, zip(*columns, strict=True))
+    return found
+
+
+@lru_cache(maxsize=1)
+def _row_group(path: Path, group: int) -> Any:
+    """A group of rows, which is kept for the next chunk."""
+    return _parquet(path).read_row_group(group)

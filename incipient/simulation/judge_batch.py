@@ -8,14 +8,14 @@ import io
 import json
 import multiprocessing
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..contact.batch import CHUNK, judge_many
+from ..contact.batch import judge_many
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import make_directory, part_of, replaced, reported, write_json, write_text_atomically
 from ..parallel import end_with_parent
@@ -25,7 +25,6 @@ from .batch_table import Columns, Row, Table
 
 VERDICTS, SUMMARY, CHUNKS, REQUEST = "verdicts.csv", "batch.json", "verdicts.chunks", "request.json"
 HEAD = "row,name,safety_factor,held,mode,reason\n"
-AHEAD = 2  # chunks for each process that are read before one is judged
 MOST_REASONS = 5  # told
 
 
@@ -65,19 +64,16 @@ def judge_table(table: Table, directory: Path, jobs: int, voice: Silent) -> Verd
         raise SceneError(f"{table.path}: has no row of a case; give one a line below the names")
     chunks = directory / CHUNKS
     _begin(table, chunks)
-    count = -(-table.rows // CHUNK)
-    kept = sum(_chunk(chunks, number).exists() for number in range(count))
-    done = kept
+    missing = [number for number in range(len(table)) if not _chunk(chunks, number).exists()]
+    kept = len(table) - len(missing)
     voice.begin("verdicts")
-    for number, text in _judged(table, chunks, jobs):
-        write_text_atomically(_chunk(chunks, number), text)
-        done += 1
-        voice.count("verdicts", min(done * CHUNK, table.rows), table.rows)
-    found = _gathered([_chunk(chunks, number) for number in range(count)], kept)
-    _write(table, directory, chunks, count)
+    for count, _ in enumerate(_judged(table, chunks, missing, jobs), kept + 1):
+        voice.count("verdicts", min(count * table.size, table.rows), table.rows)
+    found = _gathered([_chunk(chunks, number) for number in range(len(table))], kept)
+    _write(table, directory, chunks)
     write_json(directory / SUMMARY, asdict(found))
     with reported(chunks):
-        for path in (*(_chunk(chunks, number) for number in range(count)), chunks / REQUEST):
+        for path in (*(_chunk(chunks, number) for number in range(len(table))), chunks / REQUEST):
             path.unlink(missing_ok=True)
         chunks.rmdir()
     return found
@@ -91,7 +87,7 @@ def _begin(table: Table, chunks: Path) -> None:
     """Make the directory of chunks, or refuse that of another table."""
     with table.path.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
-    request = {"sha256": digest, "set": dict(table.columns.constant), "rows": table.rows, "chunk": CHUNK}
+    request = {"sha256": digest, "set": dict(table.columns.constant), "rows": table.rows, "chunk": table.size}
     path = chunks / REQUEST
     make_directory(chunks)
     if not path.exists():
@@ -107,19 +103,21 @@ def _begin(table: Table, chunks: Path) -> None:
         )
 
 
-def _judged(table: Table, chunks: Path, jobs: int) -> Iterator[tuple[int, str]]:
-    """The verdicts of chunks that are not there yet, as they are ready: number and text."""
-    missing = (
-        (number, rows) for number, rows in enumerate(table.chunks()) if not _chunk(chunks, number).exists()
-    )
-    if jobs == 1 or table.rows <= CHUNK:
-        yield from ((number, verdicts(table.columns, number * CHUNK, rows)) for number, rows in missing)
+def _judged(table: Table, chunks: Path, missing: list[int], jobs: int) -> Iterator[int]:
+    """Judge chunks that are not there yet; the number of each when it is written.
+
+    Workers read and write themselves: of a pool whose worker is killed, large messages to the others may never arrive.
+    """
+    if jobs == 1 or len(missing) < 2:
+        yield from (_judge_chunk(table, chunks, number) for number in missing)
         return
     # Not forked: what the parent has loaded may hold threads.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=end_with_parent) as pool:
+    with ProcessPoolExecutor(min(jobs, len(missing)), context, end_with_parent) as pool:
+        futures = [pool.submit(_judge_chunk, table, chunks, number) for number in missing]
         try:
-            yield from _in_order_of_ends(pool, table.columns, missing, jobs)
+            for future in as_completed(futures):
+                yield future.result()
         except BrokenProcessPool:
             why = "a process was ended, perhaps for want of memory; what is judged is kept"
             raise ConvergenceError(f"batch: {why}: call again, with fewer --jobs") from None
@@ -127,18 +125,11 @@ def _judged(table: Table, chunks: Path, jobs: int) -> Iterator[tuple[int, str]]:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _in_order_of_ends(
-    pool: ProcessPoolExecutor, columns: Columns, missing: Iterable[tuple[int, list[Row]]], jobs: int
-) -> Iterator[tuple[int, str]]:
-    running: dict[Future[str], int] = {}
-    ahead = iter(missing)
-    while True:
-        while len(running) < AHEAD * jobs and (one := next(ahead, None)) is not None:
-            running[pool.submit(verdicts, columns, one[0] * CHUNK, one[1])] = one[0]
-        if not running:
-            return
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
-            yield running.pop(future), future.result()
+def _judge_chunk(table: Table, chunks: Path, number: int) -> int:
+    """Judge a chunk and write its verdicts; its number."""
+    text = verdicts(table.columns, number * table.size, table.chunk(number))
+    write_text_atomically(_chunk(chunks, number), text)
+    return number
 
 
 def verdicts(columns: Columns, start: int, rows: list[Row]) -> str:
@@ -174,15 +165,15 @@ def _gathered(paths: list[Path], kept: int) -> Verdicts:
     return Verdicts(cases, cases - modes.total(), dict(modes.most_common()), least, reasons, kept)
 
 
-def _write(table: Table, directory: Path, chunks: Path, count: int) -> None:
+def _write(table: Table, directory: Path, chunks: Path) -> None:
     """Put the chunks together."""
     if table.path.suffix == ".parquet":
-        _write_parquet(directory / VERDICTS.replace(".csv", ".parquet"), chunks, count)
+        _write_parquet(directory / VERDICTS.replace(".csv", ".parquet"), chunks, len(table))
         return
     path = directory / VERDICTS
     with replaced(path, part_of(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
         stream.write(HEAD)
-        for number in range(count):
+        for number in range(len(table)):
             stream.write(_chunk(chunks, number).read_text(encoding="utf-8"))
 
 

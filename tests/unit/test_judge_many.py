@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,7 +22,7 @@ from incipient.contact import Cases, judge_many
 from incipient.contact.exact.judge import judged
 from incipient.errors import OutputError
 from incipient.progress import Silent
-from incipient.simulation import batch_table, judge_batch
+from incipient.simulation import batch_table
 from incipient.simulation.batch_table import open_table
 from incipient.simulation.judge_batch import judge_table
 
@@ -248,8 +250,7 @@ class Killed(Silent):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stopped after two chunks of five, a second call judges the other three, and says what one call does."""
-    for module in (batch_table, judge_batch):
-        monkeypatch.setattr(module, "CHUNK", 40)
+    monkeypatch.setattr(batch_table, "CHUNK", 40)
     path = write(tmp_path / "cases.csv", rows_of(random_cases(190, 2, space=False)))
     whole = judge_table(open_table(path, []), tmp_path / "whole", 1, Silent())
     with pytest.raises(KeyboardInterrupt):
@@ -360,21 +361,28 @@ def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
 
 
 @pytest.mark.slow
-def test_killed_outright_it_leaves_no_process_and_goes_on(tmp_path: Path) -> None:
-    """SIGKILL to the parent of two workers once a chunk is there; a second call ends with what one call gives."""
+@pytest.mark.parametrize("killed", ["parent", "worker"])
+def test_killed_outright_it_leaves_no_process_and_goes_on(killed: str, tmp_path: Path) -> None:
+    """SIGKILL to the parent or to one of two workers; a second call ends with what one call gives."""
     rows = rows_of(random_cases(10_000, 2, space=False))
     path = write(tmp_path / "cases.csv", [row for _ in range(8) for row in rows])
     order = [sys.executable, "-m", "incipient", "judge", "--batch", str(path), "--jobs", "2", "--out"]
     whole = subprocess.run([*order, str(tmp_path / "whole")], check=True, capture_output=True)
     assert b"cases               80000" in whole.stdout
-    parent = subprocess.Popen([*order, str(tmp_path / "out")], stdout=subprocess.DEVNULL)
+    parent = subprocess.Popen(
+        [*order, str(tmp_path / "out")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
     chunks = tmp_path / "out" / "verdicts.chunks"
     while len(list(chunks.glob("*.csv"))) < 2:
         assert parent.poll() is None
         time.sleep(0.02)
     children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
-    parent.kill()
-    parent.wait()
+    workers = [one for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    assert len(workers) == 2
+    os.kill(parent.pid if killed == "parent" else int(workers[0]), signal.SIGKILL)
+    _, complaint = parent.communicate(timeout=60)
+    if killed == "worker":
+        assert parent.returncode == 4 and b"a process was ended" in complaint and complaint.count(b"\n") == 1
     time.sleep(1.0)
     for child in map(Path("/proc").joinpath, children):
         assert not child.exists() or "\nState:\tZ" in (child / "status").read_text()
