@@ -29,7 +29,7 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
             classes = size_classes(options.file, options.size_classes, options.size)
             print(csv_text(HEADS, classes), end="", flush=True)
         elif comm.rank == 0 and options.csv:
-            print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
+            tables.write_csv(options.file, sys.stdout)
         elif comm.rank == 0:
             _print(options.file)
     return 0

@@ -19,7 +19,7 @@ from ..scene import Scene
 from .axes import of_mapping
 from .case_refinement import SweepRefinement
 from .cases import Source, SweepCase
-from .executors import groups, workers_of
+from .executors import groups, require_cores, workers_of
 from .expectation import Foresight, cores, free_memory_mib
 from .procedure import FACTOR, TRIES, Limits, Sweep, SweepProgress, Watcher
 from .request import RefinementOptions, Request, parsed_limit, parsed_seconds, requested
@@ -170,6 +170,8 @@ def computed(
 ) -> SweepProgress:
     """Compute cases, which the first rank alone needs to know, into a file. Collective; raises as `run`."""
     places = means.places(comm)
+    if comm.size > 1:
+        require_cores(comm)
     stores: list[Store] = []
     with collectively(comm):
         if comm.rank == 0:

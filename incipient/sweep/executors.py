@@ -7,9 +7,11 @@ together when one of them dies: then what is in the file stays, and the sweep is
 from __future__ import annotations
 
 import logging
+import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 from ..errors import Interrupted, MissingError, OutputError, SceneError
 from . import worker
 from .case_process import Order, computed_below, end_all
+from .expectation import my_cores
 from .store import CaseOutcome
 
 if TYPE_CHECKING:
@@ -212,6 +215,31 @@ def workers_of(
     within = MPICommExecutor(cast("MPI.Intracomm", leaders), backoff=OFTEN)
     with worker.leading(group), within as found:
         yield None if found is None else RankWorkers(found, comm, places)
+
+
+def require_cores(comm: MPI.Comm) -> None:
+    """Refuse ranks that would share cores, as wrongly bound ones do. Collective; raises SceneError on all ranks."""
+    mine = None if comm.rank == 0 else (socket.gethostname(), my_cores())
+    if shared := short_of_cores([one for one in comm.allgather(mine) if one is not None]):
+        remedy = "start fewer, or bind them otherwise (mpirun --bind-to none, srun --cpu-bind=none)"
+        raise SceneError(f"{shared}; {remedy}")
+
+
+def short_of_cores(ranks: Sequence[tuple[str, frozenset[int]]]) -> str:
+    """The machine whose ranks have fewer cores together than there are of them; empty where none has.
+
+    Args:
+        ranks: machine, and cores that may be used, of each rank that computes.
+    """
+    number, together = Counter(host for host, _ in ranks), dict[str, frozenset[int]]()
+    for host, cores in ranks:
+        together[host] = together.get(host, frozenset()) | cores
+    short = next((host for host in number if len(together[host]) < number[host]), None)
+    return (
+        ""
+        if short is None
+        else f"{number[short]} ranks compute on {short} and have {len(together[short])} cores there"
+    )
 
 
 def groups(comm: MPI.Comm, ranks: int) -> int:

@@ -106,8 +106,15 @@ def free_memory_mib() -> float:
 
 
 def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """How many cores this process may use."""
+    return len(my_cores())
+
+
+def my_cores() -> frozenset[int]:
+    """The cores that this process may use, by the numbers of the system."""
+    if hasattr(os, "sched_getaffinity"):
+        return frozenset(os.sched_getaffinity(0))
+    return frozenset(range(os.cpu_count() or 1))
 
 
 def total(expected: Mapping[str, Expected]) -> float | None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ..errors import MissingError
 from ..files import csv_text, reported
@@ -17,6 +18,10 @@ from .store import DAMAGED, DONE, FAILED, CaseOutcome, Store, damaged
 
 if TYPE_CHECKING:
     import pandas
+
+
+FIRST = ("source", "task", "status")
+LAST = ("reason", "wall", "cpu", "peak_mib", "tries", "finished", "versions", "id")
 
 
 def rows(path: Path | str, most: int | None = None) -> list[dict[str, Any]]:
@@ -56,13 +61,24 @@ def columns(found: Sequence[Mapping[str, Any]]) -> list[str]:
     names: dict[str, None] = {}
     for row in found:
         names |= dict.fromkeys(row)
-    last = ("reason", "wall", "cpu", "peak_mib", "tries", "finished", "versions", "id")
-    return [name for name in names if name not in last] + [name for name in last if name in names]
+    return [name for name in names if name not in LAST] + [name for name in LAST if name in names]
 
 
 def as_csv(found: Sequence[Mapping[str, Any]]) -> str:
     """Rows as the text of a CSV file; what is not known is empty."""
     return csv_text(columns(found), found)
+
+
+def write_csv(path: Path, stream: TextIO) -> None:
+    """Write the table of a sweep as CSV; that of a large one as it is read. Raises OutputError as `rows`."""
+    with Store(path) as store:
+        if store.is_large:
+            names = columns([dict.fromkeys([*FIRST, *store.columns_shown(), *LAST])])
+            writer = csv.DictWriter(stream, names, restval="", lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(map(_with_versions, store.shown()))
+            return
+    print(as_csv(rows(path)), file=stream, end="", flush=True)
 
 
 def write_parquet(source: Path, target: Path) -> None:

@@ -14,6 +14,7 @@ from incipient.errors import OutputError, SceneError
 from incipient.sweep import procedure
 from incipient.sweep.case_process import Order
 from incipient.sweep.cases import SweepCase
+from incipient.sweep.executors import short_of_cores
 from incipient.sweep.expectation import Expected
 from incipient.sweep.procedure import LATER, LEAST, UNKNOWN, Limits, Sweep, SweepProgress, Watcher
 from incipient.sweep.request import parsed_limit
@@ -179,6 +180,17 @@ def test_a_sweep_without_a_worker_that_is_free_ends(tmp_path: Path, monkeypatch:
         OutputError, match="all workers are at cases that do not end: 1 of 6 cases are finished"
     ):
         swept(tmp_path, Workers(does), monkeypatch, Limits(case=30.0))
+
+
+def test_ranks_that_share_cores_are_found() -> None:
+    """Two ranks with a core each, or with both, are well; two that are bound to the same one are not."""
+    first, second = frozenset({0}), frozenset({1})
+    assert not short_of_cores([("a", first), ("a", second), ("b", first)])
+    assert not short_of_cores([("a", first | second)] * 2)
+    assert (
+        short_of_cores([("a", first), ("b", first), ("b", first)])
+        == "2 ranks compute on b and have 1 cores there"
+    )
 
 
 def test_limits_follow_estimates_and_what_cases_have_taken() -> None:
