@@ -48,13 +48,14 @@ def scene_of(
     reynolds: float,
     error_bars: bool = False,
     wide: bool = False,
+    bed: str = "",
 ) -> Scene:
     """The scene of a full run: the grain where it is, among the neighbours near it, which are posts on a base plane.
 
     Neighbours nearer than the gap that stands for contact are smaller by what is missing; `wide`: twice that gap.
 
     level: mean height of the bed's surface above the grain's centre, in its diameters: there the shear begins, and
-    there the ground is that takes the place of the bed farther away.
+    there the ground is that takes the place of the bed farther away; bed: its mark, by which runs are found again.
     """
     radius, gap = 0.5, asked.runs.gap * (2.0 if wide else 1.0)
     near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
@@ -75,7 +76,7 @@ def scene_of(
     posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
     with_inertia = asked.flow.galileo is not None
     return Scene(
-        title=f"grain {pocket.number}{WIDE if wide else ''}",
+        title=f"grain {pocket.number} {bed}{WIDE if wide else ''}",
         domain=Domain(length=length, width=length, height=0.5 * length),
         fluid=Fluid(reynolds=reynolds, scale="grain", inertia=with_inertia),
         flow=Shear(rate=1.0, datum=level - base),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import tomllib
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +28,9 @@ from ..sweep.procedure import Watcher
 from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
+from .deposition import Spheres
 from .emulator import FEWEST, NINETY_FIVE, Emulator, designed, runs_to_halve
 from .full_runs import (
-    WIDE,
     LoadCoefficients,
     coefficients_of,
     grain_of,
@@ -104,11 +107,24 @@ class _Survey:
     voice: Silent
     watcher: Watcher | None
 
+    @cached_property
+    def spheres(self) -> Spheres:
+        """The grains of the bed."""
+        return spheres_of(self.asked.bed, self.base)
+
+    @cached_property
+    def mark(self) -> str:
+        """What tells runs of this bed, in this flow, from those of others in one file."""
+        table = np.round(np.column_stack([self.spheres.centres, self.spheres.radii]), 9)
+        runs = self.asked.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
+        said = json.dumps([table.tolist(), self.asked.flow.model_dump(), runs])
+        return f"of {hashlib.sha256(said.encode()).hexdigest()[:8]}"
+
     def outcome(self) -> SurveyOutcome:
         """Everything in turn. All ranks know the bed; the first writes."""
         asked = self.asked
         self.voice.begin("bed")
-        spheres = spheres_of(asked.bed, self.base)
+        spheres = self.spheres
         surface = Surface.of(spheres)
         numbers = exposed(spheres, surface, asked.grains, asked.runs.seed)
         found = []
@@ -165,7 +181,7 @@ class _Survey:
         with Store(file) as store:
             rows = store.rows()
         return {
-            grain_of(row["source"]): str(row["status"]) for row in rows if not row["source"].endswith(WIDE)
+            grain_of(row["source"]): str(row["status"]) for row in rows if row["source"].endswith(self.mark)
         }
 
     def _further(
@@ -205,7 +221,8 @@ class _Survey:
             self.asked.runs.with_error_bars,
         )
         given = grain, level, self.asked, reynolds_of(place, self._galileo(grain, surface))
-        return [scene_of(*given, place < bars), *([scene_of(*given, wide=True)] if place < bars else [])]
+        first = scene_of(*given, error_bars=place < bars, bed=self.mark)
+        return [first, *([scene_of(*given, wide=True, bed=self.mark)] if place < bars else [])]
 
     def _galileo(self, grain: Pocket, surface: Surface) -> float | None:
         galileo = self.asked.flow.galileo
@@ -217,7 +234,7 @@ class _Survey:
         rows = [
             row | {"fluid.reynolds": scenes[row["id"]]["fluid"]["reynolds"]}
             for row in rows_of(file)
-            if row["id"] in scenes and grain_of(str(row["source"])) in chosen
+            if row["id"] in scenes and self.mark in row["source"] and grain_of(row["source"]) in chosen
         ]
         return coefficients_of(rows), sum(row["status"] == FAILED for row in rows)
 

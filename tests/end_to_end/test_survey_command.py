@@ -130,6 +130,15 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
     assert all(
         float(row["shields_low"]) <= float(row["shields"]) <= float(row["shields_high"]) for row in rows
     )
+    # Runs of another bed in the same file are not taken for those of this one.
+    other = subprocess.run(
+        [*call, "--set", "bed.seed=3", "--wall", "1s"],
+        cwd=bed.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert other.returncode == 130 and "0 of 8 cases are finished" in other.stderr
     # Those that go first are at the front.
     stress = [float(row["stress"]) for row in rows]
     assert stress == sorted(stress)
