@@ -169,7 +169,7 @@ def _pocket(
         "sheltered": hidden.share(-1.0),
         "backed": hidden.share(1.0),
         "skew": hidden.skew,
-        "carries": int((near[touches, 2] > 0.0).sum()),
+        "carries": int((near[touches, 2] > TOUCHING * size).sum()),
         "pivot": float(np.degrees(np.arctan(critical_force(contacts, 0.0)))),
         "critical_force": critical_force(contacts, flow.friction),
     }
