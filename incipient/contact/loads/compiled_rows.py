@@ -24,16 +24,23 @@ ROUNDS = 30  # of contacts that begin to press or cease to, for each contact
 
 @kernel
 def held_rows(
-    matrices: Floats, flow: Floats, weight: Floats, whole: Floats, sure: float
+    matrices: Floats,
+    flow: Floats,
+    weight: Floats,
+    whole: Floats,
+    sure: float,
+    near: float,
+    nearly_all: float,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """What contacts hold of loads: shares, by how much these may be off, and three rooms in the cones, (n,) each.
+    """What contacts hold: safety factors, by which share these may be off, and three rooms in the cones, (n,) each.
 
     matrices: (n, 6, 3k), wrenches of scaled forces; flow, weight, whole: wrenches (n, 6) of length one
     The rooms are those of the forces most inside the cones that balance flow, weight, and, where the weight is not held
-    for sure, the whole. NaN: contacts that may not have all wrenches.
+    for sure, the whole; `sure`: room that is. Shares of the flow nearer to none or all than `nearly_all` are not
+    answered, others found again where they are off by more than `near`. NaN: contacts that may not have all wrenches.
     """
     count, height = len(flow), matrices.shape[2]
-    shares, errors, rooms = np.zeros(count), np.full(count, np.inf), np.full((3, count), np.nan)
+    factors, errors, rooms = np.zeros(count), np.full(count, np.inf), np.full((3, count), np.nan)
     null = np.empty((height, height - 6))
     mirrors, triangle = np.empty((6, height)), np.empty((6, 6))
     first, second = np.empty(height), np.empty(height)
@@ -52,11 +59,22 @@ def held_rows(
         _put_table(null, table, limits)
         for j in range(height):
             table[j + 2, height - 6], limits[j + 2] = second[j] - first[j], second[j]
-        x, errors[i] = optimum(table, limits)
-        shares[i] = min(max(x[height - 6], 0.0), 1.0)
+        x, error = optimum(table, limits)
+        share = min(max(x[height - 6], 0.0), 1.0)
         x[height - 6] = 1.0
         rooms[0, i] = room(table, limits, x)
-    return shares, errors, rooms[0], rooms[1], rooms[2]
+        part, scale = min(share, 1.0 - share), 1.0
+        if error > near * part and part > nearly_all and error < 0.1 * part:
+            # Once more with a flow that is about critical: errors are then those of a share of a half.
+            scale = share / (1.0 - share)
+            for j in range(height):
+                table[j + 2, height - 6] = second[j] - scale * first[j]
+            x, error = optimum(table, limits)
+            share = min(max(x[height - 6], 0.0), 1.0)
+            part = min(share, 1.0 - share)
+        if part > nearly_all:
+            factors[i], errors[i] = scale * share / (1.0 - share), error / part
+    return factors, errors, rooms[0], rooms[1], rooms[2]
 
 
 @inner

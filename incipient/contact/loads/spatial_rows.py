@@ -93,11 +93,12 @@ def _held(rows: Rows, columns: Floats, held_rows: Callable[..., tuple[Floats, ..
     matrices = columns * np.tile(scaling, (1, rows.arms.shape[1]))[:, None]
     (flow, f_size), (weight, w_size) = unit_and_size(rows.flow), unit_and_size(rows.weight)
     whole, size = unit_and_size(rows.flow + rows.weight)
-    shares, errors, of_flow, of_weight, of_whole = held_rows(matrices, flow, weight, whole, ROOM)
-    weight_held, unlimited = of_weight > ROOM, of_flow >= 0.0
-    sure = (errors <= SURE * np.minimum(shares, 1.0 - shares)) & (shares < 1.0 - NEARLY_ALL)
+    factors, errors, of_flow, of_weight, of_whole = held_rows(
+        matrices, flow, weight, whole, ROOM, SURE, NEARLY_ALL
+    )
+    weight_held, unlimited, sure = of_weight > ROOM, of_flow >= 0.0, errors <= SURE
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        factors = np.where(unlimited, np.inf, shares / (1.0 - shares) * w_size / f_size)
+        factors = np.where(unlimited, np.inf, factors * w_size / f_size)
     doubtful = ~np.where(
         weight_held,
         unlimited | (sure & (np.abs(factors - 1.0) > CLEAR)),
