@@ -158,8 +158,6 @@ class RankWorkers(Workers):
         sys.stdout.flush()
         sys.stderr.flush()
         if self._at_work:
-            if not at_once:
-                log.error("%d cases do not end, and ranks cannot be ended one by one", len(self._at_work))
             self._comm.Abort(Interrupted.exit_code)
 
 

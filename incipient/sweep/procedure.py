@@ -176,6 +176,10 @@ class Sweep:
             while self._is_at_work() or self._grows():
                 self._go_on()
             at_once = bool(self._given_up)
+            if at_once:  # ranks of an mpirun can only be ended together, this one too
+                log.warning(
+                    self._left(f"workers of {len(self._given_up)} tries have not come back and are ended")
+                )
         except KeyboardInterrupt as interrupt:
             raise Interrupted(self._left("interrupted")) from interrupt
         finally:

@@ -49,7 +49,7 @@ def on_pocket(size: float, azimuth: float = 0.0) -> Pocket:
 
 def test_neighbours_of_one_height_do_not_rest_on_each_other():
     """Spheres of a level layer, moved up and down by round-off, carry none of the six beside them."""
-    below, above = layer(), layer() + [1.0 / math.sqrt(3.0), 0.0, math.sqrt(2.0 / 3.0)]
+    below, above = layer(), layer() + np.array([1.0 / math.sqrt(3.0), 0.0, math.sqrt(2.0 / 3.0)])
     above[:, 2] += 1e-13 * np.random.default_rng(0).standard_normal(len(above))
     spheres = Spheres(np.vstack([below, above]), np.full(288, 0.5), np.array([12 * math.sqrt(0.75), 12.0]))
     found = list(pockets(spheres, Surface.of(spheres), np.arange(200, 204), FlowPast()))
