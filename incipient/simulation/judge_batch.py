@@ -122,7 +122,7 @@ def _judged(table: Table, chunks: Path, missing: list[int], jobs: int) -> Iterat
             why = "a process was ended, perhaps for want of memory; what is judged is kept"
             raise ConvergenceError(f"batch: {why}: call again, with fewer --jobs") from None
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)  # waits for chunks that are begun
 
 
 def _judge_chunk(table: Table, chunks: Path, number: int) -> int:

@@ -249,21 +249,21 @@ class Killed(Silent):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stopped after two chunks of five, a second call judges the other three, and says what one call does."""
+    """Stopped after two chunks of eight, a second call judges the others, and says what one call does."""
     monkeypatch.setattr(batch_table, "CHUNK", 40)
-    path = write(tmp_path / "cases.csv", rows_of(random_cases(190, 2, space=False)))
+    path = write(tmp_path / "cases.csv", rows_of(random_cases(310, 2, space=False)))
     whole = judge_table(open_table(path, []), tmp_path / "whole", 1, Silent())
     with pytest.raises(KeyboardInterrupt):
         judge_table(open_table(path, []), tmp_path / "out", jobs, Killed(2))
     chunks = sorted((tmp_path / "out" / "verdicts.chunks").glob("*.csv"))
-    assert len(chunks) == 2
+    assert len(chunks) == 2 or (jobs == 2 and len(chunks) > 2)  # workers finish what they have begun
     before = {one: one.stat().st_mtime_ns for one in chunks}
-    other = write(tmp_path / "other.csv", rows_of(random_cases(190, 2, space=False, flat=True)))
+    other = write(tmp_path / "other.csv", rows_of(random_cases(310, 2, space=False, flat=True)))
     with pytest.raises(OutputError, match="holds chunks of another table"):
         judge_table(open_table(other, []), tmp_path / "out", 1, Silent())
     assert {one: one.stat().st_mtime_ns for one in chunks} == before
     found = judge_table(open_table(path, []), tmp_path / "out", 1, Silent())
-    assert found.kept == 2 and found.modes == whole.modes
+    assert found.kept == len(chunks) and found.modes == whole.modes
     assert written(tmp_path / "out") == written(tmp_path / "whole")
     assert not (tmp_path / "out" / "verdicts.chunks").exists()
 
