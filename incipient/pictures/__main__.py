@@ -1,7 +1,7 @@
 """`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths as they come.
 
 With `--animate --field NAME` it makes the one animation instead, with `--turntable` the film that goes once round the
-grain, with `--out FILE` under another than the usual name. DIR may be the file of a sweep.
+grain, with `--out FILE` under another than the usual name.
 """
 
 import argparse
@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 from ..errors import IncipientError
-from .charts.sweep import draw as draw_sweep
 from .directory_pictures import draw
 from .motion.film import animate
 from .motion.turntable import turn
@@ -20,17 +19,12 @@ parser.add_argument("--animate", action="store_true")
 parser.add_argument("--turntable", action="store_true")
 parser.add_argument("--out", type=Path)
 parser.add_argument("--field", default="velocity")
-for name in ("--quantity", "--against", "--by"):
-    parser.add_argument(name)
 options = parser.parse_args()
 try:
     if options.animate:
         print(animate(options.directory, options.out, options.field))
     elif options.turntable:
         print(turn(options.directory, options.out))
-    elif options.directory.is_file():
-        chosen = (options.quantity, options.against, options.by)
-        draw_sweep(options.directory, lambda path: print(path, flush=True), *chosen)
     else:
         draw(options.directory, lambda path: print(path, flush=True))
 except IncipientError as error:

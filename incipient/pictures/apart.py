@@ -36,7 +36,7 @@ def draw_apart(directory: Path) -> Drawn:
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
     """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
     given = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return _apart("not drawn", str(file), *given)
+    return _apart("not drawn", str(file), *given, module="incipient.pictures.charts")
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
@@ -58,10 +58,10 @@ def _film_apart(directory: Path, target: Path | None, *what: str) -> Path:
     return path
 
 
-def _apart(nothing: str, *arguments: str) -> Drawn:
+def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") -> Drawn:
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
-    command = [sys.executable, "-P", "-m", "incipient.pictures", *arguments]
+    command = [sys.executable, "-P", "-m", module, *arguments]
     child = subprocess.run(command, capture_output=True, text=True, env=surroundings, check=False)
     paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
     if child.returncode:
