@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from incipient.arrays import Floats, Integers
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts, freeze
 
@@ -73,18 +73,9 @@ class Loads:
     def __len__(self) -> int:
         return len(self.force)
 
-    @property
-    def table(self) -> Floats:
-        """All of a load in one row, (n, 9)."""
-        return np.hstack([self.force, self.couple, self.weight])
-
     def load(self, number: int) -> Load:
         """One of them."""
         return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
-
-    def part(self, rows: Integers | slice) -> "Loads":
-        """The loads at places `rows`."""
-        return Loads(self.force[rows], self.couple[rows], self.weight[rows], self.centre)
 
 
 def require_outward(contacts: Contacts, centre: Floats) -> None:

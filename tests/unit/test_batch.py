@@ -269,9 +269,13 @@ def test_the_command_judges_a_series(tmp_path: Path, capsys: Any) -> None:
     path, columns = tmp_path / "forces.csv", block()
     np.savetxt(path, np.array(list(columns.values())).T, delimiter=",", header=",".join(columns), comments="")
     order = ["judge", str(case_of(tmp_path)), "--series", str(path), "--out", str(tmp_path / "out")]
-    assert cli.main(order) == 0
+    assert cli.main([*order, "--law", "U2"]) == 0
     said = capsys.readouterr().out
     assert "25.000% of the time" in said and "series.png" in said
+    assert "probability at an instant 0.25" in said
+    # A push of 0.5 is held: for a quarter of the time it is 0.75, else 0.25, and grows as the square of the velocity.
+    assert f"probability 0.05  {np.sqrt(0.5 / 0.75):.4g} " in said
+    assert f"probability 0.5   {np.sqrt(0.5 / 0.25):.4g} " in said
     stored = json.loads((tmp_path / "out" / "series.json").read_text())
     assert stored["events"][0]["impulse"] == pytest.approx(0.25)
     samples = (tmp_path / "out" / "series.csv").read_text().splitlines()

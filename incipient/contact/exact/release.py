@@ -56,18 +56,6 @@ class Release:
     force_unit: float
     mass_unit: float
 
-    def under(self, wrench: Floats) -> "Release":
-        """This grain with its contacts under a load whose wrench (6,) is of length one."""
-        free = self.inverse @ wrench
-        return replace(
-            self,
-            wrench=wrench,
-            free=free,
-            scale=float(np.sqrt(free @ free)),
-            free_at_contacts=free @ self.grasp.columns,
-            force_unit=1.0,
-        )
-
     def acceleration(self, local: Floats) -> Floats:
         """Accelerations (6,) of the grain under its load and local forces (k, 3)."""
         return np.asarray(self.inverse @ (self.wrench + self.grasp.columns @ local.ravel()))
