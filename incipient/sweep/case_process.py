@@ -101,13 +101,19 @@ def end_all(sweep: str, at_once: bool = True) -> None:
     """End the processes below this worker whose last case was of a sweep; those at work, too, if `at_once`."""
     if at_once:
         _OVER.add(sweep)
-    for thread, process in [(one, found) for one, found in list(_BELOW.items()) if found.sweep == sweep]:
-        if process.is_at_work and at_once:
+    mine = {thread: process for thread, process in list(_BELOW.items()) if process.sweep == sweep}
+    for process in mine.values() if at_once else ():
+        if process.is_at_work:
             process.kill()  # its thread does the rest
-        elif not process.is_at_work:
-            process.dismiss()
-            process.end()
-            _BELOW.pop(thread, None)
+    idle = {thread: process for thread, process in mine.items() if not process.is_at_work}
+    for process in idle.values():
+        process.dismiss()
+    until = time.monotonic() + LEAVE  # together
+    for thread, process in idle.items():
+        with suppress(subprocess.TimeoutExpired):
+            process.popen.wait(max(0.0, until - time.monotonic()))
+        process.end()
+        _BELOW.pop(thread, None)
 
 
 class _Process:
@@ -179,11 +185,9 @@ class _Process:
                 return "", f"was ended: it took {taken:.0f} MiB of memory, more than {order.memory_mib:.0f}"
 
     def dismiss(self) -> None:
-        """Let it end by itself, which `mpirun` needs to clean up, but not for long."""
-        assert self.popen.stdin is not None
-        with suppress(BrokenPipeError, subprocess.TimeoutExpired):
-            self.popen.stdin.close()
-            self.popen.wait(LEAVE)
+        """Let it end by itself, which `mpirun` needs to clean up."""
+        with suppress(BrokenPipeError):
+            cast("IO[bytes]", self.popen.stdin).close()
 
     def kill(self) -> None:
         """Kill it with all that it has started."""
