@@ -19,6 +19,7 @@ REGULAR = 1e-5  # of the largest pivot: below it contacts may not have all wrenc
 OUTWARD = 1.0  # how far inside the cones the search for the most inside forces begins
 ENOUGH = 0.1  # room in the cones beyond which it ends
 DUAL = 1e-11  # an opening below it, relative to the free acceleration, presses no more
+PARTS = 9  # of the friction, each a tenth more
 ROUNDS = 30  # of contacts that begin to press or cease to, for each contact
 
 
@@ -177,6 +178,7 @@ def moving_rows(
     friction: Floats,
     wrenches: Floats,
     steps: int,
+    patience: int,
     zero: float,
     near_zero: float,
     same: float,
@@ -185,7 +187,8 @@ def moving_rows(
     """What the motions of grains that are not held are made of, or DOUBTFUL, (n,).
 
     columns: (n, 6, 3k) wrenches of unit local forces; inertia, inverse: (n, 3, 3); wrenches: (n, 6) of length one
-    steps: of Newton's method; zero, near_zero: of the free acceleration what is none, and by which factor near to it
+    steps, patience: of Newton's method, the latter where the former do not do
+    zero, near_zero: of the free acceleration what is none, and by which factor near to it
     same, same_energy: accelerations and energies less apart than that are one
     """
     count, height = len(friction), columns.shape[2]
@@ -211,6 +214,9 @@ def moving_rows(
         onto, offset, step = _coulomb(compliance, free)
         _put_starts(pressed, acceleration, columns[i], free, step, friction[i], starts)
         found = coulomb_forces(onto, offset, friction[i], starts, steps, steps)
+        if len(found) == 0:
+            more = _growing(onto, offset, friction[i], starts, pressed, steps)
+            found = coulomb_forces(onto, offset, friction[i], more, steps, patience)
         if _choose(
             found, wrenches[i], columns[i], inertia[i], inverse[i], same * scale, same_energy, acceleration
         ):
@@ -350,6 +356,24 @@ def _put_rubbed(pressure: float, way: Floats, friction: float, forces: Floats, p
     forces[place] = pressure
     forces[place + 1] = -friction * pressure / size * way[1]
     forces[place + 2] = -friction * pressure / size * way[2]
+
+
+@inner
+def _growing(
+    onto: Floats, offset: Floats, friction: float, starts: Floats, pressed: Floats, steps: int
+) -> Floats:
+    """The starts, and forces at parts of the friction, each reached from the one before: (s, h)."""
+    count = len(starts)
+    more = np.empty((count + PARTS + 1, len(pressed)))
+    more[:count], more[count] = starts, pressed
+    for part in range(1, PARTS + 1):
+        found = coulomb_forces(
+            onto, offset, 0.1 * part * friction, more[count : count + 1].copy(), steps, steps
+        )
+        if len(found):
+            count += 1
+            more[count] = found[0]
+    return more[: count + 1].copy()
 
 
 @inner

@@ -14,7 +14,7 @@ from incipient.contact.exact.motion import ZERO
 from incipient.contact.exact.motion_modes import Mode
 from incipient.contact.exact.release import SAME
 from incipient.contact.exact.safety import NEARLY_ALL
-from incipient.contact.exact.spatial_motion import FEW, STEPS
+from incipient.contact.exact.spatial_motion import FEW, PATIENCE, STEPS
 from incipient.contact.loads.rows import (
     CLEAR,
     LIFTS,
@@ -68,6 +68,7 @@ def judged_in_space(rows: Rows) -> Answers:
             rows.friction[moving],
             whole[moving],
             STEPS,
+            PATIENCE,
             ZERO,
             NEAR_ZERO,
             SAME,
