@@ -37,6 +37,8 @@ class Stream:
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
     added: (2,) what else makes both quantities, over these quantities themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
+    reach: function of a direction that is a cell's size along it over the order of the elements; upwinding is
+        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
@@ -48,6 +50,7 @@ class Stream:
     added: Any = (0, 0)
     carrier: Any = None
     per_step: Any = 0
+    reach: Any = None
 
 
 @dataclass(frozen=True)
@@ -116,10 +119,14 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
             strong += rate[i]
         form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * stream.measure
         if known is not None:
-            delta = streamline_time(carrier, known[i], stream.size)
+            along, size = carrier, stream.size
+            if stream.reach is not None:
+                along = carrier - 2 * known[i] * ufl.grad(stream.known[i])
+                size, strong = stream.reach(along), strong - diffusivity * ufl.div(slope)
+            delta = streamline_time(along, known[i], size)
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)
-            form += delta * strong * ufl.dot(carrier, ufl.grad(test)) * stream.measure
+            form += delta * strong * ufl.dot(along, ufl.grad(test)) * stream.measure
     return form
 
 

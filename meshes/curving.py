@@ -8,6 +8,7 @@ from incipient.arrays import Floats, Integers
 from incipient.geometry.space.remeshing import ExactSurface
 
 from .tetrahedra import EDGES, SIDES, Tetrahedra
+from .wall_layers import Columns
 
 LEAST = 0.1  # of a straight cell's volume: the least that the curved one's map may have anywhere
 FARTHEST = 0.3  # of its edge's length: a node that moves farther has found another part of the surface
@@ -15,12 +16,16 @@ ON_PLANE = 1e-12  # of a region's height
 
 
 def curved(
-    made: Tetrahedra, surfaces: dict[str, ExactSurface], walls: tuple[tuple[int, float], ...]
+    made: Tetrahedra,
+    surfaces: dict[str, ExactSurface],
+    walls: tuple[tuple[int, float], ...],
+    columns: Columns | None = None,
 ) -> tuple[Tetrahedra, int]:
     """The cells with their points where they belong, and how many edges stay straight because cells would fold.
 
     surfaces: what the named triangles of the boundary approximate
     walls:    axis and place of the plane sides, on which points stay
+    columns:  points above those of walls, which follow them; None: there are no layers
     """
     straight, places, quadratic = made.points, made.points.copy(), made.cells.shape[1] > 4
     moved = np.empty(0, dtype=int)
@@ -45,7 +50,29 @@ def curved(
     between[made.cells[:, 4:]] = True
     between[moved] = False
     _put_between(places, made.cells, np.flatnonzero(between))
+    if columns is not None:
+        moved = np.union1d(moved, _follow(places, made.cells, moved, columns))
     return curved_cells, _unfold(places, made.cells, moved)
+
+
+def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns) -> Integers:
+    """Move the middles of edges above curved edges of walls as these, the less the farther; which."""
+    count, is_moved = len(places), np.zeros(len(places), dtype=bool)
+    is_moved[moved] = True
+    ends = np.concatenate([cells[:, pair] for pair in EDGES])
+    middles = cells[:, 4:].T.ravel()
+    _, first = np.unique(middles, return_index=True)
+    ends, middles = ends[first], middles[first]
+    feet = np.sort(columns.foot[ends], axis=1)
+    keys = feet[:, 0] * count + feet[:, 1]
+    below = is_moved[middles]
+    order = np.argsort(keys[below])
+    known, shift = keys[below][order], (places[middles] - places[ends].mean(axis=1))[below][order]
+    share = columns.share[ends].mean(axis=1)
+    follows = (feet[:, 0] >= 0) & (share > 0.0) & ~below & np.isin(keys, known)
+    chosen = middles[follows]
+    places[chosen] += share[follows, None] * shift[np.searchsorted(known, keys[follows])]
+    return chosen
 
 
 def _held(x: Floats, walls: tuple[tuple[int, float], ...]) -> np.ndarray:

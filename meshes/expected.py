@@ -7,7 +7,7 @@ from incipient.arrays import Floats, planar_cross
 from .exact import Ground, bodies_of
 from .region import BoxGrid, Grid, Near, Region, Sizes, SolidGrid
 from .solid_region import SolidFrame, SolidRegion
-from .solid_sizes import BOX, CORNERS, SizeMap, boxes
+from .solid_sizes import BOX, CORNERS, Boxes, SizeMap, boxes
 
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
@@ -98,4 +98,13 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     found: dict[str, float] = {}
     for number, name in enumerate(size.names):
         found[name] = found.get(name, 0.0) + float(count[asking == number].sum())
+    if sizes.layers is not None:
+        walls = sum(_expected_triangles(name, size, cubes) for name in sizes.layers.first)
+        found["layers along walls"] = 3.0 * sizes.layers.number * walls
     return found
+
+
+def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:
+    """About how many triangles a boundary will have, by the boxes that it cuts in their middle."""
+    cut = size.distance(boundary, cubes.centres) <= 0.5 * cubes.sides
+    return float(PER_AREA * ((cubes.sides[cut, None] / cubes.sizes[cut]) ** 2).mean(axis=1).sum())

@@ -8,6 +8,9 @@ from incipient.arrays import Floats, Integers, Point
 from incipient.geometry.plane.curves import Curve
 
 GRID = 2.0**-40  # of a region's height
+PART = (
+    0.35  # of the edges at a place of a wall in space: what all layers there take at most of the cells beyond
+)
 
 Place = Point | tuple[float, float, float]  # in the plane, in space
 
@@ -113,6 +116,19 @@ class SizeField:
 
 
 @dataclass(frozen=True)
+class WallLayers:
+    """How thick cells at walls are: that of the first layer at each named wall, how many layers, and their growth."""
+
+    first: dict[str, float]
+    number: int
+    growth: float
+
+    def scaled(self, factor: float) -> WallLayers:
+        """First layers thicker by a factor."""
+        return replace(self, first={name: factor * size for name, size in self.first.items()})
+
+
+@dataclass(frozen=True)
 class Sizes:
     """The size of cells: `far` at most, less near features, and where a field says so; scene units."""
 
@@ -121,16 +137,20 @@ class Sizes:
     field: SizeField | None = None
     # In space, cells are at most this part of the width between the bed and a grain, or two grains
     gap_part: float = float("inf")
+    layers: WallLayers | None = None  # in space, along walls; None: there are none
 
     def scaled(self, factor: float) -> Sizes:
         """All sizes but a field's times a factor: one number refines everything alike."""
         near = tuple(n.scaled(factor) for n in self.near)
-        return replace(self, far=self.far * factor, near=near, gap_part=self.gap_part * factor)
+        layers = self.layers and self.layers.scaled(factor)
+        return replace(self, far=self.far * factor, near=near, gap_part=self.gap_part * factor, layers=layers)
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
         """Sizes times a factor but where they are needed, all growing with distance at least as given."""
         near = tuple(n.coarsened(factor, growth) for n in self.near)
-        return replace(self, far=self.far * factor, near=near)
+        return replace(
+            self, far=self.far * factor, near=near, layers=self.layers and self.layers.scaled(factor)
+        )
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import SizeMap, boxes
 from .tetrahedra import Tetrahedra
+from .wall_layers import Columns, layered
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
@@ -46,7 +47,10 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
             set_background(view_field("SH", rows))
             shell = closed_shell(_walls(region, frame), bed, bodies)
-            made = _in_place(region, frame, outline, _mesh(shell).of_order(order))
+            made, columns = _mesh(shell), None
+            if sizes.layers is not None:
+                made, columns = layered(made, sizes.layers.scaled(1.0 / frame.length))
+            made = _in_place(region, frame, outline, made.of_order(order), columns)
             gmsh.clear()
             made.put()
         yield model
@@ -117,11 +121,13 @@ def _mesh(shell: Shell) -> Tetrahedra:
     return Tetrahedra.read(tags)
 
 
-def _in_place(region: SolidRegion, frame: SolidFrame, outline: Outline, made: Tetrahedra) -> Tetrahedra:
+def _in_place(
+    region: SolidRegion, frame: SolidFrame, outline: Outline, made: Tetrahedra, columns: Columns | None
+) -> Tetrahedra:
     """The cells with their points on the exact surfaces, in the scene."""
     walls = _walls(region, frame)
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
-    found, straight = curved(made, {region.names[5]: outline.ground, **outline.bodies}, planes)
+    found, straight = curved(made, {region.names[5]: outline.ground, **outline.bodies}, planes, columns)
     gmsh.logger.write(
         f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
     )

@@ -55,7 +55,7 @@ class SizeMap:
                 clouds[name] = Cloud(Surface(points, surface.triangles))
         return clouds
 
-    def _distance(self, name: str, x: Floats) -> Floats:
+    def distance(self, name: str, x: Floats) -> Floats:
         """The distance (n,) of points (n, 3) from a named boundary."""
         if name in self.region.holes:
             if name in self._clouds:
@@ -90,7 +90,7 @@ class SizeMap:
         wanted = {near.boundary for near in self.sizes.near if near.boundary}
         if np.isfinite(self.sizes.gap_part):
             wanted |= {self.region.names[5], *self.region.holes}
-        distances = {name: self._distance(name, x) for name in sorted(wanted)}
+        distances = {name: self.distance(name, x) for name in sorted(wanted)}
         rows = [np.full(len(x), self.frame.size(self.sizes.far))]
         rows += [self._near(near, x, distances) for near in self.sizes.near]
         rows += [np.minimum(self._between(distances, len(x)), self._at_spots(x)), self._field(x)]

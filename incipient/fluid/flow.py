@@ -22,7 +22,7 @@ from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
-from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
+from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel, UnsolvedError
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -120,10 +120,15 @@ class Fluid(FlowEquations):
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
-            varying=self.walls is not None,
-            level=held.walls_are_level,
+            varying=model.viscosity is not None,
+            level=bool(held.friction) and held.walls_are_level,
+            thin=model.viscosity is not None and not held.friction,
             convected=model.convected,
         )
+
+    def triangle(self, matrix: Any) -> Any:
+        """The preconditioner by blocks for a matrix of the unknowns of this flow, to be freed by the caller."""
+        return Triangle(matrix, self._equations())
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""

@@ -113,6 +113,12 @@ def cell_size(mesh: Any) -> Any:
     return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim)
 
 
+def size_along(mesh: Any, direction: Any) -> Any:
+    """UFL expression of a cell's size along a vector, that of an edge of the reference cell along an edge."""
+    back = ufl.dot(ufl.inv(ufl.Jacobian(mesh)), direction)
+    return ufl.sqrt((ufl.inner(direction, direction) + 1e-30) / (ufl.inner(back, back) + 1e-30))
+
+
 def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
     """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
     return compat.nodes_on(space, facets)

@@ -1,8 +1,9 @@
-"""Distances from walls in the plane, and the cells next to them, on any number of ranks."""
+"""Distances from walls, and the cells next to them, on any number of ranks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -11,56 +12,77 @@ from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
+from ..geometry.space.nearest import nearest_on_triangles
 from .domain import Domain
 
-NEAREST = (
-    6  # pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought
-)
+# Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
+NEAREST = {2: 6, 3: 12}
+# Nodes of a facet that are corners of its straight pieces: of an edge and its middle, of a triangle and its edges'.
+PIECES = {2: ((0, 2), (2, 1)), 3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))}
 
 
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
-    """Distances (n,) of places (n, 2) from the next of the named walls of a domain in the plane. Collective.
+    """Distances (n,) of places (n, gdim) from the next of the named walls of a domain. Collective.
 
-    Curved walls are taken as two straight pieces a facet.
+    Curved walls are taken as two straight pieces a facet, in space as four.
     """
-    starts, ends = _pieces(domain, walls)
-    lengths, middles = np.linalg.norm(ends - starts, axis=1), 0.5 * (starts + ends)
-    octaves, least = np.floor(np.log2(lengths)), np.full(len(places), np.inf)
+    pieces = _pieces(domain, walls)
+    lengths = np.linalg.norm(pieces[:, 1:] - pieces[:, :1], axis=2).max(axis=1)
+    middles, least = pieces.mean(axis=1), np.full(len(places), np.inf)
+    octaves = np.floor(np.log2(lengths))
     for octave in np.unique(octaves):
         (chosen,) = np.nonzero(octaves == octave)
-        number = min(NEAREST, len(chosen))
+        number = min(NEAREST[domain.gdim], len(chosen))
         _, nearest = cKDTree(middles[chosen]).query(places, k=[*range(1, number + 1)])
         for column in chosen[nearest].T:
-            least = np.minimum(least, _from_pieces(places, starts[column], ends[column]))
+            least = np.minimum(least, _from_pieces(places, pieces[column]))
     return least
 
 
-def _from_pieces(places: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distance (n,) of each place (n, 2) from its straight piece."""
-    along, away = ends - starts, places - starts
-    part = np.clip((away * along).sum(axis=1) / (along * along).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(away - part[:, None] * along, axis=1))
+def _from_pieces(places: Floats, pieces: Floats) -> Floats:
+    """Distance (n,) of each place (n, gdim) from its straight piece (n, gdim, gdim)."""
+    if pieces.shape[1] == 2:
+        starts, ends = pieces[:, 0], pieces[:, 1]
+        along, away = ends - starts, places - starts
+        part = np.clip((away * along).sum(axis=1) / (along * along).sum(axis=1), 0.0, 1.0)
+        return np.asarray(np.linalg.norm(away - part[:, None] * along, axis=1))
+    return np.asarray(np.linalg.norm(nearest_on_triangles(places, pieces) - places, axis=1))
 
 
-def _pieces(domain: Domain, walls: Sequence[str]) -> tuple[Floats, Floats]:
-    """Starts and ends (n, 2) of the straight pieces of walls, two a facet, on all ranks. Collective."""
-    mesh = domain.mesh
+def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
+    """Corners (n, gdim, gdim) of the straight pieces of walls, two a facet, in space four, on all ranks. Collective."""
+    mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
     facets = np.concatenate([domain.facets_of(name) for name in walls])
-    mesh.topology.create_connectivity(1, 2)
-    mesh.topology.create_connectivity(2, 1)
-    cell_of, facets_of = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
-    places, dofs = space.tabulate_dof_coordinates()[:, :2], compat.cell_dofs(space)
-    layout, rows = space.dofmap.dof_layout, []
+    mesh.topology.create_connectivity(of_facets, domain.gdim)
+    mesh.topology.create_connectivity(domain.gdim, of_facets)
+    cell_of = mesh.topology.connectivity(of_facets, domain.gdim)
+    facets_of = mesh.topology.connectivity(domain.gdim, of_facets)
+    places, dofs = space.tabulate_dof_coordinates()[:, : domain.gdim], compat.cell_dofs(space)
+    local = [_in_order(space.dofmap.dof_layout, of_facets, number) for number in range(domain.gdim + 1)]
+    rows = []
     for facet in facets:
         cell = cell_of.links(facet)[0]
-        local = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        middle = layout.entity_dofs(1, local)
-        corners = [one for one in layout.entity_closure_dofs(1, local) if one not in middle]
-        rows.append(dofs[cell][[corners[0], middle[0], corners[1]]])
-    found = places[np.array(rows, dtype=np.int64).reshape(-1, 3)]
-    pieces = np.concatenate(domain.comm.allgather(found))
-    return np.concatenate([pieces[:, 0], pieces[:, 1]]), np.concatenate([pieces[:, 1], pieces[:, 2]])
+        number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
+        rows.append(dofs[cell][local[number]])
+    found = places[np.array(rows, dtype=np.int64).reshape(-1, 3 * of_facets)]
+    nodes = np.concatenate(domain.comm.allgather(found))
+    return np.concatenate([nodes[:, piece] for piece in PIECES[domain.gdim]])
+
+
+def _in_order(layout: Any, dimension: int, facet: int) -> Integers:
+    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in the plane one."""
+    nodes = layout.entity_closure_dofs(dimension, facet)
+    corners = [one for one in nodes if one <= dimension + 1]
+    if dimension == 1:
+        return np.array([*corners, *(one for one in nodes if one not in corners)])
+    edge_of = {
+        frozenset(one for one in layout.entity_closure_dofs(1, edge) if one <= 3): layout.entity_dofs(
+            1, edge
+        )[0]
+        for edge in range(6)
+    }
+    return np.array([*corners, *(edge_of[frozenset(corners) - {one}] for one in corners)])
 
 
 def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:

@@ -14,7 +14,7 @@ LAYERED, THINNEST = 50.0, 0.2
 def thinner(setup: Setup) -> float:
     """The factor by which the boundary layer of a held grain makes the cells at it smaller. Not collective."""
     geometry, base_flow = setup.geometry, setup.base_flow
-    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.has_wall_layer:
+    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.is_averaged:
         return 1.0
     reynolds = speed_past_grain(setup) * geometry.grain.size / base_flow.viscosity
     return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))

@@ -35,9 +35,8 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
         return _grid_layout(setup, plan, grid)
     if setup.resolves_walls and setup.resolved_walls.plane:
-        domain, names = setup.geometry.domain, setup.sides
-        grid = setup.resolved_walls.channel_rows(domain, names, plan.order, plan.mesh_size)
-        return _grid_layout(setup, plan, grid)
+        rows = setup.resolved_walls.channel_rows(setup.geometry, setup.sides, plan.order, plan.mesh_size)
+        return _grid_layout(setup, plan, rows)
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
     if setup.scene.closes_contacts and moved is None:

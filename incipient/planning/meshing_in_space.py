@@ -1,5 +1,7 @@
 """The region in space that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..geometry.placement import Placement
@@ -11,6 +13,7 @@ from .boundary_layer import GRAIN_CELL, thinner
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
 from .meshed_bed import resolved_bed
+from .resolved_walls import LARGEST_ROW
 from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
@@ -20,6 +23,7 @@ GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of 
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 # Of the grain's size: cells behind a held grain with such a layer, how far from its centre, and how far in time.
 WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
+PLANE_CELL = 0.2  # likewise, along a level bed that is resolved, near a grain
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
@@ -67,7 +71,25 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
         from .wall_cells import cells
 
         near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
-    return Sizes(setup.far_cells.largest_in_space(order), tuple(near), gap_part=GAP_CELL[order])
+    layers = None
+    if setup.resolves_walls:
+        near += [*_in_wake(setup), *_at_plane_walls(setup)]
+        layers = setup.resolved_walls.layers(order, min(one.size for one in near if one.boundary))
+    far = setup.far_cells.largest_in_space(order)
+    return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
+
+
+def _at_plane_walls(setup: Setup) -> Iterator[Near]:
+    """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
+    walls, bed, grain = setup.resolved_walls, setup.geometry.bed, setup.geometry.grain
+    largest, size, away = LARGEST_ROW * walls.depth, LARGEST_ROW * walls.depth, None
+    if grain is not None and setup.geometry.placement is not None:
+        size = min(PLANE_CELL * grain.size, largest)
+        away = Away(point(setup.geometry.placement.centre), BED_GROWTH, largest)
+    if bed is None or not np.isfinite(bed.feature):
+        yield Near(size, GROWTH, boundary=walls.names[0], away=away)
+    if walls.number > 1:
+        yield Near(largest, GROWTH, boundary=setup.sides.top)
 
 
 def _in_wake(setup: Setup) -> list[Near]:

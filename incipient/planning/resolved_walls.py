@@ -12,10 +12,11 @@ from scipy.interpolate import PchipInterpolator
 
 from ..arrays import Floats
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
-from ..meshes import Grid, Near
-from ..scene import Domain
+from ..meshes import Grid, Near, SolidGrid, WallLayers
+from ..meshes.region import PART
+from ..meshes.solid_region import SYMMETRY
 from .base_flow import BaseFlow
-from .cells import RowSizes, growing_rows
+from .cells import RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
 from .scene_geometry import Geometry
 from .sides import SideNames
@@ -29,6 +30,8 @@ GROWTH, LARGEST_ROW = 0.3, 0.08  # of cells with the distance from walls; of the
 CELL_GROWTH = 0.3  # of cells that are not stretched
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
+ACROSS = 2  # layers of such a mesh in space, at the least
+LAYER_GROWTH = 1.5  # of layers along walls in space, by which as many are made as lead to the cells beyond
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
 SLOWEST = 1e-3  # of the height of the first volume, below which what enters does not change
 
@@ -131,20 +134,41 @@ class ResolvedWalls:
         log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
         return np.array([log_k, log_omega])
 
-    def channel_rows(self, domain: Domain, names: SideNames, order: int, mesh_size: float) -> Grid:
+    def channel_rows(
+        self, geometry: Geometry, names: SideNames, order: int, mesh_size: float
+    ) -> Grid | SolidGrid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
+        domain = geometry.domain
         coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), LARGEST_ROW * self.depth
         sizes = RowSizes(min(self.first, largest), GROWTH, largest)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         corner = (domain.left, domain.bottom)
-        return Grid(corner, domain.length, domain.height, columns, len(rows), 1.0, names.around, rows)
+        found = Grid(corner, domain.length, domain.height, columns, len(rows), 1.0, names.around, rows)
+        if geometry.gdim == 2:
+            return found
+        low, high = geometry.half
+        across = max(ACROSS, round((high - low) / (2.0 * COLUMN * self.depth * coarse)))
+        sides = SYMMETRY if geometry.symmetric else "right", "left"
+        return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
 
     def cells(self, order: int) -> tuple[Near, ...]:
-        """Cells at walls of which some are no planes. Not collective."""
+        """Cells at walls in the plane of which some are no planes. Not collective."""
+        return tuple(
+            Near(size, CELL_GROWTH, boundary=name) for name, size in self._first_cells(order).items()
+        )
+
+    def layers(self, order: int, along: float) -> WallLayers:
+        """Layers at walls in space of which some are no planes, with cells of a size along them. Not collective."""
+        first = self._first_cells(order)
+        most = PART * along / min(first.values())
+        number = math.ceil(math.log(1.0 + (LAYER_GROWTH - 1.0) * most) / math.log(LAYER_GROWTH))
+        return WallLayers(first, max(number, 1), LAYER_GROWTH)
+
+    def _first_cells(self, order: int) -> dict[str, float]:
+        """How thick cells at each wall are."""
         size = FIRST_CELL / FIRST_ROW * self.first * COARSENING.get(order, ORDER_THREE)
-        parts = {name: AT_GRAIN if name == "body" else 1.0 for name in self.names}
-        return tuple(Near(part * size, CELL_GROWTH, boundary=name) for name, part in parts.items())
+        return {name: size * (AT_GRAIN if name == "body" else 1.0) for name in self.names}
 
 
 def resolved_walls_of(

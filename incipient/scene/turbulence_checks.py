@@ -8,9 +8,11 @@ from .messages import Problem, either, problem
 from .model import SceneSections, Time
 from .numerics import OF_WALLS, Numerics
 from .surface import FREE
+from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
+_OTHER = 'or use turbulence.model = "k-epsilon"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
 
 
@@ -24,11 +26,14 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
         motion = scene.body.motion if scene.body is not None and scene.moves else ""
-        yield from _of_resolved_walls(scene.domain, motion)
-        is_level = scene.body is None and (scene.bed is None or scene.bed.kind == "flat")
-        if scene.turbulence and scene.turbulence.roughness and not is_level:
-            why = f'is "rough", but past grains and bed forms sand {_NOT_TO_THE_WALL}'
-            yield problem("turbulence.wall", why, 'use smooth walls, or turbulence.model = "k-epsilon"')
+        level = scene.body is None and (scene.bed is None or scene.bed.kind == "flat")
+        in_space = scene.domain.width is not None
+        yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
+        if in_space:
+            yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
+            if scene.bed is not None and scene.bed.kind != "flat":
+                why = f'is "{scene.bed.kind}", but past bed forms space {_NOT_TO_THE_WALL}'
+                yield problem("bed.kind", why, f'use "flat", {_OTHER}')
     yield from _of_flow(scene.flow, scene.domain)
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
@@ -42,14 +47,29 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_resolved_walls(domain: Domain, motion: str) -> Iterator[Problem]:
-    """What the k-omega model does not serve; `motion` is that of a grain that moves."""
-    if domain.width is not None:
-        remedy = 'leave domain.width out, or use turbulence.model = "k-epsilon"'
-        yield problem("domain.width", f"is given, but space {_NOT_TO_THE_WALL}", remedy)
+def _of_resolved_walls(
+    motion: str, level: bool, in_space: bool, turbulence: Turbulence | None
+) -> Iterator[Problem]:
+    """What the k-omega model does not serve; `motion` is that of a grain, without which a `level` scene is."""
     if motion:
         remedy = 'set body.motion = "fixed", or use turbulence.model = "k-epsilon"'
         yield problem("body.motion", f'"{motion}" {_NOT_TO_THE_WALL}', remedy)
+    if turbulence is not None and turbulence.roughness and (in_space or not level):
+        why = f'is "rough", but past grains and bed forms, and in space, sand {_NOT_TO_THE_WALL}'
+        yield problem("turbulence.wall", why, f"use smooth walls, {_OTHER}")
+
+
+def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time | None) -> Iterator[Problem]:
+    """What the k-omega model serves in the plane only."""
+    if domain.sides == "wall":
+        yield problem("domain.sides", f'"wall" {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}')
+    if time is not None:
+        yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
+    if numerics.accuracy is not None:
+        yield problem("numerics.accuracy", f"in space {_NOT_TO_THE_WALL}", f"leave it out, {_OTHER}")
+    if numerics.error_bars:
+        why = f"is true, but in space an estimate of errors {_NOT_TO_THE_WALL}"
+        yield problem("numerics.error_bars", why, f"set it to false and compare two mesh sizes, {_OTHER}")
 
 
 def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:

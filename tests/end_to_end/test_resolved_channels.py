@@ -22,6 +22,7 @@ from incipient.scene import (
     OpenChannel,
     Output,
     Poiseuille,
+    RidgeBed,
     Scene,
     Sinusoidal,
     Time,
@@ -33,6 +34,7 @@ from incipient.scene import (
 DIRECT = {547.0: 18.401, 1000.5: 19.990}
 
 ROUGH = {"wall": "rough", "roughness": 0.01}
+IN_SPACE = {"length": 4.0, "width": 2.0, "height": 1.0}
 
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
@@ -85,6 +87,17 @@ def test_fine_sand_is_told_to_be_smooth():
     rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.001)
     warnings = incipient.run(channel(11000.0, 2.0, 2.0, turbulence=rough)).plan.warnings
     assert any("hydraulically smooth" in line for line in warnings)
+
+
+def test_a_slice_of_a_channel_is_the_plane_s():
+    """u* of a channel in space between sides without friction, of as many rows: within 0.5% of the plane's."""
+    plane = incipient.run(channel(9900.0, 3.0, 2.0)).turbulence
+    space = incipient.run(
+        channel(9900.0, 3.0, 2.0, domain=Domain(length=3.0, width=0.3, height=1.0))
+    ).turbulence
+    assert space.applicable and space.plane
+    assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=5e-3)
+    assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.02)
 
 
 def test_a_channel_between_walls_is_two_open_ones():
@@ -235,7 +248,19 @@ def test_ranks_agree(mpirun):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"domain": Domain(length=4.0, width=2.0, height=1.0)}, "domain.width"),
+        ({"domain": IN_SPACE | {"sides": "wall"}}, "domain.sides"),
+        ({"domain": IN_SPACE, "time": Time(step=0.1, end=1.0)}, "time"),
+        ({"domain": IN_SPACE, "numerics": Numerics(order=2, accuracy=0.01)}, "numerics.accuracy"),
+        ({"domain": IN_SPACE, "turbulence": ROUGH}, "turbulence.wall"),
+        (
+            {
+                "domain": IN_SPACE,
+                "bed": RidgeBed(amplitude=0.1, wavelength=1.0),
+                "numerics": Numerics(order=2),
+            },
+            "numerics.error_bars",
+        ),
+        ({"domain": IN_SPACE, "bed": RidgeBed(amplitude=0.1, wavelength=1.0)}, "bed.kind"),
         ({"turbulence": ROUGH, "bed": Sinusoidal(amplitude=0.1, wavelength=1.0)}, "turbulence.wall"),
         (
             {"turbulence": ROUGH, "bed": Flat(), "body": Disc(diameter=0.2, x=3.0, density=2.0)},
@@ -249,6 +274,8 @@ def test_ranks_agree(mpirun):
 )
 def test_what_is_not_served_is_refused_by_name(changes, told):
     changes = dict(changes)
+    if isinstance(changes.get("domain"), dict):
+        changes["domain"] = Domain(**changes["domain"])
     if isinstance(changes.get("turbulence"), dict):
         changes["turbulence"] = {"model": "k-omega-sst", **changes["turbulence"]}
     with pytest.raises((SceneError, ValueError), match=told):

@@ -40,6 +40,11 @@ class AlongWall:
         through = (self.velocities * normals).sum(axis=1, keepdims=True)
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
+    def at_outflow(self) -> float:
+        """u* in the mean over the places farthest downstream."""
+        last = np.isclose(self.places[:, 0], self.places[:, 0].max())
+        return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
+
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
 
@@ -89,12 +94,14 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
 
 
 def along_resolved_wall(fluid: Fluid, boundary: str) -> AlongWall:
-    """Read the shear stress along a named wall in the plane, to which the fluid sticks. Collective.
+    """Read the shear stress along a named wall, to which the fluid sticks. Collective.
 
-    Stresses are the consistent tractions of the nodes; `velocities` stand for the direction, along the wall, in which
-    the fluid pulls. Away from bodies they are means over two facets, since triangles lean to one side and the other.
-    The ends of the wall are left out.
+    `velocities` stand for the direction, along the wall, in which the fluid pulls. In the plane stresses are the
+    consistent tractions of the nodes, away from bodies means over two facets, since triangles lean to one side and the
+    other; the ends of the wall are left out. In space they are those of the velocity's slope at corners of cells.
     """
+    if fluid.domain.gdim == 3:
+        return _along_wall_in_space(fluid, boundary)
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
@@ -124,6 +131,28 @@ def along_resolved_wall(fluid: Fluid, boundary: str) -> AlongWall:
     stress = pull / lengths[:, None]
     along = stress - (stress * units).sum(axis=1, keepdims=True) * units
     return AlongWall(places, normals, lengths, along, np.sqrt(np.linalg.norm(along, axis=1)))
+
+
+def _along_wall_in_space(fluid: Fluid, boundary: str) -> AlongWall:
+    """The shear stress of molecules along a named wall in space, at corners of cells. Collective."""
+    domain = fluid.domain
+    space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
+    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    w, n, one = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh), ufl.as_vector([1.0, 0.0, 0.0])
+    slope = ufl.dot(ufl.grad(ufl.split(fluid.state)[0]), n)
+    pull = ufl.dot(slope, n) * n - slope
+    areas, normals, pulls = fluid.kept(
+        f"pull along {boundary}",
+        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n, pull)],
+    )
+    columns = [space.tabulate_dof_coordinates()[nodes], _at(areas, nodes, 3)[:, :1]]
+    columns += [_at(form, nodes, 3) for form in (normals, pulls)]
+    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
+    whole = whole[np.lexsort(whole[:, :3].T[::-1])]
+    places, area, normal, along = np.split(whole, [3, 4, 7], axis=1)
+    along /= area * fluid.reynolds
+    return AlongWall(places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1)))
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:

@@ -151,7 +151,9 @@ class TurbulenceFields(ABC):
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
-        stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0])
+        stream = forms.Stream(
+            velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0], self._reach
+        )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = form = self._equations(rate, tests, stream)
         self.of_molecules = of_molecules
@@ -164,6 +166,11 @@ class TurbulenceFields(ABC):
         self.solver = self._holding(kind(self._matrix))
         self._view = self._holding(compat.vec_view(self.state))
         self.renew_factors()
+
+    @property
+    def _reach(self) -> Any:
+        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along the streams."""
+        return None
 
     def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:
         """The residual of both equations in UFL."""

@@ -15,6 +15,7 @@ from ... import compat
 from ...arrays import Floats, Integers
 from ...errors import ConvergenceError
 from ...fluid import Fluid
+from ...fluid.space import size_along
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
 from ...mesh.domain import Domain
@@ -38,7 +39,7 @@ LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at poi
 
 
 class KOmegaSST(TurbulenceFields):
-    """ln k and ln omega on a mesh in the plane, with smooth or rough walls. Every method is collective.
+    """ln k and ln omega on a mesh, with smooth or, in the plane, rough walls. Every method is collective.
 
     In cells with a corner on a smooth wall only molecules are taken to matter: there omega = 6 nu/(beta_1 d^2), which
     is given at all their nodes, and k goes as a power of the distance d, which is a flux of ln k into the cells beyond.
@@ -70,7 +71,7 @@ class KOmegaSST(TurbulenceFields):
         scalar = compat.space(mesh, ("Lagrange", order))
         self._distance = dolfinx.fem.Function(scalar)
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
-        self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (2,)))
+        self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
         self._molecules, self._least, self._roughness = viscosity, least, roughness
         self._stress, self._little = self.constant(stress), self.constant(0.0)
@@ -89,7 +90,7 @@ class KOmegaSST(TurbulenceFields):
     def _stand_at_walls(self, scalar: Any) -> None:
         """Find distances and the cells at walls, and give omega there."""
         walls = self.surroundings.walls
-        places = scalar.tabulate_dof_coordinates()[:, :2]
+        places = scalar.tabulate_dof_coordinates()[:, : self.domain.gdim]
         self._distance.x.array[:] = distances(self.domain, walls, places)
         cells = cells_at(self.domain, walls)
         if not self._roughness:
@@ -159,10 +160,17 @@ class KOmegaSST(TurbulenceFields):
             self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:
-        """Places (n, 2) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
+        """Places (n, gdim) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
         space = self._distance.function_space
         edge = self._edge[self._edge < space.dofmap.index_map.size_local]
-        return space.tabulate_dof_coordinates()[edge, :2], self._distance.x.array[edge]
+        return space.tabulate_dof_coordinates()[edge, : self.domain.gdim], self._distance.x.array[edge]
+
+    @property
+    def _reach(self) -> Any:
+        """In space cells grow away from walls faster than the logarithms bear along the streams alone."""
+        if self.domain.gdim == 2:
+            return None
+        return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
     # -- equations ----------------------------------------------------------------------------------
 
@@ -218,17 +226,16 @@ class KOmegaSST(TurbulenceFields):
 
     def _interface(self) -> Any:
         """Tags of the facets between cells at walls and those beyond."""
-        mesh = self.domain.mesh
-        mesh.topology.create_connectivity(1, 2)
-        cells, inside = mesh.topology.connectivity(1, 2), self._beyond.x.array
-        dofs = compat.cell_dofs(self._beyond.function_space)[:, 0]
-        facets = [
-            facet
-            for facet in range(mesh.topology.index_map(1).size_local)
-            if len(links := cells.links(facet)) == 2 and inside[dofs[links[0]]] != inside[dofs[links[1]]]
-        ]
-        found = np.array(facets, dtype=np.int32)
-        return dolfinx.mesh.meshtags(mesh, 1, found, np.ones(len(found), dtype=np.int32))
+        mesh, gdim = self.domain.mesh, self.domain.gdim
+        for dimensions in ((gdim - 1, gdim), (gdim, gdim - 1)):
+            mesh.topology.create_connectivity(*dimensions)
+        cells, facets = (mesh.topology.connectivity(*one) for one in ((gdim - 1, gdim), (gdim, gdim - 1)))
+        inside = self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[:, 0]]
+        at_walls = np.flatnonzero(inside == 0.0)
+        near = np.unique(np.concatenate([np.empty(0, np.int32), *map(facets.links, at_walls)]))
+        owned = near[near < mesh.topology.index_map(gdim - 1).size_local].astype(np.int32)
+        found = np.array([one for one in owned if inside[cells.links(one)].sum() == 1.0], dtype=np.int32)
+        return dolfinx.mesh.meshtags(mesh, gdim - 1, found, np.ones(len(found), dtype=np.int32))
 
 
 class KOmegaFlow(TurbulentFlow):
@@ -273,15 +280,16 @@ class KOmegaFlow(TurbulentFlow):
         return self._walls.depth
 
     def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
-        """Between plane walls by turns; past forms and grains they are a start, if they lead anywhere."""
+        """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""
         if self._walls.plane:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        time = self._depth / self._scene.reference_velocity
-        with suppress(ConvergenceError):
-            rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
-        if not rounds:
-            self.enter(self._fluid)
+        if self._scene.gdim == 2:
+            time = self._depth / self._scene.reference_velocity
+            with suppress(ConvergenceError):
+                rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
+            if not rounds:
+                self.enter(self._fluid)
         with self._timed():
             first = NEAR if rounds else FIRST
             return rounds + solve_together(self._fluid, self.fields, self._tolerance, watch, first)
@@ -289,7 +297,8 @@ class KOmegaFlow(TurbulentFlow):
     def enter(self, fluid: Fluid) -> None:
         """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
         walls, space = self._walls, fluid.space.velocity
-        away = distances(fluid.domain, walls.names, space.tabulate_dof_coordinates()[:, :2])
+        places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
+        away = distances(fluid.domain, walls.names, places)
         fluid.state.x.array[fluid.space.velocity_map] = walls.velocity_at(away).T.ravel()
         self.fields.begin(lambda away: self._floored(walls.logarithms_at(away)))
 
@@ -302,8 +311,8 @@ class KOmegaFlow(TurbulentFlow):
             for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
         )
         y_plus = self._thickness(list(along.values()))
-        bottom = along[walls.names[0]]
-        last = float(bottom.shear_velocities[-1])
+        bottom, in_plane = along[walls.names[0]], scene.gdim == 2
+        last = bottom.at_outflow()
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),
@@ -317,8 +326,8 @@ class KOmegaFlow(TurbulentFlow):
             outside=float((y_plus > walls.thickest).mean()),
             plane=walls.plane,
             reach=walls.depth,
-            backward=bottom.backward(),
-            along={name: self._told(one) for name, one in along.items()},
+            backward=bottom.backward() if in_plane else (),
+            along={name: self._told(one) for name, one in along.items()} if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
             thickest=walls.thickest,
         )

@@ -1,15 +1,24 @@
-"""Iterative solution of the linear systems of k and epsilon: for three dimensions."""
+"""Iterative solution of the linear systems of turbulence, alone and together with the flow: for three dimensions."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
+from ...fluid import Fluid
+from ...fluid.solvers.options import defaults, exact
 
 PREFIX = "turbulence_"
 RESTART, MOST_ITERATIONS = 100, 400
+TOGETHER = "turbulent_"
+MOST_TOGETHER = 150
+# k and omega after each other, each by factors: incomplete ones do not do.
+FIELDS = {"pc_type": "fieldsplit", "pc_fieldsplit_block_size": 2, "pc_fieldsplit_type": "multiplicative"}
+FIELDS |= {f"fieldsplit_{i}_ksp_type": "preonly" for i in (0, 1)}
+ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
 
 
 class Incomplete:
@@ -45,3 +54,83 @@ class Incomplete:
     def destroy(self) -> None:
         """Free PETSc's memory."""
         self._solver.destroy()
+
+
+class BlockByBlock:
+    """Solves A x = b, A of flow and turbulence in a nest of four blocks, by GMRES with its lower triangle.
+
+    One application solves for the flow by its own preconditioner by blocks, then for the turbulence, with what the
+    flow does to it, by factors of k's and of omega's own block. PETSc options with the prefix ``turbulent_`` override
+    everything.
+    """
+
+    def __init__(self, fluid: Fluid, nest: Any):
+        self.matrix = nest
+        self._blocks = [[nest.getNestSubMatrix(i, j) for j in (0, 1)] for i in (0, 1)]
+        self._triangle = fluid.triangle(self._blocks[0][0])
+        self._flow = self._blocks[0][0].createVecs()
+        self._turbulence = self._blocks[1][1].createVecs()
+        self._factors = PETSc.PC().create(nest.comm)
+        self._factors.setOptionsPrefix(TOGETHER + "fields_")
+        self._factors.setOperators(self._blocks[1][1])
+        self._solver = PETSc.KSP().create(nest.comm)
+        self._solver.setOptionsPrefix(TOGETHER)
+        self._solver.setOperators(nest)
+        self._solver.getPC().setType("python")
+        self._solver.getPC().setPythonContext(self)
+        chosen = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": MOST_TOGETHER}
+        self._solver.setTolerances(rtol=ROUGH, atol=1e-50, max_it=MOST_TOGETHER)
+        with defaults(TOGETHER, chosen):
+            self._solver.setFromOptions()
+
+    def prepare(self) -> None:
+        """Take the blocks of the matrix as they are. Collective."""
+        self._triangle.assemble()
+        self._factors.setOperators(self._blocks[1][1])
+        with defaults(TOGETHER + "fields_", FIELDS | exact("fieldsplit_0_") | exact("fieldsplit_1_")):
+            self._factors.setFromOptions()
+            self._factors.setUp()
+
+    def balance(self, right: tuple[Any, Any]) -> float:
+        """Scale the turbulence's rows of A so that its right-hand side is as large as the flow's; by which factor.
+
+        Both are then solved as well: next to walls the logarithms' residuals are the larger by orders. Collective.
+        """
+        of_flow, of_fields = (one.norm() for one in right)
+        factor = float(of_flow / of_fields) if 0.0 < of_flow < np.inf and 0.0 < of_fields < np.inf else 1.0
+        for block in self._blocks[1]:
+            block.scale(factor)
+        return factor
+
+    def approximate(self, b: Any, x: Any) -> None:
+        """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective."""
+        self._solver.solve(b, x)
+        if self._solver.getConvergedReason() <= 0:
+            x.set(np.inf)
+
+    @property
+    def iterations(self) -> int:
+        """Of the last solution."""
+        return int(self._solver.getIterationNumber())
+
+    def apply(self, _: Any, right: Any, left: Any) -> None:
+        """One application of the preconditioner; called by PETSc."""
+        values, (flow, of_flow) = right.array_r, self._flow
+        left_fields, of_fields = self._turbulence
+        number = flow.getLocalSize()
+        flow.setArray(values[:number])
+        self._triangle.apply(None, flow, of_flow)
+        self._blocks[1][0].mult(of_flow, of_fields)
+        of_fields.setArray(values[number:] - of_fields.array_r)
+        self._factors.apply(of_fields, left_fields)
+        left.setArray(np.concatenate([of_flow.array_r, left_fields.array_r]))
+
+    def destroy(self, _: Any = None) -> None:
+        """Free PETSc's memory."""
+        if self._solver is None:  # PETSc frees the context of a preconditioner as well
+            return
+        solver, self._solver = self._solver, None
+        solver.destroy()
+        self._triangle.destroy(None)
+        for held in (self._factors, *self._flow, *self._turbulence):
+            held.destroy()

@@ -75,7 +75,7 @@ class KOmegaModel(TurbulenceModel):
         return f"k-omega SST model; {setup.resolved_walls.text()}"
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Flows that are laminar by the model; sand that is too coarse raises, too fine is told."""
+        """Flows that are laminar by the model, fine sand; coarse sand, and laminar flow past grains in space, raise."""
         walls = setup.resolved_walls
         if (share := walls.roughness / walls.depth) > COARSEST:
             raise SceneError(
@@ -87,7 +87,12 @@ class KOmegaModel(TurbulenceModel):
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
             )
-        if (found := setup.resolved_walls.developed).is_laminar:
+        if (found := walls.developed).is_laminar:
+            if setup.geometry.gdim == 3 and not walls.plane:
+                raise SceneError(
+                    f"effects.turbulence: what enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}, "
+                    "and past a grain in space no steady k is found then; leave turbulence out"
+                )
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"
@@ -98,6 +103,15 @@ class KOmegaModel(TurbulenceModel):
         from .k_omega_sst import KOmegaFlow
 
         return KOmegaFlow
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """No accuracy, and the plane: in space each of a search's flows would take minutes."""
+        if setup.geometry.gdim == 3:
+            yield (
+                'turbulence.model = "k-epsilon" or the plane: with "k-omega-sst" in space run some flows and see their '
+                "safety factors"
+            )
+        yield from super().threshold_needs(setup)
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
         """A slow laminar flow."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
-from .block import Block, UnsolvedError
+from .block import Block, Triangle, UnsolvedError
 from .direct import Direct
 from .equations import Equations
 from .statistics import LinearStatistics
@@ -18,6 +18,7 @@ __all__ = [
     "Equations",
     "LinearSolver",
     "LinearStatistics",
+    "Triangle",
     "TwoLevel",
     "UnsolvedError",
 ]

@@ -54,7 +54,7 @@ class Block:
     def __init__(self, matrix: Any, equations: Equations):
         self.matrix = matrix
         self.statistics = LinearStatistics()
-        self._preconditioner = _Triangle(matrix, equations)
+        self._preconditioner = Triangle(matrix, equations)
         # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
         self._direct: Direct | None = None
@@ -183,7 +183,7 @@ class Block:
             self._null_space.destroy()
 
 
-class _Triangle:
+class Triangle:
     """The preconditioner: a context of PETSc's `PCPYTHON`; `transposed` says whether that of the transpose."""
 
     def __init__(self, matrix: Any, equations: Equations):

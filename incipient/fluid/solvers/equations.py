@@ -30,6 +30,7 @@ class Equations:
     surface:       what a free surface adds; None: there is none
     varying:       whether the viscosity varies in space, and walls resist the flow along them by a law
     level:         whether all these walls are, as in channels whose cells are much longer than high
+    thin:          whether these walls are resolved by thin cells instead
     convected:     whether blocks of preconditioners hold convection in time, too
     """
 
@@ -44,6 +45,7 @@ class Equations:
     surface: SurfaceLoad | None = None
     varying: bool = False
     level: bool = False
+    thin: bool = False
     convected: bool = False
 
     def held(self) -> np.ndarray:

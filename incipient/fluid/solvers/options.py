@@ -21,3 +21,11 @@ def defaults(prefix: str, chosen: Mapping[str, Any]) -> Iterator[None]:
     finally:
         for name in added:
             options.delValue(name)
+
+
+def exact(prefix: str = "") -> dict[str, str]:
+    """Options of a solution by factors, by MUMPS where PETSc has it; without it on one rank."""
+    found = {f"{prefix}pc_type": "lu"}
+    if PETSc.Sys.hasExternalPackage("mumps"):
+        found[f"{prefix}pc_factor_mat_solver_type"] = "mumps"
+    return found

@@ -17,7 +17,7 @@ from ..space import cell_size
 from .diagonal import INCOMPLETE
 from .equations import Equations
 from .multigrid import algebraic, component_rows
-from .options import defaults
+from .options import defaults, exact
 from .split import Split
 
 PREFIX = "fluid_pressure_"
@@ -169,7 +169,8 @@ class LeastSquaresCommutator:
     """
 
     def __init__(self, equations: Equations, split: Split, velocity: VelocityBlock):
-        self._split, self._velocity, self._poisson = split, velocity, _ScaledPoisson(equations.closed)
+        self._split, self._velocity = split, velocity
+        self._poisson = _ScaledPoisson(equations.closed, exact() if equations.thin else None)
         self._divergence: Any = None
         self._gradient: Any = None
         self._scale = np.empty(0)
