@@ -130,6 +130,8 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
     assert all(
         float(row["shields_low"]) <= float(row["shields"]) <= float(row["shields_high"]) for row in rows
     )
+    page = incipient.report(bed.parent / "out").read_text()
+    assert "8 full runs" in page and "Critical Shields numbers" in page
     # Runs of another bed in the same file are not taken for those of this one.
     other = subprocess.run(
         [*call, "--set", "bed.seed=3", "--wall", "1s"],

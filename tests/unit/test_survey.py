@@ -1,15 +1,17 @@
 """Beds of many grains: deposition, pockets, laws of pivot angles, files, scenes of full runs, thresholds, bad input."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
-from incipient.errors import SceneError
+from incipient.errors import MissingError, SceneError
 from incipient.geometry.statics import balance
 from incipient.scene.file import parse
 from incipient.survey.beds import spheres_of
 from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
+from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import coefficients_of, reynolds_of, scene_of
 from incipient.survey.laws import buffington, kirchner, on_triangular_pocket, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
@@ -248,6 +250,14 @@ REFUSED = [
 
 
 class TestBadInput:
+    def test_without_scikit_learn(self, monkeypatch):
+        """Said before anything is computed."""
+        monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)
+        with pytest.raises(
+            MissingError, match=r"scikit-learn cannot be used .*: pip install 'incipient\[survey\]'"
+        ):
+            Emulator.require()
+
     @pytest.mark.parametrize(("text", "said"), REFUSED, ids=[said for _, said in REFUSED])
     def test_one_line(self, text, said):
         with pytest.raises(SceneError) as caught:
