@@ -13,7 +13,6 @@ from .boundary_layer import GRAIN_CELL, thinner
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
 from .meshed_bed import resolved_bed
-from .resolved_walls import LARGEST_ROW
 from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
@@ -82,7 +81,7 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
 def _at_plane_walls(setup: Setup) -> Iterator[Near]:
     """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
     walls, bed, grain = setup.resolved_walls, setup.geometry.bed, setup.geometry.grain
-    largest, size, away = LARGEST_ROW * walls.depth, LARGEST_ROW * walls.depth, None
+    largest, size, away = walls.largest_row, walls.largest_row, None
     if grain is not None and setup.geometry.placement is not None:
         size = min(PLANE_CELL * grain.size, largest)
         away = Away(point(setup.geometry.placement.centre), BED_GROWTH, largest)

@@ -94,6 +94,11 @@ class ResolvedWalls:
             f"u* about {self.shear_velocity:.3g}"
         )
 
+    @property
+    def largest_row(self) -> float:
+        """Size of the largest cells that are fine enough next to the layers at a wall [length]."""
+        return LARGEST_ROW * self.depth
+
     def from_next(self, x: Floats) -> Floats:
         """Distances (n,) of places (3, n) of the inflow from the next wall, at least zero."""
         above = np.maximum(x[self.up] - self.floor, 0.0)
@@ -139,7 +144,7 @@ class ResolvedWalls:
     ) -> Grid | SolidGrid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
-        coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), LARGEST_ROW * self.depth
+        coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), self.largest_row
         sizes = RowSizes(min(self.first, largest), GROWTH, largest)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
