@@ -221,7 +221,7 @@ def incipient_and_standard() -> set[str]:
 # What the house must not gain again: the bound of each measure is its value when it was last lowered.
 BOUNDS = {
     "functions with a parameter scene": 120,
-    "imports within functions": 148,
+    "imports within functions": 145,
     "imports for type hints": 96,
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
