@@ -15,6 +15,7 @@ PARTS = {
         "end_to_end/test_accuracy.py",
         "end_to_end/test_cost_command.py",
         "end_to_end/test_critical_flow.py",
+        "end_to_end/test_entrainment_command.py",
         "end_to_end/test_physics.py",
         "unit/test_calibration.py",
         "unit/test_corrections.py",

@@ -52,6 +52,7 @@ def predicted(capsys: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     return predict
 
 
+@pytest.mark.slow
 def test_cost_of_a_coarse_grain_on_a_bed(command: Any, predicted: Any, tmp_path: Path) -> None:
     out, variables = tmp_path / "study", calibrated_in(tmp_path)
     shipped = predicted(GRAIN_ON_BED, variables, *COARSE)

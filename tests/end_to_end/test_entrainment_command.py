@@ -64,6 +64,7 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     assert "probability at an instant" in page and "moves the grain from Shields number" in page
 
 
+@pytest.mark.slow
 def test_two_ranks_find_the_same(command, scene: Path) -> None:
     numbers = []
     for ranks in (1, 2):

@@ -108,6 +108,7 @@ def assert_same_path(one: Path, other: Path, tolerance: float, of_forces: float 
     assert np.all(first["meshes"] == second["meshes"])
 
 
+@pytest.mark.slow
 def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     """Through a new mesh, on 400 cells in a box three long axes wide: measured 5% of the fastest rate off the orbit
     in an unbounded fluid. Resumed before its last step it is the same."""

@@ -238,6 +238,7 @@ def turbulent(gravity: float, end: float, step: float) -> Scene:
     return Scene(**{**plain, "output": {"fields": False}})
 
 
+@pytest.mark.slow
 def test_a_stone_in_a_turbulent_stream_rests_or_rolls_as_the_judge_says(tmp_path: Path) -> None:
     """Its safety factor with the gap that it keeps is 2.56 at a gravity of 10: it rolls at 3, where that is below 1."""
     rests = incipient.run(turbulent(10.0, 0.04, 0.02), tmp_path / "rests")

@@ -106,7 +106,7 @@ def test_a_channel_between_walls_is_two_open_ones():
     assert incipient.run(both).turbulence.at_outflow == pytest.approx(one.at_outflow, rel=1e-3)
 
 
-@pytest.mark.parametrize("reynolds", [9900.0, 19650.0])
+@pytest.mark.parametrize("reynolds", [9900.0, pytest.param(19650.0, marks=pytest.mark.slow)])
 def test_error_bars_contain_the_error(reynolds):
     """u* of Re_tau 547 and 1000 on three meshes, against one twice as fine as the finest, where they are within 1%."""
     best = incipient.run(channel(reynolds, mesh_size=0.5)).turbulence.shear_velocities
@@ -295,6 +295,7 @@ def on_waves(reynolds, acceleration):
     )
 
 
+@pytest.mark.slow
 def test_the_grain_is_about_to_move_at_its_threshold():
     """A run of the critical flow, on a mesh of its own, has the safety factor one within 2%; tau_b is what enters."""
     found = incipient.threshold(on_waves(2600.0, 0.1))

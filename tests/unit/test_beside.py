@@ -169,6 +169,7 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     assert stretched(line, centre, kept, new, KeptBox(old.low, np.array([8.0, 8.0, 6.0]))) is None
 
 
+@pytest.mark.slow
 def test_coarse_runs_in_turn_have_the_mesh_of_the_first() -> None:
     """Without a run beside them: the first is run, its mesh serves the others; another scene begins anew."""
     scenes = coarse_scenes(coarse(on_plane()))
