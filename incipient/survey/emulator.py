@@ -210,6 +210,7 @@ def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) 
     left = list(unknown)
 
     def bar(added: list[int]) -> float:
+        """The sum of the bars that are left once some more grains have runs."""
         still = [one for one in left if one not in added]
         if not still:
             return 0.0

@@ -253,6 +253,19 @@ def test_the_turbulent_flow_around_a_box_on_the_bed_is_found():
     assert result.turbulence.shear_velocity == pytest.approx(0.0405, rel=0.05)
 
 
+def to_the_wall(mesh_size, domain, x):
+    """A sphere on a level bed, u* d/nu = 86, by k-omega SST."""
+    return stone(
+        mesh_size,
+        domain=domain,
+        fluid=Fluid(reynolds=7500.0, scale="flow"),
+        body=Sphere(diameter=1.0, x=x, density=2.65),
+        contact=Contact(friction=0.5, gap=0.05),
+        turbulence=Turbulence(model="k-omega-sst"),
+        numerics=Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+    )
+
+
 @pytest.mark.slow
 def test_a_sphere_to_whose_wall_the_mesh_reaches():
     """k-omega SST, u* d/nu = 86 on a level bed; its wake leaves through the outflow, five diameters behind it.
@@ -261,15 +274,7 @@ def test_a_sphere_to_whose_wall_the_mesh_reaches():
     By the speed at the centre the drag coefficient lies between 0.50 of k-epsilon with wall functions at 3200 and
     0.76, the mean of spheres above a smooth bed (Schmeeckle, Nelson & Shreve 2007, J. Geophys. Res. 112, F02003).
     """
-    scene = stone(
-        1.5,
-        domain=Domain(length=8.0, width=6.0, height=5.0),
-        fluid=Fluid(reynolds=7500.0, scale="flow"),
-        body=Sphere(diameter=1.0, x=3.0, density=2.65),
-        contact=Contact(friction=0.5, gap=0.05),
-        turbulence=Turbulence(model="k-omega-sst"),
-        numerics=Numerics(mesh_size=1.5, order=2, error_bars=False),
-    )
+    scene = to_the_wall(1.5, Domain(length=8.0, width=6.0, height=5.0), 3.0)
     result, walls = incipient.run(scene), Setup(scene).resolved_walls
     speed = walls.velocity_at(np.array([0.55]))[0, 0]
     assert result.turbulence.applicable and not result.turbulence.plane
@@ -303,14 +308,7 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
             if MPI.COMM_WORLD.rank == 0:
                 print(*map(repr, found))
     """
-    scene = stone(
-        domain=Domain(length=5.0, width=3.0, height=5.0),
-        fluid=Fluid(reynolds=7500.0, scale="flow"),
-        body=Sphere(diameter=1.0, x=2.0, density=2.65),
-        contact=Contact(friction=0.5, gap=0.05),
-        turbulence=Turbulence(model="k-omega-sst"),
-        numerics=Numerics(mesh_size=4.0, order=2, error_bars=False),
-    )
+    scene = to_the_wall(4.0, Domain(length=5.0, width=3.0, height=5.0), 2.0)
     (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
     found = []
     for ranks in (1, 2):

@@ -82,6 +82,7 @@ class _Contacts:
 
     @classmethod
     def of(cls, rows: Rows) -> _Contacts:
+        """What hangs on the contacts of cases alone, not on their loads."""
         normal, tangent = (
             np.concatenate([way, (arm[..., :1] * way[..., 1:] - arm[..., 1:] * way[..., :1])], axis=2)
             for arm, way in (

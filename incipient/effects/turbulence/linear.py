@@ -108,11 +108,6 @@ class BlockByBlock:
         if self._solver.getConvergedReason() <= 0:
             x.set(np.inf)
 
-    @property
-    def iterations(self) -> int:
-        """Of the last solution."""
-        return int(self._solver.getIterationNumber())
-
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """One application of the preconditioner; called by PETSc."""
         values, (flow, of_flow) = right.array_r, self._flow
