@@ -10,6 +10,10 @@ from incipient.geometry.space.remeshing import ExactSurface
 from .tetrahedra import EDGES, SIDES, Tetrahedra
 from .wall_layers import Columns
 
+LESS, LEAST_BEND = (
+    0.5,
+    0.2,
+)  # the factor of bends where cells fold over, and the share below which they are straight
 LEAST = 0.1  # of a straight cell's volume: the least that the curved one's map may have anywhere
 FARTHEST = 0.3  # of its edge's length: a node that moves farther has found another part of the surface
 ON_PLANE = 1e-12  # of a region's height
@@ -50,13 +54,17 @@ def curved(
     between[made.cells[:, 4:]] = True
     between[moved] = False
     _put_between(places, made.cells, np.flatnonzero(between))
+    leads = np.arange(len(places))
     if columns is not None:
-        moved = np.union1d(moved, _follow(places, made.cells, moved, columns))
-    return curved_cells, _unfold(places, made.cells, moved)
+        moved = np.union1d(moved, _follow(places, made.cells, moved, columns, leads))
+    return curved_cells, _unfold(places, made.cells, moved, leads)
 
 
-def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns) -> Integers:
-    """Move the middles of edges above curved edges of walls as these, the less the farther; which."""
+def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns, leads: Integers) -> Integers:
+    """Move the middles of edges above curved edges of walls as these, the less the farther; which.
+
+    `leads` (points,) becomes the middle at the wall that each of them follows.
+    """
     count, is_moved = len(places), np.zeros(len(places), dtype=bool)
     is_moved[moved] = True
     ends = np.concatenate([cells[:, pair] for pair in EDGES])
@@ -68,10 +76,13 @@ def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns) 
     below = is_moved[middles]
     order = np.argsort(keys[below])
     known, shift = keys[below][order], (places[middles] - places[ends].mean(axis=1))[below][order]
+    first = middles[below][order]
     share = columns.share[ends].mean(axis=1)
     follows = (feet[:, 0] >= 0) & (share > 0.0) & ~below & np.isin(keys, known)
     chosen = middles[follows]
-    places[chosen] += share[follows, None] * shift[np.searchsorted(known, keys[follows])]
+    below_these = np.searchsorted(known, keys[follows])
+    places[chosen] += share[follows, None] * shift[below_these]
+    leads[chosen] = first[below_these]
     return chosen
 
 
@@ -99,20 +110,25 @@ def _put_between(places: Floats, cells: Integers, middles: Integers) -> None:
         places[rows[:, 4 + k]] = 0.5 * (places[rows[:, a]] + places[rows[:, b]])
 
 
-def _unfold(places: Floats, cells: Integers, moved: Integers) -> int:
-    """Straighten the edges of cells that fold over; how many."""
-    straightened = np.empty(0, dtype=int)
-    for _ in range(10):
-        is_moved = np.zeros(len(places), dtype=bool)
-        is_moved[moved] = True
-        touched = cells[is_moved[cells[:, 4:]].any(axis=1)]
+def _unfold(places: Floats, cells: Integers, moved: Integers, leads: Integers) -> int:
+    """Bend edges of cells that fold over less, with those that follow or lead them; how many become straight."""
+    bends = places.copy()
+    _put_between(bends, cells, moved)
+    between = bends[moved]
+    bends = places[moved] - between
+    share, changed = np.ones(len(places)), np.zeros(len(places), dtype=bool)
+    changed[moved] = True
+    while True:
+        touched = cells[changed[cells[:, 4:]].any(axis=1)]
         bad = touched[least_stretch(places[touched]) < LEAST]
-        back = np.intersect1d(bad[:, 4:], moved)
-        if not len(back):
-            break
-        _put_between(places, cells, back)
-        straightened, moved = np.union1d(straightened, back), np.setdiff1d(moved, back)
-    return len(straightened)
+        led = np.unique(leads[np.intersect1d(bad[:, 4:], moved)])
+        led = led[share[led] > 0.0]
+        if not len(led):
+            return int((share[leads[moved]] == 0.0).sum())
+        share[led] = np.where(share[led] > LEAST_BEND, LESS * share[led], 0.0)
+        changed[:] = False
+        changed[moved] = np.isin(leads[moved], led)
+        places[moved] = between + share[leads[moved], None] * bends
 
 
 def least_stretch(nodes: Floats) -> Floats:

@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 from tetrahedra import area, cells, faces, grain_above, names, volume
 
-from incipient import compat
+from incipient import compat, make_plan
 from incipient.geometry import Sphere
 from incipient.mesh.domain import build
 from incipient.mesh.wall_distance import cells_at, distances
@@ -13,6 +13,21 @@ from incipient.meshes import Near, Sizes, WallLayers
 from incipient.meshes.curving import least_stretch
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.solid_model import solid_model
+from incipient.planning.flow_setup import Setup
+from incipient.planning.meshing import lay_out
+from incipient.scene import (
+    Contact,
+    Domain,
+    Effects,
+    Fluid,
+    Gravity,
+    Numerics,
+    OpenChannel,
+    Scene,
+    SphereBed,
+    Turbulence,
+)
+from incipient.scene import Sphere as SphereGrain
 
 FIRST = {"bed": 0.02, "body": 0.01}
 
@@ -65,3 +80,23 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     found = distances(domain, ("bed", "body"), places[from_centre > 0.5])
     # The sphere is flat pieces with edges of 0.15 at most, half of a cell: by 0.15^2/(8 0.5) they lie within it.
     assert found == pytest.approx(exact, abs=5.7e-3)
+
+
+def test_no_cell_in_the_layers_of_a_pocket_folds_over():
+    """Thin layers at spheres between spheres, of which cells reached 1700 times their volume through themselves."""
+    centre = 4.0 + np.sqrt(1.0 / 12.0)
+    scene = Scene(
+        domain=Domain(length=9.0, width=5.0, height=5.866),
+        fluid=Fluid(reynolds=3500.0, scale="grain"),
+        flow=OpenChannel(),
+        body=SphereGrain(diameter=1.0, x=4.0, density=2.65),
+        bed=SphereBed(radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(centre, 3.0)),
+        effects=Effects(turbulence=True),
+        turbulence=Turbulence(model="k-omega-sst"),
+        contact=Contact(friction=0.5, gap=0.05),
+        gravity=Gravity(acceleration=1.0),
+        numerics=Numerics(mesh_size=2.2, order=2, error_bars=False),
+    )
+    with lay_out(Setup(scene), make_plan(scene)).gmsh_model() as model:
+        folded = least_stretch(cells(model))
+    assert len(folded) > 10_000 and folded.min() > 0.05
