@@ -31,9 +31,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
-            if scene.bed is not None and scene.bed.kind != "flat":
-                why = f'is "{scene.bed.kind}", but past bed forms space {_NOT_TO_THE_WALL}'
-                yield problem("bed.kind", why, f'use "flat", {_OTHER}')
     yield from _of_flow(scene.flow, scene.domain)
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"

@@ -260,7 +260,6 @@ def test_ranks_agree(mpirun):
             },
             "numerics.error_bars",
         ),
-        ({"domain": IN_SPACE, "bed": RidgeBed(amplitude=0.1, wavelength=1.0)}, "bed.kind"),
         ({"turbulence": ROUGH, "bed": Sinusoidal(amplitude=0.1, wavelength=1.0)}, "turbulence.wall"),
         (
             {"turbulence": ROUGH, "bed": Flat(), "body": Disc(diameter=0.2, x=3.0, density=2.0)},

@@ -126,6 +126,10 @@ class TurbulenceFields(ABC):
         """One in the cells whose equations are solved, zero elsewhere (UFL)."""
         return 1
 
+    def weights(self) -> np.ndarray:
+        """(owned nodes,) how much both quantities matter to the flow there, from zero to one. Not collective."""
+        return np.ones(self.state.function_space.dofmap.index_map.size_local)
+
     def impose(self) -> None:
         """Let the state be as it is given."""
         self._prepare()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
@@ -26,12 +27,14 @@ from ...results.resolved_wall_report import ResolvedWallReport
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .iteration import Round, solve_steadily
-from .part import ORDER, TurbulentFlow
+from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, solve_together
 
 ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
-LEAST = 1e-10  # k over V^2, as little as nothing: loads on a disc change by 4e-9 with it
+LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
+# u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
+FOUND_AT_ONCE, FASTER = 75.0, 1.6
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
@@ -114,7 +117,7 @@ class KOmegaSST(TurbulenceFields):
 
     def stand(self, viscosity: float, stress: float) -> None:
         """Let the molecules at walls have another viscosity, and rough walls another typical shear stress."""
-        self._stress.value = stress
+        self._molecules, self._stress.value = viscosity, stress
         self._little.value = stress * forms.little_k(self._roughness * stress**0.5 / viscosity)
         if self._roughness or not self.surroundings.walls:
             return
@@ -197,6 +200,12 @@ class KOmegaSST(TurbulenceFields):
         """One in the cells whose equations are solved, zero in those at walls (UFL)."""
         return self._beyond
 
+    def weights(self) -> Floats:
+        """(owned nodes,) the share of eddies in the viscosity, before strain limits it. Not collective."""
+        logarithms = self.state.x.array[: 2 * self.state.function_space.dofmap.index_map.size_local]
+        eddies = np.exp(np.clip(logarithms[0::2] - logarithms[1::2], -100.0, 100.0))
+        return np.asarray(eddies / (self._molecules + eddies))
+
     def look(self) -> None:
         """Take note of the flow as it is, by whose strain the eddy viscosity is limited."""
         if self._fluid is not None:
@@ -269,7 +278,7 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _least(self) -> float:
-        return LEAST * self._scene.reference_velocity**2
+        return float(LEAST * self._walls.shear_velocity**2)
 
     @property
     def _walls(self) -> ResolvedWalls:
@@ -278,6 +287,25 @@ class KOmegaFlow(TurbulentFlow):
     @property
     def _depth(self) -> float:
         return self._walls.depth
+
+    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
+        """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones."""
+        slower = () if onwards or self._walls.plane or self._scene.gdim == 2 else self._slower(factor)
+        for number, one in enumerate(slower):
+            self._take(self._fluid, one)
+            if not number:
+                self.enter(self._fluid)
+            with run.stage("flow"), self._timed():
+                solve_together(self._fluid, self.fields, self._tolerance, nearly=True)
+        return super().solve(run, factor, onwards or bool(slower))
+
+    def _slower(self, factor: float) -> tuple[float, ...]:
+        """Factors of flows that lead to the scene's times a factor, ascending, without it."""
+        geometry, walls = self._of_run.geometry, self._of_run.faster(factor).resolved_walls
+        size = geometry.bed.feature if geometry.grain is None else geometry.grain.size
+        apart = math.log(max(size / walls.unit / FOUND_AT_ONCE, 1.0))
+        number = math.ceil(apart / math.log(FASTER))
+        return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
 
     def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
         """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from ...fluid import Fluid
+from ...fluid.solvers.compressed import CompressedFactors
 from ...fluid.solvers.options import defaults, exact
 
 PREFIX = "turbulence_"
@@ -19,6 +20,9 @@ MOST_TOGETHER = 150
 FIELDS = {"pc_type": "fieldsplit", "pc_fieldsplit_block_size": 2, "pc_fieldsplit_type": "multiplicative"}
 FIELDS |= {f"fieldsplit_{i}_ksp_type": "preonly" for i in (0, 1)}
 ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
+PATIENCE = (
+    10  # iterations up to which factors of the flow serve on; with older ones small residuals tell little
+)
 
 
 class Incomplete:
@@ -59,15 +63,19 @@ class Incomplete:
 class BlockByBlock:
     """Solves A x = b, A of flow and turbulence in a nest of four blocks, by GMRES with its lower triangle.
 
-    One application solves for the flow by its own preconditioner by blocks, then for the turbulence, with what the
-    flow does to it, by factors of k's and of omega's own block. PETSc options with the prefix ``turbulent_`` override
+    One application solves for the flow by approximate factors, which serve until more than 10 iterations are needed, or
+    where there is no memory for them by its own preconditioner by blocks; then for the turbulence, with what the flow
+    does to it, by factors of k's and of omega's own block. PETSc options with the prefix ``turbulent_`` override
     everything.
     """
 
     def __init__(self, fluid: Fluid, nest: Any):
         self.matrix = nest
         self._blocks = [[nest.getNestSubMatrix(i, j) for j in (0, 1)] for i in (0, 1)]
-        self._triangle = fluid.triangle(self._blocks[0][0])
+        flow = self._blocks[0][0]
+        self._lasting = CompressedFactors.serve(flow)
+        self._of_flow: Any = CompressedFactors(flow) if self._lasting else fluid.triangle(flow)
+        self._aged = True
         self._flow = self._blocks[0][0].createVecs()
         self._turbulence = self._blocks[1][1].createVecs()
         self._factors = PETSc.PC().create(nest.comm)
@@ -84,8 +92,9 @@ class BlockByBlock:
             self._solver.setFromOptions()
 
     def prepare(self) -> None:
-        """Take the blocks of the matrix as they are. Collective."""
-        self._triangle.assemble()
+        """Take the blocks of the matrix as they are; factors of the flow may be of an earlier one. Collective."""
+        if self._aged:
+            self._of_flow.assemble()
         self._factors.setOperators(self._blocks[1][1])
         with defaults(TOGETHER + "fields_", FIELDS | exact("fieldsplit_0_") | exact("fieldsplit_1_")):
             self._factors.setFromOptions()
@@ -104,8 +113,15 @@ class BlockByBlock:
 
     def approximate(self, b: Any, x: Any) -> None:
         """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective."""
+        self._solver.setTolerances(max_it=MOST_TOGETHER if self._aged else PATIENCE)
         self._solver.solve(b, x)
-        if self._solver.getConvergedReason() <= 0:
+        if self._solver.getConvergedReason() <= 0 and not self._aged:
+            self._of_flow.assemble()
+            self._solver.setTolerances(max_it=MOST_TOGETHER)
+            self._solver.solve(b, x)
+        failed = self._solver.getConvergedReason() <= 0
+        self._aged = failed or not self._lasting
+        if failed:
             x.set(np.inf)
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
@@ -114,7 +130,7 @@ class BlockByBlock:
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
         flow.setArray(values[:number])
-        self._triangle.apply(None, flow, of_flow)
+        self._of_flow.apply(None, flow, of_flow)
         self._blocks[1][0].mult(of_flow, of_fields)
         of_fields.setArray(values[number:] - of_fields.array_r)
         self._factors.apply(of_fields, left_fields)
@@ -126,6 +142,6 @@ class BlockByBlock:
             return
         solver, self._solver = self._solver, None
         solver.destroy()
-        self._triangle.destroy(None)
+        self._of_flow.destroy(None)
         for held in (self._factors, *self._flow, *self._turbulence):
             held.destroy()

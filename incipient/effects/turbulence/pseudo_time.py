@@ -28,6 +28,7 @@ MOST_STEPS = 300
 # method, and the largest.
 FIRST, NEAR, LEAST, NEWTON, LARGEST = 2.0, 100.0, 1e-3, 1e4, 1e12
 LARGEST_CORRECTION = 1.0  # of a logarithm at a node, in a step
+LARGEST_CHANGE = 0.3  # of a velocity at a node, in a step, over the largest speed
 # Corrections of logarithms, and of the flow relative to it, up to which the next step is longer by a factor; and those
 # beyond which it is half as long. With half of these bounds a disc at u* d/nu = 102 takes more steps, with twice them
 # its wake is lost (tests/end_to_end/test_resolved_channels.py, slow).
@@ -36,6 +37,7 @@ TOO_LARGE = 20.0, 0.15
 # Of the tolerance, up to which corrections of logarithms and flow may be in the end, by dimension: in space systems are
 # solved to 1e-2 and upwinding follows a step behind; with these bounds the drag on a sphere stays within 1e-4.
 ENOUGH = {2: (1.0, 1.0), 3: (2e4, 100.0)}
+BEGUN = 0.3, 0.015  # corrections of logarithms and flow with which a flow is a start for a faster one
 # Largest of usual corrections over their root mean square, and what is seen of one.
 SPREAD, LARGEST_SEEN = 5.0, 10.0
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
@@ -96,11 +98,18 @@ class CoupledFlow:
         return found + rate * self._turbulence.inside * ufl.inner(change, test) * measure
 
     def _passing(self) -> Any:
-        """One over the time in which the flow passes a cell, or diffuses through it, in UFL."""
+        """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.
+
+        Where the strain is large what a change of the velocity carries would else outweigh the rate.
+        """
         fluid = self._fluid
         velocity, _ = ufl.split(dolfinx.fem.Function(fluid.state.function_space, fluid.state.x))
         size = cell_size(fluid.domain.mesh)
-        return ufl.sqrt(ufl.inner(velocity, velocity)) / size + self._turbulence.of_molecules / size**2
+        slope = ufl.grad(velocity)
+        sheared = ufl.sqrt(ufl.inner(slope, slope))
+        return (
+            ufl.sqrt(ufl.inner(velocity, velocity)) / size + self._turbulence.of_molecules / size**2 + sheared
+        )
 
     def _assemble_blocks(self) -> None:
         conditions = [*self._conditions[0], *self._conditions[1]]
@@ -154,10 +163,11 @@ def solve_together(
     tolerance: float,
     watch: Callable[[Round], None] = lambda found: None,
     first: float = FIRST,
+    nearly: bool = False,
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
 
-    `first` is the Courant number of the first step.
+    `first` is the Courant number of the first step; `nearly`: it is to be a start for another flow only.
 
     Raises:
         ConvergenceError: there is none that could be found.
@@ -171,20 +181,22 @@ def solve_together(
             of_flow, of_logarithms = system.correction(courant)
             change = np.zeros_like(fluid.state.x.array)
             change[: len(of_flow)] = of_flow
-            sizes = _usual(fluid.domain, of_logarithms), relative_change(fluid, change)
+            sizes = _usual(fluid.domain, of_logarithms, turbulence.weights()), relative_change(fluid, change)
             if not np.isfinite(sum(sizes)) or sizes[1] > (FAILED if rounds else FAILED_AT_FIRST):
                 courant *= CUT
                 if courant < LEAST:
                     break
                 continue
             bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
+            _bound(fluid, of_flow)
             for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
                 state.x.array[: len(values)] += values
                 state.x.scatter_forward()
             rounds.append(Round(number, courant, sizes[1], sizes[0]))
             watch(rounds[-1])
             found = all(a <= b * tolerance for a, b in zip(sizes, ENOUGH[fluid.domain.gdim], strict=True))
-            if found and courant >= NEWTON:
+            begun = nearly and all(a <= b for a, b in zip(sizes, BEGUN, strict=True))
+            if begun or (found and courant >= NEWTON):
                 turbulence.look()
                 return tuple(rounds)
             courant = _next(courant, *sizes)
@@ -194,17 +206,33 @@ def solve_together(
     )
 
 
-def _usual(domain: Domain, of_logarithms: Floats) -> float:
+def _usual(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
     """The size of a correction that decides on steps: the largest; in space that of nearly all nodes. Collective.
 
-    In space a few nodes in cells of bad shape are slow, where the others are not. Their corrections are bounded.
+    In space a few nodes in cells of bad shape are slow, where the others are not, and so is ln k in the crevices of a
+    bed, where it has no weight (owned nodes,). Corrections are bounded.
     """
     sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
     if domain.gdim == 2:
         return float(domain.comm.allreduce(sizes.max(initial=0.0), op=MPI.MAX))
-    seen = np.where(np.isfinite(sizes), np.minimum(sizes, LARGEST_SEEN), np.inf)
-    total, count = domain.comm.allreduce(float((seen**2).sum())), domain.comm.allreduce(len(seen))
-    return float(SPREAD * np.sqrt(total / count))
+    if not np.isfinite(domain.comm.allreduce(sizes.sum())):
+        return float("inf")
+    seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
+    total, count = (
+        domain.comm.allreduce(float((seen**2).sum())),
+        domain.comm.allreduce(float((weights**2).sum())),
+    )
+    return float(SPREAD * np.sqrt(0.5 * total / count))
+
+
+def _bound(fluid: Fluid, of_flow: Floats) -> None:
+    """Let no velocity change by more than a part of the largest speed: at a few nodes it may overshoot. Collective."""
+    nodes = fluid.space.velocity_map.reshape(-1, fluid.domain.gdim)
+    speeds = np.linalg.norm(fluid.state.x.array[nodes], axis=1)
+    most = LARGEST_CHANGE * fluid.domain.comm.allreduce(float(speeds.max(initial=0.0)), op=MPI.MAX)
+    own = nodes[nodes[:, -1] < len(of_flow)]
+    sizes = np.linalg.norm(of_flow[own], axis=1)
+    of_flow[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
 
 
 def _next(courant: float, of_logarithms: float, of_flow: float) -> float:
