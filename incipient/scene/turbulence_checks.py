@@ -31,7 +31,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
-    yield from _of_flow(scene.flow, scene.domain)
+    yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
@@ -69,7 +69,7 @@ def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time |
         yield problem("numerics.error_bars", why, f"set it to false and compare two mesh sizes, {_OTHER}")
 
 
-def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
+def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
     if domain.sides == "stream":
         yield problem(
             "domain.sides", f'"stream" {_NOT_SIMULATED}', 'use "wall", or "slip", sides without friction'
@@ -82,7 +82,7 @@ def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
         yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
     elif domain.top == "stream":
         yield problem("domain.top", '"stream" contradicts turbulence below it', 'use "auto"')
-    elif getattr(flow, "datum", "auto") != "auto":
+    elif getattr(flow, "datum", "auto") != "auto" and not (over_forms and domain.width is not None):
         why = "is not read with turbulence, whose profile starts at the bed's height at the inflow"
         yield problem("flow.datum", why, "leave it out")
 

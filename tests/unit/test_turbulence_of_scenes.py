@@ -22,6 +22,7 @@ from incipient.scene import (
     Flat,
     Fluid,
     Gravity,
+    HeapBed,
     LogLaw,
     Numerics,
     OpenChannel,
@@ -447,3 +448,18 @@ def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, turbulence):
     assert (k > 0).all() and (epsilon > 0).all()
     if turbulence is not None:
         assert k == pytest.approx(1.5 * 0.3**2) and epsilon == pytest.approx(0.09**0.75 * k**1.5 / 0.05)
+
+
+def test_level_ground_about_a_grain_in_space_is_at_the_datum():
+    """Far from the grain level ground takes the place of a bed with forms: where the profile of the inflow starts."""
+    scene = channel(
+        domain=Domain(length=10, width=10, height=5),
+        fluid=Fluid(reynolds=20_000.0, scale="grain"),
+        flow=OpenChannel(velocity=20.0, datum=0.7),
+        body=Sphere(diameter=1.0, centre=(5.0, 5.0, 1.7)),
+        bed=HeapBed(spheres=((5.0, 4.0, 0.9, 0.45), (5.0, 6.0, 0.9, 0.45)), posts=((4.0, 5.0, 0.5, 0.5),)),
+        numerics=Numerics(error_bars=False, meshed_bed=0.6),
+    )
+    assert Setup(scene).walls.depth == pytest.approx(4.3)
+    without = scene.model_copy(update={"flow": OpenChannel(velocity=20.0)})
+    assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest

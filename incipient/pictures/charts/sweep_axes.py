@@ -1,7 +1,7 @@
 """What pictures of sweeps share: axes, their scales and names, and the curve of Soulsby and Whitehouse.
 
 The curve (1997) stands beside the critical Shields numbers for comparison: it fits measurements of beds of many grains
-in turbulent flow, ours are of one grain in laminar flow.
+in turbulent flow, ours are of one grain in a steady flow. docs/shields.md says what lies between.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from ...arrays import Floats
 
 ONE_GRAIN_AND_BEDS = (
-    "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
-    "turbulent flow. Compare shapes, not digits."
+    "Points: one grain in a steady flow without gusts; incipient entrainment gives its number by probability. "
+    "Dashed: a fit to what was seen of beds of many grains in turbulent flow, at no stated probability."
 )
 _NAMES = {
     "shields": "critical Shields number (largest diameter)",
