@@ -81,7 +81,8 @@ gusts: setup ## the weakest gusts that move a grain out of its pocket, between t
 	$(PYTHON) benchmarks/kick_in_pocket.py $(ARGS)
 	$(PYTHON) benchmarks/rolling_drag.py $(ARGS)
 
-shields: setup ## beads in a fluctuating stream beside flumes and balances of forces: docs/shields.md
+shields: setup ## a natural bed and beads in a fluctuating stream beside flumes and balances of forces: docs/shields.md
+	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
 turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, and a hump, against measurements: docs/turbulence.md, large_grains.md

@@ -1,32 +1,42 @@
-"""Shields' curve below the log layer: beads in pockets, in a fluctuating stream, beside flumes and balances of forces.
+"""Shields' curve from computed flows: a natural bed and single beads in a fluctuating stream, beside flumes.
 
-Thresholds of the beads are those of docs/beads.csv, in the linear profile next to a bed; the fluctuation is lognormal,
-of the intensity near walls of `incipient.entrainment`. Nothing is fitted. Beside them: 511 observations in flumes, a
-balance of forces by Monte Carlo with assumed drag, lift and protrusion, Zanke's curve, Soulsby & Whitehouse's.
+The natural bed: grains of random beds by their own contacts (natural_bed.py), loads by full runs and an emulator
+(natural_bed_curve.py). Thresholds of the beads are those of docs/beads.csv, in the linear profile next to a bed. The
+fluctuation is lognormal, of the intensity near walls of `incipient.entrainment`. Nothing is fitted. Beside them: 511
+observations in flumes, a balance of forces by Monte Carlo with assumed drag, lift and protrusion, Zanke's curve,
+Soulsby & Whitehouse's.
 
-Cost:    seconds; the beads' flows an hour and a half (`python benchmarks/beads.py --study results`).
+Cost:    three minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
 Run:     python benchmarks/shields.py
-Results: docs/figures/shields.webp, docs/shields.csv and the table in docs/shields.md
+Results: docs/figures/shields.webp, docs/shields.csv, docs/natural_bed.csv, docs/pockets.csv, tables in docs/shields.md
 """
 
 from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import pairwise, product
 from pathlib import Path
 
+import natural_bed
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from natural_bed_curve import SHARES, FlowLoads, NaturalBed, Sample, flow_error, flow_loads, quantiles, worked
 from PIL import Image
 from scipy.optimize import brentq
 
+from incipient.arrays import Floats
 from incipient.entrainment.laws import Gaussian
 from incipient.entrainment.stream import near_wall
 from incipient.files import csv_text
 from incipient.pictures import style
 from incipient.planning.mean_profile import MeanProfile
+from incipient.survey.deposition import Spheres
+from incipient.survey.emulator import FOLDS
 
 ROOT = Path(__file__).resolve().parents[1]
 BEADS, FLUMES, ZANKE = (
@@ -39,10 +49,20 @@ PAGE, NUMBERS, PICTURE = (
     ROOT / "docs" / "shields.csv",
     ROOT / "docs/figures/shields.webp",
 )
-BEGIN, END = "<!-- shields: begin -->", "<!-- shields: end -->"
+OF_BED, POCKETS = ROOT / "docs" / "natural_bed.csv", ROOT / "docs" / "pockets.csv"
+MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 VISCOSITY, GRAVITY = 1e-6, 9.81  # of water at 20 degrees, of the flumes [m^2/s, m/s^2]
 SAMPLES, SEED = 20_000, 1
+# Mean flows of the natural bed, u* d/nu, and of the share of its grains whose gusts are beyond the flows computed.
+PLACES, BEYOND = (0.0, 0.3, 1.0, 3.0, 10.0, 15.0, 30.0, 100.0, 300.0, 1000.0), 0.1
+SHOWN, LEFT = 0.01, 0.1  # probability of the figure; where creeping flow is drawn
+DRAWS = 6  # of what emulators cannot tell
+PROTRUSIONS, PIVOTS = (0.0, 0.3, 0.45, 0.6, 0.75, 0.9), (0.0, 15.0, 30.0, 45.0, 60.0, 90.0)
+OTHER_FRICTION, ROUNDS = 0.5, 20
+QUANTILES = tuple(f"q{100 * share:g}" for share in SHARES)
+OF_ERRORS = ("flow", "emulator", "beds", "law", "friction")
+COLUMNS_OF_BED = ("shear_reynolds", "probability", *QUANTILES, *OF_ERRORS)
 COLUMNS = ("arrangement", "spacing", "shear_reynolds", "probability", "shields", "flow", "law")
 
 
@@ -119,6 +139,147 @@ def computed() -> list[dict[str, object]]:
     return rows
 
 
+# -- the natural bed ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Pooled:
+    """The grains of several draws of a natural bed, all counting alike."""
+
+    draws: list[NaturalBed]
+
+    def shields(self, at: tuple[float, float], lognormal: bool = True) -> tuple[Floats, float]:
+        """Shields numbers (draws, n) in a flow of a u* d/nu at a probability, and the share of gusts not computed."""
+        found = [one.shields(*at, lognormal) for one in self.draws]
+        return np.array([one for one, _ in found]), max(beyond for _, beyond in found)
+
+    def median(self, at: tuple[float, float], lognormal: bool = True) -> float:
+        """Of the Shields numbers."""
+        return float(quantiles_of(self.shields(at, lognormal)[0], (0.5,))[0])
+
+
+def quantiles_of(values: Floats, shares: Sequence[float] = SHARES) -> Floats:
+    """Quantiles of values of any shape, all counting alike."""
+    return quantiles(values.ravel(), np.full(values.size, 1.0 / values.size), shares)
+
+
+def natural(sample: Sample) -> list[dict[str, float]]:
+    """Quantiles over the grains of the natural bed of the mean flow's Shields number, and errors of their median.
+
+    flow: of the runs; emulator: standard error by leaving out a fifth of the runs at a time; beds: standard error by
+    the beds' own medians; law: with the other law of fluctuations; friction: with another coefficient, no error but
+    what the assumption does
+    """
+    share = flow_error()
+    bed = Pooled([sample.drawn(seed) for seed in range(DRAWS)])
+    slippery = Pooled([sample.drawn(seed, OTHER_FRICTION) for seed in range(DRAWS)])
+    fewer = [
+        Pooled([part.drawn(seed) for seed in range(DRAWS)])
+        for part in (sample.without(fold) for fold in range(FOLDS))
+    ]
+    rows = []
+    for at in product(PLACES, PROBABILITIES):
+        shields, beyond = bed.shields(at)
+        if beyond > BEYOND:
+            continue
+        own = bed.median(at)
+        each = [float(quantiles_of(shields[:, sample.beds == one], (0.5,))[0]) for one in set(sample.beds)]
+        parts = np.array([one.median(at) for one in fewer])
+        errors = (
+            share * own,
+            math.sqrt((FOLDS - 1) / FOLDS * ((parts - parts.mean()) ** 2).sum()),
+            float(np.std(each, ddof=1) / math.sqrt(len(each))),
+            abs(bed.median(at, False) - own),
+            slippery.median(at) - own,
+        )
+        values = (*at, *quantiles_of(shields).tolist(), *errors)
+        rows.append(dict(zip(COLUMNS_OF_BED, values, strict=True)))
+    return rows
+
+
+def assumptions(loads: list[FlowLoads]) -> str:
+    """What other frictions and other beds do to the median, as a table: one bed, in flows of four directions."""
+    first, spheres_of_tries = natural_bed.first_bed()[0], natural_bed.spheres_of_tries
+    made: list[tuple[str, Spheres, float]] = [
+        ("as above, one bed", first, natural_bed.FRICTION),
+        (f"friction {OTHER_FRICTION:g}", first, OTHER_FRICTION),
+        ("looser: each sphere dropped at one place", spheres_of_tries(1), natural_bed.FRICTION),
+        ("more level: into the lowest of 40", spheres_of_tries(40), natural_bed.FRICTION),
+        (
+            f"the tenth that goes first moved, {ROUNDS} times",
+            worked(first, loads[0], ROUNDS),
+            natural_bed.FRICTION,
+        ),
+    ]
+    lines = [
+        "| bed | protrusion | pivot angle | creeping, 1% | 10, 1% | 10, 50% | held at 10 |",
+        "|" + " --- |" * 7,
+    ]
+    for name, spheres, friction in made:
+        grains = [
+            one for azimuth in natural_bed.AZIMUTHS for one in natural_bed.free_grains(spheres, azimuth)
+        ]
+        sample = Sample.of(grains, np.zeros(len(grains), dtype=np.int64), loads)
+        bed = Pooled([sample.drawn(seed, friction) for seed in range(DRAWS)])
+        pivot = np.median([one.pivot for one in grains])
+        shields = [bed.median(at) for at in ((0.0, 0.01), (10.0, 0.01), (10.0, 0.5))]
+        held = float(np.isinf(bed.shields((10.0, 0.01))[0]).mean())
+        words = f"{np.median(sample.heights):.2f} | {pivot:.0f}° | {' | '.join(map(_short, shields))} | {held:.0%}"
+        lines.append(f"| {name} | {words} |")
+    return "\n".join(lines)
+
+
+def shares_of_pockets(sample: Sample) -> Floats:
+    """Shares of the grains by protrusion and pivot angle."""
+    pivots = np.array([one.pivot for one in sample.grains])
+    return natural_bed.joint(sample.heights, pivots, (np.array(PROTRUSIONS), np.array(PIVOTS)))
+
+
+def table_of_pockets(shares: Floats) -> str:
+    """Percent of the grains by protrusion and pivot angle."""
+    heads = [f"{low:g}-{high:g}°" for low, high in pairwise(PIVOTS)]
+    lines = [f"| protrusion | {' | '.join(heads)} | all |", "|" + " --- |" * (len(heads) + 2)]
+    for (low, high), row in zip(pairwise(PROTRUSIONS), shares, strict=True):
+        cells = [f"{100 * share:.1f}" for share in (*row, row.sum())]
+        lines.append(f"| {low:g} to {high:g} | {' | '.join(cells)} |")
+    cells = [f"{100 * share:.1f}" for share in (*shares.sum(axis=0), shares.sum())]
+    return "\n".join([*lines, f"| all | {' | '.join(cells)} |"])
+
+
+def table_of_bed(rows: list[dict[str, float]]) -> str:
+    """Median, quartiles and outer tenths of the natural bed, with the errors of the median."""
+    lines = [
+        "| u* d/ν | probability | 10% of grains | 25% | median | 75% | 90% | flow | emulator | beds | law |"
+    ]
+    lines.append("|" + " --- |" * 11)
+    for row in rows:
+        values = [_short(row[name]) for name in QUANTILES]
+        values[2] = f"**{values[2]}**"
+        errors = [f"{row[name]:.4f}" for name in OF_ERRORS[:4]]
+        start = f"| {row['shear_reynolds']:g} | {100 * row['probability']:g}%"
+        lines.append(f"{start} | {' | '.join(values + errors)} |")
+    return "\n".join(lines)
+
+
+def _short(value: float) -> str:
+    """A Shields number in three digits, or that no flow moves these grains."""
+    return f"{value:.3g}" if math.isfinite(value) else "held"
+
+
+def rows_of_pockets(shares: Floats) -> tuple[tuple[str, ...], list[dict[str, float]]]:
+    """Columns and rows of docs/pockets.csv: the share of the grains between protrusions and pivot angles."""
+    names = ("protrusion_from", "protrusion_to", "pivot_from", "pivot_to", "share")
+    rows = [
+        dict(zip(names, (*protrusion, *pivot, round(float(share), 6)), strict=True))
+        for protrusion, row in zip(pairwise(PROTRUSIONS), shares, strict=True)
+        for pivot, share in zip(pairwise(PIVOTS), row, strict=True)
+    ]
+    return names, rows
+
+
+# -- others ---------------------------------------------------------------------------------------------------
+
+
 def flumes() -> tuple[np.ndarray, np.ndarray]:
     """u* d/nu and critical Shields numbers that were observed, in water at 20 degrees."""
     lines = [line for line in FLUMES.read_text().splitlines() if not line.startswith("#")]
@@ -187,14 +348,14 @@ def table(rows: list[dict[str, object]]) -> str:
     return "\n".join(lines)
 
 
-def figure(rows: list[dict[str, object]]) -> Figure:
-    """Observations, curves and beads."""
-    drawn = Figure(figsize=(7.2, 5.8), layout="constrained")
+def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Figure:
+    """Observations, curves, the natural bed's median and spread, and beads."""
+    drawn = Figure(figsize=(7.2, 6.0), layout="constrained")
     axes = drawn.add_subplot()
     axes.plot(*flumes(), ".", color="#b5b5b5", markersize=3, label="flumes, 511 observations")
     places = np.geomspace(0.1, 2000.0, 40)
     low, median, high = np.array([balanced(one) for one in places]).T
-    axes.fill_between(places, low, high, color=style.WEIGHT, alpha=0.2, linewidth=0.0)
+    axes.fill_between(places, low, high, color=style.WEIGHT, alpha=0.15, linewidth=0.0)
     axes.plot(
         places, median, color=style.WEIGHT, lw=1.0, label="balance of forces, assumed drag and protrusion"
     )
@@ -206,15 +367,13 @@ def figure(rows: list[dict[str, object]]) -> Figure:
     lines = [line for line in ZANKE.read_text().splitlines() if not line.startswith("#")]
     zanke = np.array([[float(row["Re_star"]), float(row["theta_c"])] for row in csv.DictReader(lines)])
     axes.plot(*zanke.T, ":", color=style.INK, lw=1.1, label="Zanke 2003")
-    looks = {"triangular": ("^", style.FLOW), "square": ("s", style.PUSH)}
-    for name, (marker, colour) in looks.items():
-        for probability, fill in ((PROBABILITIES[1], colour), (PROBABILITIES[3], "white")):
-            chosen = [one for one in rows if one["arrangement"] == name and one["probability"] == probability]
-            # Creeping flow has no Reynolds number: those beads are drawn at the left.
-            across = [max(float(str(one["shear_reynolds"])), 0.1) for one in chosen]
-            up = [float(str(one["shields"])) for one in chosen]
-            label = f"bead, {name} substrate, {100 * probability:g}%"
-            axes.plot(across, up, marker, color=colour, markerfacecolor=fill, markersize=5, label=label)
+    draw_bed(axes, of_bed)
+    chosen = [one for one in rows if one["probability"] == SHOWN]
+    # Creeping flow has no Reynolds number: it is drawn at the left.
+    across = [max(float(str(one["shear_reynolds"])), LEFT) for one in chosen]
+    up = [float(str(one["shields"])) for one in chosen]
+    label = f"beads on regular substrates, {100 * SHOWN:g}%"
+    axes.plot(across, up, "^", color=style.PUSH, markerfacecolor="white", markersize=4, label=label)
     axes.set(
         xscale="log", yscale="log", xlabel="u* d/ν [-]", ylabel="Shields number [-]", xlim=(0.08, 2000.0)
     )
@@ -223,19 +382,45 @@ def figure(rows: list[dict[str, object]]) -> Figure:
     return drawn
 
 
+def draw_bed(axes: Axes, of_bed: list[dict[str, float]]) -> None:
+    """The natural bed: bands of quartiles and outer tenths at a probability, and medians at two."""
+    for probability, line in ((SHOWN, "-"), (PROBABILITIES[-1], "-.")):
+        own = [one for one in of_bed if one["probability"] == probability]
+        across = [max(one["shear_reynolds"], LEFT) for one in own]
+        label = f"natural bed, {100 * probability:g}% of instants: median"
+        if probability == SHOWN:
+            for ends, alpha in (((0, -1), 0.15), ((1, -2), 0.25)):
+                low, high = ([min(one[QUANTILES[end]], 10.0) for one in own] for end in ends)
+                axes.fill_between(across, low, high, color=style.FLOW, alpha=alpha, linewidth=0.0)
+            label += ", quartiles, 10 to 90%"
+        axes.plot(across, [one["q50"] for one in own], line, color=style.FLOW, lw=1.8, label=label)
+
+
 def main() -> None:
-    """Write numbers, picture and table."""
-    rows = computed()
+    """Write numbers, picture and tables."""
+    loads = flow_loads()
+    rows, sample = computed(), Sample.of(*natural_bed.sample(), loads)
+    of_bed, shares = natural(sample), shares_of_pockets(sample)
     NUMBERS.write_text(csv_text(COLUMNS, rows))
+    OF_BED.write_text(csv_text(COLUMNS_OF_BED, [{k: f"{v:.4g}" for k, v in row.items()} for row in of_bed]))
+    POCKETS.write_text(csv_text(*rows_of_pockets(shares)))
     with style.applied():
-        drawn = figure(rows)
+        drawn = figure(rows, of_bed)
         with BytesIO() as held:
             drawn.savefig(held, dpi=style.DOTS_PER_INCH, format="png")
             Image.open(held).convert("RGB").save(PICTURE, "WEBP", quality=85)
     text = PAGE.read_text()
-    before, after = text.split(BEGIN)[0], text.split(END)[1]
-    PAGE.write_text(f"{before}{BEGIN}\n\n{table(rows)}\n\n{END}{after}")
-    print(table(rows))
+    tables = {
+        "pockets": table_of_pockets(shares),
+        "natural bed": table_of_bed(of_bed),
+        "assumptions": assumptions(loads),
+        "shields": table(rows),
+    }
+    for name, made in tables.items():
+        begin, end = (mark.format(name) for mark in MARKS)
+        text = f"{text.split(begin)[0]}{begin}\n\n{made}\n\n{end}{text.split(end)[1]}"
+    PAGE.write_text(text)
+    print(table_of_bed(of_bed))
 
 
 if __name__ == "__main__":

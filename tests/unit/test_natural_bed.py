@@ -1,0 +1,194 @@
+"""The natural bed of Shields' curve: pockets by geometry, weights, quantiles, and gusts over its mean profile."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from incipient.planning.mean_profile import MeanProfile
+from incipient.survey.deposition import Spheres
+
+BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
+
+
+@pytest.fixture(scope="module")
+def natural_bed() -> Iterator[ModuleType]:
+    sys.path.insert(0, BENCHMARKS)
+    try:
+        import natural_bed
+    finally:
+        sys.path.remove(BENCHMARKS)
+    yield natural_bed
+
+
+@pytest.fixture(scope="module")
+def curve() -> Iterator[ModuleType]:
+    sys.path.insert(0, BENCHMARKS)
+    try:
+        import natural_bed_curve
+    finally:
+        sys.path.remove(BENCHMARKS)
+    yield natural_bed_curve
+
+
+def square_bed() -> Spheres:
+    """Beads in eight pockets, three apart, of a periodic layer of touching spheres on a square substrate."""
+    layer = np.stack(np.meshgrid(np.arange(12.0), np.arange(6.0), [0.5]), axis=-1).reshape(-1, 3)
+    beads = np.stack(np.meshgrid(0.5 + 3.0 * np.arange(4.0), [1.5, 4.5]), axis=-1).reshape(-1, 2)
+    height = 0.5 + math.sqrt(0.5)
+    centres = np.vstack([layer, np.column_stack([beads, np.full(len(beads), height)])])
+    return Spheres(centres, np.full(len(centres), 0.5), np.array([12.0, 6.0]))
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 10.0, 22.5, 37.0, 45.0])
+def test_pivot_angles_of_a_square_substrate_are_exact(natural_bed: ModuleType, azimuth: float) -> None:
+    """A bead on four spheres leaves over the line between the two ahead: tan = sqrt(1/2)/cos of the azimuth."""
+    found = list(natural_bed.free_grains(square_bed(), azimuth))
+    beads = [one for one in found if one.protrusion > 0.5]
+    assert len(beads) == 8
+    exact = math.degrees(math.atan(math.sqrt(0.5) / math.cos(math.radians(azimuth))))
+    assert [one.pivot for one in beads] == pytest.approx([exact] * 8, abs=1e-4)
+
+
+def test_protrusion_is_above_the_mean_level_of_the_bed(natural_bed: ModuleType) -> None:
+    """Tops stand sqrt(1/2) above the layer's; its mean level is by a raster of its own, finer by three."""
+    spheres = square_bed()
+    side = (np.arange(900) + 0.5) / 100.0
+    x, y = np.meshgrid(side[:300], side[:300])
+    height = np.zeros_like(x)
+    for sphere in spheres.centres:
+        for shift in (-12.0, 0.0):
+            away = (x - sphere[0] - shift) ** 2 + (y - sphere[1]) ** 2
+            height = np.maximum(
+                height, np.where(away < 0.25, sphere[2] + np.sqrt(np.maximum(0.25 - away, 0.0)), 0.0)
+            )
+    beads = [one for one in natural_bed.free_grains(spheres, 0.0) if one.protrusion > 0.5]
+    assert beads[0].protrusion == pytest.approx(1.0 + math.sqrt(0.5) - height.mean(), abs=5e-3)
+
+
+def test_the_joint_distribution_counts_every_grain_once(natural_bed: ModuleType) -> None:
+    protrusions, pivots = np.array([-0.2, 0.1, 0.5, 0.5]), np.array([20.0, 95.0, 10.0, 40.0])
+    shares = natural_bed.joint(protrusions, pivots, (np.array([0.0, 0.4, 0.8]), np.array([0.0, 30.0, 90.0])))
+    assert shares == pytest.approx(np.array([[0.25, 0.25], [0.25, 0.25]]))
+    assert shares.sum() == pytest.approx(1.0, abs=1e-15)
+
+
+def test_quantiles_of_two_pockets_by_hand(curve: ModuleType) -> None:
+    """30% of the grains go at 0.02, the others at 0.05: the median is 0.05, the lower quarter 0.02."""
+    values, weights = np.array([0.05, 0.02]), np.array([0.7, 0.3])
+    assert curve.quantiles(values, weights).tolist() == [0.02, 0.02, 0.05, 0.05, 0.05]
+    half = np.array([0.5, 0.5])
+    assert curve.quantiles(values, half, (0.5, 0.51)).tolist() == [0.02, 0.05]
+    assert curve.quantiles(np.array([np.inf, 0.1]), weights, (0.5,)).tolist() == [np.inf]
+
+
+def bed_of(curve: ModuleType, steady: float) -> Any:
+    """Three grains whose loads over bed stress are the same in all flows."""
+    heights = np.array([0.3, 0.6, 0.9])
+    return curve.NaturalBed(curve.MeanFlows(heights), np.array([0.0, 10.0, 1000.0]), np.full((3, 3), steady))
+
+
+def test_in_the_viscous_layer_velocity_goes_as_stress(curve: ModuleType) -> None:
+    """A gust of twice the velocity has twice the stress: levels of a lognormal factor of intensity 0.3, exactly."""
+    bed = bed_of(curve, 0.04)
+    for at in (0.0, 0.01):
+        for probability in (0.001, 0.5):
+            shields, beyond = bed.shields(at, probability)
+            factors = curve.factor(bed.flows.intensity(at), probability)
+            assert shields == pytest.approx(0.04 / factors, rel=2e-3) and beyond == 0.0
+    assert curve.factor(np.array([0.3]), 0.001) == pytest.approx([2.3728], abs=5e-5)
+
+
+def test_on_rough_beds_stress_goes_as_velocity_squared(curve: ModuleType) -> None:
+    """Far above the viscous layer the profile over u* changes little: Nikuradse's law is the same at all u*."""
+    bed = bed_of(curve, 0.04)
+    factors = np.array([1.5, 1.5, 1.5])
+    faster = bed.flows.as_fast(400.0, factors)
+    assert faster / 400.0 == pytest.approx(factors, rel=0.03)
+
+
+def test_gusts_are_as_fast_as_asked_at_the_top(curve: ModuleType) -> None:
+    bed = bed_of(curve, 0.04)
+    for at, factors in ((1.0, [2.0, 2.0, 2.0]), (12.0, [0.8, 1.4, 2.5])):
+        faster = bed.flows.as_fast(at, np.array(factors))
+        for height, one, factor in zip((0.3, 0.6, 0.9), faster.tolist(), factors, strict=True):
+            speeds = [
+                u * float(MeanProfile(1.0, 1.0 / u, 1.0, 5.0).speed(np.array([height]))[0]) for u in (at, one)
+            ]
+            assert speeds[1] / speeds[0] == pytest.approx(factor, rel=3e-3)
+
+
+def test_a_bed_without_gusts_moves_at_its_steady_numbers(curve: ModuleType) -> None:
+    """A normal law is exceeded by its mean half of the time."""
+    heights, levels = np.array([0.4, 0.8]), np.array([0.0, 5.0, 10.0])
+    bed = curve.NaturalBed(
+        curve.MeanFlows(heights), levels, np.array([[0.1, 0.05, 0.04], [np.inf, np.inf, 0.08]])
+    )
+    assert bed.shields(5.0, 0.5, lognormal=False)[0] == pytest.approx([0.05, np.inf])
+    assert bed.shields(7.5, 0.5, lognormal=False)[0] == pytest.approx([1.0 / 22.5, 0.16], rel=1e-9)
+
+
+def test_what_emulators_know_in_a_mirror(natural_bed: ModuleType, curve: ModuleType) -> None:
+    """Neighbours above the centre, one at the left up the stream: n_x n_y exp(-gap/0.6) by hand, and what it hides."""
+    bead = next(one for one in natural_bed.free_grains(square_bed(), 0.0) if one.protrusion > 0.5)
+    bead = replace(bead, protrusion=1.2)
+    free = replace(bead, neighbours=np.empty((0, 3)), radii=np.empty(0))
+    # All of the disc is above the mean level: the mean height is that of its centre.
+    assert curve.coming_through(free) == pytest.approx(0.7)
+    places = np.array([[-0.9, 0.3, 0.6], [0.4, 0.2, -1.0]])
+    made = replace(bead, neighbours=places, radii=np.full(2, 0.5))
+    other = replace(bead, neighbours=places * [1.0, -1.0, 1.0], radii=np.full(2, 0.5))
+    away = math.sqrt(0.81 + 0.09 + 0.36)
+    assert curve.askew(made) == pytest.approx(-0.27 / away**2 * math.exp(-(away - 1.0) / 0.6))
+    assert curve.askew(other) == pytest.approx(-curve.askew(made))
+    assert curve.coming_through(other) == pytest.approx(curve.coming_through(made))
+    assert curve.coming_through(made) < 0.8 * curve.coming_through(free)
+
+
+def test_more_gusts_than_flows_are_told(curve: ModuleType) -> None:
+    bed = bed_of(curve, 0.04)
+    assert bed.shields(990.0, 0.001)[1] == 1.0
+
+
+def test_runs_are_stored_once(
+    natural_bed: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(natural_bed, "STORE", tmp_path / "runs.csv")
+    row = {"pocket": 7, "shear_reynolds": 3.0, "model": "laminar", "check": "", "speed": 0.5, "seconds": 20}
+    row |= dict.fromkeys(natural_bed.COMPONENTS, 1.0)
+    natural_bed.store([row])
+    natural_bed.store([row | {"force_x": 2.0}, row | {"check": "gap"}])
+    found = natural_bed.stored()
+    assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [(7, "", 2.0), (7, "gap", 1.0)]
+
+
+def test_a_run_begins_at_the_mean_level_of_its_bed(
+    natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spheres = square_bed()
+    grains = [one for one in natural_bed.free_grains(spheres, 0.0) if one.protrusion > 0.5]
+    monkeypatch.setattr(natural_bed, "first_bed", lambda: (spheres, grains))
+    made = natural_bed.scene(grains[0], 10.0, check="gap")
+    above = made.body.centre[2] + 0.5 - made.flow.datum
+    assert above == pytest.approx(grains[0].protrusion) and made.flow.kind == "log-law"
+    assert made.fluid.reynolds == 10.0 and made.title.split("|")[1:] == ["10", "laminar", "gap"]
+    assert natural_bed.scene(grains[0], 0.0).fluid.inertia is False
+
+
+def test_a_moved_grain_lies_on_the_others(curve: ModuleType) -> None:
+    """None overlaps another one, and the new one is held from below."""
+    before = square_bed()
+    after = curve.with_another(before, np.random.default_rng(3))
+    assert len(after) == len(before) + 1 and after.centres[:-1] == pytest.approx(before.centres)
+    gaps = np.linalg.norm(before.away(after.centres[-1]), axis=1) - 1.0
+    touching = np.abs(gaps) < 1e-6
+    assert gaps.min() > -1e-9 and touching.sum() >= 3
+    assert (before.away(after.centres[-1])[touching, 2] > 0.0).any()
