@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import natural_bed
@@ -49,29 +49,42 @@ class FlowLoads:
     """Load coefficients of grains at one u* d/nu, by runs past some of them.
 
     values: (k, 6) of the runs of pockets `numbers`
+    below: at the next lower u* d/nu with runs of the same pockets; None: there is none
     """
 
     shear_reynolds: float
     model: str
     numbers: tuple[int, ...]
     values: Floats
-
-    @cached_property
-    def _features(self) -> tuple[Floats, Floats]:
-        known = {one.number: one for one in natural_bed.first_bed()[1]}
-        return features([known[number] for number in self.numbers])
+    below: FlowLoads | None
 
     def without(self, fold: int) -> FlowLoads:
-        """The same without a fifth of the runs."""
-        kept = [place for place in range(len(self.numbers)) if place % FOLDS != fold]
+        """The same without about a fifth of the pockets."""
+        kept = [place for place, number in enumerate(self.numbers) if number % FOLDS != fold]
         numbers = tuple(self.numbers[place] for place in kept)
-        return FlowLoads(self.shear_reynolds, self.model, numbers, self.values[kept])
+        below = self.below and self.below.without(fold)
+        return FlowLoads(self.shear_reynolds, self.model, numbers, self.values[kept], below)
 
     @cached_property
     def emulators(self) -> tuple[Emulator, Emulator]:
         """Of the coefficients that a mirror leaves as they are, and of those that it turns round."""
-        even, odd = self._features
+        known = {one.number: one for one in natural_bed.first_bed()[1]}
+        lower = None
+        if self.below is not None:
+            lower = self.below.values[[self.below.numbers.index(number) for number in self.numbers]]
+        even, odd = self._inputs(features([known[number] for number in self.numbers]), lower)
         return Emulator.of(even, self.values[:, EVEN]), Emulator.of(odd, self.values[:, ODD])
+
+    def _inputs(self, known: tuple[Floats, Floats], lower: Floats | None) -> tuple[Floats, Floats]:
+        """What emulators go by: features and loads (n, 6) at a lower u* d/nu, above the viscous layer these alone.
+
+        Of the ways tried it foretells best those runs that were left out.
+        """
+        if lower is None:
+            return known
+        if self.shear_reynolds > LAYER:
+            return lower[:, EVEN], lower[:, ODD[:1]]
+        return np.column_stack([known[0], lower[:, EVEN[:2]]]), np.column_stack([known[1], lower[:, ODD[:1]]])
 
     @property
     def error(self) -> float:
@@ -79,12 +92,17 @@ class FlowLoads:
         wrong = self.emulators[0].errors[:, 0]
         return float(np.sqrt((wrong**2).mean()) / self.values[:, 0].mean())
 
-    def foretold(self, even: Floats, odd: Floats) -> tuple[Floats, Floats]:
-        """Coefficients (n, 6) and their standard deviations by features of grains."""
-        found = np.empty((2, len(even), 6))
-        for emulator, at, columns in zip(self.emulators, (even, odd), (EVEN, ODD), strict=True):
-            found[:, :, columns] = emulator.predicted(at)
-        return found[0], found[1]
+    def drawn(
+        self, known: tuple[Floats, Floats], lower: Floats | None, random: np.random.Generator
+    ) -> Floats:
+        """Coefficients (n, 6) by features and those below, with draws of what these cannot tell."""
+        found = np.empty((len(known[0]), 6))
+        for emulator, at, columns in zip(
+            self.emulators, self._inputs(known, lower), (EVEN, ODD), strict=True
+        ):
+            means, deviations = emulator.predicted(at)
+            found[:, columns] = means + deviations * random.standard_normal(means.shape)
+        return found
 
 
 def features(grains: Sequence[Pocket]) -> tuple[Floats, Floats]:
@@ -137,7 +155,10 @@ def flow_loads() -> list[FlowLoads]:
         own = [natural_bed.top_speed(natural_bed.protrusion_of(one), level) for one in numbers]
         scale = (np.array(own) / [row["speed"] for row in rows]) ** 2 if level else np.ones(len(rows))
         values = np.array([[row[name] for name in COMPONENTS] for row in rows]) * scale[:, None]
-        found[level] = FlowLoads(level, model, numbers, values)
+        lower = [
+            one for key, one in sorted(found.items()) if key < level and set(numbers) <= set(one.numbers)
+        ]
+        found[level] = FlowLoads(level, model, numbers, values, lower[-1] if lower else None)
     return [found[level] for level in sorted(found)]
 
 
@@ -265,34 +286,18 @@ def factor(intensity: Floats, probability: float, lognormal: bool = True) -> Flo
 class Sample:
     """The natural bed's grains with all that their Shields numbers come from.
 
-    beds: (n,) which bed each is of; coefficients: (n, m, 6) at the u* d/nu of `loads`
+    beds: (n,) which bed each is of; loads: at all u* d/nu, ascending
     """
 
     grains: list[Pocket]
     beds: Integers
     loads: list[FlowLoads]
-    coefficients: Floats
-    deviations: Floats
-
-    @classmethod
-    def of(cls, grains: list[Pocket], beds: Integers, loads: list[FlowLoads]) -> Sample:
-        """Coefficients of grains by runs, of a grain that has runs its own."""
-        at = features(grains)
-        foretold = [one.foretold(*at) for one in loads]
-        means, deviations = (np.stack(part, axis=1) for part in zip(*foretold, strict=True))
-        own = {id(one) for one in natural_bed.first_bed()[1]}
-        for place, one in enumerate(grains):
-            for level, known in enumerate(loads):
-                if id(one) in own and one.number in known.numbers:
-                    means[place, level] = known.values[known.numbers.index(one.number)]
-                    deviations[place, level] = 0.0
-        return cls(grains, beds, loads, means, deviations)
 
     def without(self, fold: int) -> Sample:
         """The same with loads by four fifths of the runs."""
-        return Sample.of(self.grains, self.beds, [one.without(fold) for one in self.loads])
+        return replace(self, loads=[one.without(fold) for one in self.loads])
 
-    @property
+    @cached_property
     def heights(self) -> Floats:
         """(n,) of the tops above the bed's mean level [d]."""
         return np.array([one.protrusion for one in self.grains])
@@ -302,21 +307,33 @@ class Sample:
         """Past their tops."""
         return MeanFlows(np.maximum(self.heights, LOWEST))
 
-    @property
-    def weights(self) -> Floats:
-        """(n,) alike for all grains, summing to one."""
-        return np.full(len(self.grains), 1.0 / len(self.grains))
+    @cached_property
+    def _features(self) -> tuple[Floats, Floats]:
+        return features(self.grains)
 
-    def bed(self, coefficients: Floats | None = None, friction: float = natural_bed.FRICTION) -> NaturalBed:
-        """The bed by these load coefficients, or others."""
-        levels = np.array([one.shear_reynolds for one in self.loads])
-        found = self.coefficients if coefficients is None else coefficients
-        return NaturalBed(self.flows, levels, critical(self.grains, found, friction))
+    @cached_property
+    def _own(self) -> list[tuple[int, int]]:
+        """Places of grains that have runs, and the numbers of their pockets."""
+        own = {id(one) for one in natural_bed.first_bed()[1]}
+        return [(place, one.number) for place, one in enumerate(self.grains) if id(one) in own]
+
+    def coefficients(self, seed: int) -> Floats:
+        """Load coefficients (n, m, 6): of a grain with a run its own, of others with draws of what is not known."""
+        random, found = np.random.default_rng(seed), dict[float, Floats]()
+        for loads in self.loads:
+            lower = loads.below and found[loads.below.shear_reynolds]
+            drawn = loads.drawn(self._features, lower, random)
+            for place, number in self._own:
+                if number in loads.numbers:
+                    drawn[place] = loads.values[loads.numbers.index(number)]
+            found[loads.shear_reynolds] = drawn
+        return np.stack(list(found.values()), axis=1)
 
     def drawn(self, seed: int, friction: float = natural_bed.FRICTION) -> NaturalBed:
-        """The bed with what features do not tell of loads drawn for each grain, alike at all u* d/nu."""
-        random = np.random.default_rng(seed).standard_normal((len(self.grains), 1, 6))
-        return self.bed(self.coefficients + random * self.deviations, friction)
+        """The bed by one draw of its loads."""
+        levels = np.array([one.shear_reynolds for one in self.loads])
+        steady = critical(self.grains, self.coefficients(seed), friction)
+        return NaturalBed(self.flows, levels, steady)
 
 
 def worked(spheres: Spheres, loads: FlowLoads, rounds: int, seed: int = 0) -> Spheres:
@@ -327,7 +344,8 @@ def worked(spheres: Spheres, loads: FlowLoads, rounds: int, seed: int = 0) -> Sp
     random = np.random.default_rng([seed, 5])
     for _ in range(rounds):
         grains = list(natural_bed.free_grains(spheres, 0.0))
-        steady = Sample.of(grains, np.zeros(len(grains), dtype=np.int64), [loads]).bed().steady[:, 0]
+        sample = Sample(grains, np.zeros(len(grains), dtype=np.int64), [loads])
+        steady = sample.drawn(seed).steady[:, 0]
         first = [grains[place].number for place in np.argsort(steady)[: round(0.1 * len(grains))].tolist()]
         kept = np.setdiff1d(np.arange(len(spheres)), first)
         spheres = Spheres(spheres.centres[kept], spheres.radii[kept], spheres.period)

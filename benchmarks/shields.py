@@ -219,7 +219,7 @@ def assumptions(loads: list[FlowLoads]) -> str:
         grains = [
             one for azimuth in natural_bed.AZIMUTHS for one in natural_bed.free_grains(spheres, azimuth)
         ]
-        sample = Sample.of(grains, np.zeros(len(grains), dtype=np.int64), loads)
+        sample = Sample(grains, np.zeros(len(grains), dtype=np.int64), loads)
         bed = Pooled([sample.drawn(seed, friction) for seed in range(DRAWS)])
         pivot = np.median([one.pivot for one in grains])
         shields = [bed.median(at) for at in ((0.0, 0.01), (10.0, 0.01), (10.0, 0.5))]
@@ -399,7 +399,7 @@ def draw_bed(axes: Axes, of_bed: list[dict[str, float]]) -> None:
 def main() -> None:
     """Write numbers, picture and tables."""
     loads = flow_loads()
-    rows, sample = computed(), Sample.of(*natural_bed.sample(), loads)
+    rows, sample = computed(), Sample(*natural_bed.sample(), loads)
     of_bed, shares = natural(sample), shares_of_pockets(sample)
     NUMBERS.write_text(csv_text(COLUMNS, rows))
     OF_BED.write_text(csv_text(COLUMNS_OF_BED, [{k: f"{v:.4g}" for k, v in row.items()} for row in of_bed]))
