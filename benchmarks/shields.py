@@ -409,13 +409,13 @@ def main() -> None:
         with BytesIO() as held:
             drawn.savefig(held, dpi=style.DOTS_PER_INCH, format="png")
             Image.open(held).convert("RGB").save(PICTURE, "WEBP", quality=85)
-    text = PAGE.read_text()
     tables = {
         "pockets": table_of_pockets(shares),
         "natural bed": table_of_bed(of_bed),
         "assumptions": assumptions(loads),
         "shields": table(rows),
     }
+    text = PAGE.read_text()
     for name, made in tables.items():
         begin, end = (mark.format(name) for mark in MARKS)
         text = f"{text.split(begin)[0]}{begin}\n\n{made}\n\n{end}{text.split(end)[1]}"
