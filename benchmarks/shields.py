@@ -6,7 +6,7 @@ fluctuation is lognormal, of the intensity near walls of `incipient.entrainment`
 observations in flumes, a balance of forces by Monte Carlo with assumed drag, lift and protrusion, Zanke's curve,
 Soulsby & Whitehouse's.
 
-Cost:    three minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
+Cost:    five minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
 Run:     python benchmarks/shields.py
 Results: docs/figures/shields.webp, docs/shields.csv, docs/natural_bed.csv, docs/pockets.csv, tables in docs/shields.md
 """

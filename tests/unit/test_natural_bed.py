@@ -170,6 +170,35 @@ def test_runs_are_stored_once(
     assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [(7, "", 2.0), (7, "gap", 1.0)]
 
 
+@pytest.mark.parametrize(("turbulent", "model", "share"), [(8, "k-omega-sst", 0.25), (7, "laminar", 1.0)])
+def test_turbulent_runs_take_over_once_there_are_enough(
+    curve: ModuleType,
+    natural_bed: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    turbulent: int,
+    model: str,
+    share: float,
+) -> None:
+    """A flow that enters twice as fast at the top has a quarter of its loads over the bed's own stress."""
+    speed = natural_bed.top_speed(0.6, 30.0)
+    made = [
+        ("creeping", 0.0, 8, 0.6),
+        ("laminar", 30.0, 8, speed),
+        ("k-omega-sst", 30.0, turbulent, 2.0 * speed),
+    ]
+    loads = dict.fromkeys(natural_bed.COMPONENTS, 3.0)
+    rows = [
+        {"pocket": float(number), "shear_reynolds": level, "model": name, "check": "", "speed": top} | loads
+        for name, level, count, top in made
+        for number in range(count)
+    ]
+    monkeypatch.setattr(natural_bed, "stored", lambda: rows)
+    monkeypatch.setattr(natural_bed, "protrusion_of", lambda number: 0.6)
+    creeping, fast = curve.flow_loads()
+    assert fast.model == model and fast.below is creeping and creeping.below is None
+    assert fast.values == pytest.approx(3.0 * share * np.ones((8, 6)))
+
+
 def test_a_run_begins_at_the_mean_level_of_its_bed(
     natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
