@@ -85,11 +85,12 @@ def _inflow() -> Any:
     from programs import openfoam_step
 
     from incipient.planning.flow_setup import Setup
-    from incipient.planning.wall_conditions import Measured
+    from incipient.planning.measured_profile import Measured
     from incipient.scene.file import load
 
     setup = Setup(load(SCENE))
-    enters = Measured.of(setup.walls, setup.turbulence)
+    asked = setup.turbulence
+    enters = Measured.of(setup.walls, asked.profile, asked.intensity, asked.length, asked.c_mu)
     low, high = enters.walls.floor + enters.walls.distance, enters.walls.ceiling
     heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
     columns = (

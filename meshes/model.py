@@ -34,8 +34,8 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
     with session() as model:
         with complaints_as_errors():
             frame = Frame.of(region)
-            curves = _draw_region(region, frame)
-            _set_sizes(sizes, curves, frame)
+            curves = draw_region(region, frame)
+            set_sizes(sizes, curves, frame)
             _mesh(order)
             _put_in_place(frame)
         yield model
@@ -141,7 +141,7 @@ class _Pen:
         raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn; use lines, arcs or splines")
 
 
-def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
+def draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
     """Draw, name the boundaries, and return the curves of each."""
     left, right = region.bottom[0].start, region.bottom[-1].end
     pen = _Pen(frame, tolerance=max(1e-9 * abs(right[0] - left[0]) / frame.length, GRID))
@@ -177,7 +177,8 @@ def name_parts(dimension: int, fluid: int, boundary: dict[str, list[int]]) -> No
         gmsh.model.setPhysicalName(dimension - 1, tag, name)
 
 
-def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
+def set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
+    """Let cells be as `sizes` says near curves by name, in a frame, and everywhere."""
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:

@@ -120,12 +120,14 @@ class WallLayers:
     """How thick cells at walls are: that of the first layer at each named wall, how many layers, and their growth."""
 
     first: dict[str, float]
-    number: int
+    number: int  # at most
     growth: float
+    graded: bool = False  # thinner layers grow less: by a factor all of them become thinner
 
     def scaled(self, factor: float) -> WallLayers:
         """First layers thicker by a factor."""
-        return replace(self, first={name: factor * size for name, size in self.first.items()})
+        growth = self.growth**factor if self.graded else self.growth
+        return replace(self, first={name: factor * size for name, size in self.first.items()}, growth=growth)
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ class Sizes:
     field: SizeField | None = None
     # In space, cells are at most this part of the width between the bed and a grain, or two grains
     gap_part: float = float("inf")
-    layers: WallLayers | None = None  # in space, along walls; None: there are none
+    layers: WallLayers | None = None  # along walls; None: there are none
 
     def scaled(self, factor: float) -> Sizes:
         """All sizes but a field's times a factor: one number refines everything alike."""

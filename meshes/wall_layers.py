@@ -52,19 +52,19 @@ def layered(made: Tetrahedra, layers: WallLayers) -> tuple[Tetrahedra, Columns]:
         wanted[made.sides[name]] = layers.first[name]
     inwards = _inwards(made, walls, feet)
     thickness = _room(made, triangles, feet, inwards, wanted, layers)
-    steps = _steps(thickness[feet], wanted[feet], layers)  # (feet, layers + 1)
+    ends = steps(thickness[feet], wanted[feet], layers)  # (feet, layers + 1)
     row = np.full(number, -1)
     row[feet] = np.arange(len(feet))
     # What was on a wall is where the layers end, of which there are fewer where they are thin; points below are new.
-    new = steps < steps[:, -1:]
+    new = ends < ends[:, -1:]
     numbers = np.tile(feet[:, None], (1, layers.number + 1))
     numbers[new] = number + np.arange(new.sum())
-    heights = (made.points[feet, None] + steps[:, :, None] * inwards[feet, None])[new]
+    heights = (made.points[feet, None] + ends[:, :, None] * inwards[feet, None])[new]
     points = np.concatenate([made.points, heights])
-    points[feet] += steps[:, -1:] * inwards[feet]
+    points[feet] += ends[:, -1:] * inwards[feet]
     foot, share = np.full(len(points), -1), np.zeros(len(points))
     foot[numbers] = numbers[:, :1]
-    share[numbers] = 1.0 - steps / steps[:, -1:]
+    share[numbers] = 1.0 - ends / ends[:, -1:]
     columns = numbers[row[triangles]]  # (triangles, 3, layers + 1)
     a, b, c = columns.transpose(1, 0, 2)
     low, high = slice(None, -1), slice(1, None)
@@ -167,7 +167,7 @@ def _even(thickness: Floats, edges: Integers, lengths: Floats) -> None:
         np.minimum(thickness, most, out=thickness)
 
 
-def _steps(thickness: Floats, first: Floats, layers: WallLayers) -> Floats:
+def steps(thickness: Floats, first: Floats, layers: WallLayers) -> Floats:
     """Heights (n, number + 1) above a wall at which layers end, the first of them as wanted.
 
     As many as there is room for, at least one; those beyond are where the last one is.

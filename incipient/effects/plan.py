@@ -100,7 +100,9 @@ def _geometry_order(setup: Setup) -> int:
     curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
     if geometry.bed is not None:
         curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
-    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[setup.order.number]
+    # Cells in layers are of order two at most.
+    order = 2 if setup.resolves_walls else setup.order.number
+    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[order]
 
 
 def _has_flat_faces(geometry: Geometry) -> bool:

@@ -17,14 +17,15 @@ from .domain import Domain
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
 NEAREST = {2: 6, 3: 12}
-# Nodes of a facet that are corners of its straight pieces: of an edge and its middle, of a triangle and its edges'.
-PIECES = {2: ((0, 2), (2, 1)), 3: ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))}
+# Nodes of a triangle and its edges that are corners of its straight pieces; pieces of an edge, which may stand off from
+# its chord by more than the thinnest cells are thick.
+PIECES, PIECES_OF_EDGE = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)), 8
 
 
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
     """Distances (n,) of places (n, gdim) from the next of the named walls of a domain. Collective.
 
-    Curved walls are taken as two straight pieces a facet, in space as four.
+    Curved walls are taken as eight straight pieces a facet, in space as four.
     """
     pieces = _pieces(domain, walls)
     lengths = np.linalg.norm(pieces[:, 1:] - pieces[:, :1], axis=2).max(axis=1)
@@ -50,7 +51,7 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of the straight pieces of walls, two a facet, in space four, on all ranks. Collective."""
+    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in space four, on all ranks. Collective."""
     mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
     facets = np.concatenate([domain.facets_of(name) for name in walls])
@@ -67,7 +68,11 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
         rows.append(dofs[cell][local[number]])
     found = places[np.array(rows, dtype=np.int64).reshape(-1, 3 * of_facets)]
     nodes = np.concatenate(domain.comm.allgather(found))
-    return np.concatenate([nodes[:, piece] for piece in PIECES[domain.gdim]])
+    if domain.gdim == 3:
+        return np.concatenate([nodes[:, piece] for piece in PIECES])
+    t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
+    along = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)]) @ nodes
+    return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 2)
 
 
 def _in_order(layout: Any, dimension: int, facet: int) -> Integers:

@@ -1,13 +1,15 @@
 """Sizes of the cells away from everything, and where cells are graded."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise, takewhile
 
 import numpy as np
 
 from ..arrays import Point
 from ..geometry.plane.curves import Curve
+from ..meshes import Near
 
 FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
@@ -19,6 +21,10 @@ GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/space.md)
 FEWEST_ROWS = 6  # of a channel, whatever the cells' size
 FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the cells' size
+
+# Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
+# bed falls; their growth away from it; points along it; sine of the turn from which on a corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 
 
 @dataclass(frozen=True)
@@ -97,3 +103,20 @@ def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point,
         for before, after in zip(curves, following, strict=False)
         if before.tangent([1.0])[0] @ after.tangent([0.0])[0] < cosine
     )
+
+
+def separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
+    """Corners that stick out into the flow, which separates there, and how far the bed falls behind each."""
+    for before, after in pairwise(range(len(bed))):
+        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
+            yield bed[after].start, bed[after].start[1] - lowest
+
+
+def lee(corner: Point, drop: float) -> Near:
+    """Cells in the shear layer that leaves a corner."""
+    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+    points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
+    return Near(LEE_CELL * drop, LEE_GROWTH, points=points)

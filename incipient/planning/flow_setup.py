@@ -122,9 +122,9 @@ class Setup:
     @cached_property
     def resolved_walls(self) -> ResolvedWalls:
         """Walls that the mesh resolves, and what enters between them."""
-        from .resolved_walls import resolved_walls_of
+        from .measured_inflow import resolved_walls_as_asked
 
-        return resolved_walls_of(self.geometry, self.base_flow, self.sides, self.turbulence.roughness)
+        return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)
 
     @cached_property
     def walls(self) -> LayeredWalls:

@@ -55,7 +55,7 @@ class Layout:
         """
         self._require_few_cells()
         with required():
-            from ..meshes import box, model, solid_model
+            from ..meshes import box, layered_model, model, solid_model
 
         if isinstance(self.shape, SolidRegion):
             return solid_model.solid_model(self.shape, self.sizes, self.geometry_order)
@@ -65,6 +65,8 @@ class Layout:
             return model.solid_grid_model(self.shape, self.geometry_order)
         if isinstance(self.shape, Grid):
             return model.grid_model(self.shape, self.geometry_order)
+        if self.sizes.layers is not None:
+            return layered_model.layered_model(self.shape, self.sizes, self.geometry_order)
         return model.region_model(self.shape, self.sizes, self.geometry_order)
 
     def _require_few_cells(self) -> None:

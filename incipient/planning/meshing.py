@@ -1,5 +1,6 @@
 """The region that gmsh meshes, from the geometry of a scene: where everything is, and how finely it is meshed."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,11 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from . import meshing_in_space as in_space
-from .cells import CLOSED, FAR_CELL, FEWEST, corners
+from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
+from .resolved_walls import ALONG
 from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
@@ -23,6 +25,8 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
+# At corners of a bed with layers of thin cells: cells along the walls, over the first layer's thickness.
+BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25
 # Along the bed below the mean profile of a log-law flow, in thicknesses of its layer next to the bed.
 PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 
@@ -109,7 +113,8 @@ def _bottom(geometry: Geometry, reaches: tuple[tuple[float, float], ...]) -> tup
 
 
 def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
-    return Sizes(FAR_CELL[order] * setup.geometry.domain.height, finer)
+    layers = setup.resolved_walls.thin_layers(order) if setup.resolves_walls else None
+    return Sizes(FAR_CELL[order] * setup.geometry.domain.height, finer, layers=layers)
 
 
 def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance) -> tuple[Near, ...]:
@@ -128,7 +133,9 @@ def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance)
         placement = stance.placement if geometry.moves else geometry.placement
         near.extend(cells(setup.walls, geometry, order, placement))
     if setup.resolves_walls:
-        near.extend(setup.resolved_walls.cells(order))
+        placed = () if stance.placement is None else (geometry.grain.size, point(stance.placement.centre))
+        near.extend(setup.resolved_walls.cells(*placed))
+        near.extend(_at_bed_corners(setup))
     if setup.base_flow.flow.kind == "lid":
         domain = geometry.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
@@ -160,6 +167,17 @@ def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) ->
     if stance.placement is not None and not layered:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
+
+
+def _at_bed_corners(setup: Setup) -> Iterator[Near]:
+    """Cells where thin layers meet at a corner of the bed, and where a flow leaves one that sticks out."""
+    geometry, walls = setup.geometry, setup.resolved_walls
+    if geometry.bed is None:
+        return
+    bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
+    if sharp := corners(bed[:-1], bed[1:]):
+        yield Near(BED_CORNER_CELL * walls.first, BED_CORNER_GROWTH, points=sharp)
+    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > ALONG * walls.depth)
 
 
 def _box(setup: Setup, cell: float) -> Grid | BoxGrid:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..arrays import Floats
+from ..arrays import Floats, Point
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
-from ..meshes import Grid, Near, SolidGrid, WallLayers
+from ..meshes import Away, Grid, Near, SolidGrid, WallLayers
 from ..meshes.region import PART
 from ..meshes.solid_region import SYMMETRY
 from .base_flow import BaseFlow
@@ -28,12 +28,28 @@ ON_SAND = 0.25  # of the length over which omega falls at rough walls: rows and 
 THICKEST = 2.5  # wall units, up to which only molecules matter in the cells at smooth walls
 GROWTH, LARGEST_ROW = 0.3, 0.08  # of cells with the distance from walls; of the depth
 CELL_GROWTH = 0.3  # of cells that are not stretched
+ALONG = 0.1  # of the depth: size of cells along walls, where nothing else asks for smaller ones
+NEAR_GRAIN, AWAY_GROWTH = (
+    0.1,
+    0.05,
+)  # of a grain's size: those next to it; and how they grow along walls away from it
+GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
 ACROSS = 2  # layers of such a mesh in space, at the least
 LAYER_GROWTH = 1.5  # of layers along walls in space, by which as many are made as lead to the cells beyond
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
 SLOWEST = 1e-3  # of the height of the first volume, below which what enters does not change
+
+
+class Entering(Protocol):
+    """What enters in place of developed flow, by heights (n,) above the lower wall. No method is collective."""
+
+    def speed(self, above: Floats) -> Floats:
+        """Speeds (n,)."""
+
+    def logarithms(self, above: Floats) -> Floats:
+        """ln k and ln omega (2, n)."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +65,7 @@ class ResolvedWalls:
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls, 0: smooth
+    measured:       what enters in place of developed flow; None: that does
     """
 
     depth: float
@@ -62,6 +79,7 @@ class ResolvedWalls:
     up: int
     developed: DevelopedChannel
     roughness: float = 0.0
+    measured: Entering | None = None
 
     @property
     def sand(self) -> float:
@@ -111,19 +129,29 @@ class ResolvedWalls:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-        return self.velocity_at(self.from_next(x))
+        if self.measured is None:
+            return self.velocity_at(self.from_next(x))
+        return self._along(self.measured.speed(np.maximum(x[self.up] - self.floor, 0.0)))
+
+    def _along(self, speed: Floats) -> Floats:
+        return np.vstack([speed, *np.zeros((self.up, len(speed)))])
 
     def velocity_at(self, away: Floats) -> Floats:
         """The velocity (gdim, n) that enters at distances (n,) from the next wall. Not collective."""
-        speed = self._speed(np.minimum(away / self.depth, 1.0))
-        return np.vstack([speed, *np.zeros((self.up, len(away)))])
+        if self.measured is not None:
+            return self._along(self.measured.speed(np.minimum(away, self.depth)))
+        return self._along(self._speed(np.minimum(away / self.depth, 1.0)))
 
     def logarithms(self, x: Floats) -> Floats:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
-        return self.logarithms_at(self.from_next(x))
+        if self.measured is None:
+            return self.logarithms_at(self.from_next(x))
+        return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
 
     def logarithms_at(self, away: Floats) -> Floats:
         """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
+        if self.measured is not None:
+            return self.measured.logarithms(np.minimum(away, self.depth))
         found, first = self.developed, self.developed.heights[1]
         if self.roughness:
             profiles = found.log_k + 2.0 * math.log(self.shear_velocity), found.log_omega
@@ -157,11 +185,19 @@ class ResolvedWalls:
         sides = SYMMETRY if geometry.symmetric else "right", "left"
         return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
 
-    def cells(self, order: int) -> tuple[Near, ...]:
-        """Cells at walls in the plane of which some are no planes. Not collective."""
+    def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
+        """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
+        largest = ALONG * self.depth
+        size = min(largest, NEAR_GRAIN * grain)
+        far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
         return tuple(
-            Near(size, CELL_GROWTH, boundary=name) for name, size in self._first_cells(order).items()
+            Near(size, CELL_GROWTH, boundary=name, away=None if name == "body" else far)
+            for name in self.names
         )
+
+    def thin_layers(self, order: int) -> WallLayers:
+        """Layers at walls in the plane of which some are no planes. Not collective."""
+        return WallLayers(self._first_cells(order), MOST_LAYERS, GROWTH_OF_LAYERS, graded=True)
 
     def layers(self, order: int, along: float) -> WallLayers:
         """Layers at walls in space of which some are no planes, with cells of a size along them. Not collective."""
@@ -179,7 +215,7 @@ class ResolvedWalls:
 def resolved_walls_of(
     geometry: Geometry, base_flow: BaseFlow, names: SideNames, roughness: float = 0.0
 ) -> ResolvedWalls:
-    """The walls of a flow, of an equivalent sand roughness, and what enters between them. Not collective.
+    """The walls of a flow and what enters between them, of an equivalent sand roughness. Not collective.
 
     Raises:
         ConvergenceError: there is no developed flow that could be found.

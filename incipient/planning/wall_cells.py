@@ -1,17 +1,11 @@
 """Cells at walls with wall functions: rows of a channel, and sizes along other walls."""
 
 import math
-from collections.abc import Iterator
-from itertools import pairwise, takewhile
 
-import numpy as np
-
-from ..arrays import Point
 from ..geometry.placement import Placement
-from ..geometry.plane.curves import Curve
 from ..meshes import Away, Grid, Near, SolidGrid
 from ..meshes.solid_region import SYMMETRY
-from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends
+from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends, lee, separating
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
 from .sides import SideNames
@@ -28,9 +22,6 @@ FIRST_OF_GRADED = 2.0 * GRADING / (1.0 + GRADING)  # first over mean row of thos
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
-# Behind such a corner: how far its shear layer reaches, and the cells in it, over the height by which the bed falls;
-# their growth away from it; points along it; sine of the turn from which on a corner is one.
-LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 LAYERS = 2  # of cells across a channel in space, at the least
 
 
@@ -96,25 +87,8 @@ def cells(
     ]
     if geometry.bed is not None and geometry.gdim == 2:
         bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
-        if separating := tuple(_separating(bed)):
-            points = tuple(corner for corner, _ in separating)
+        if leaving := tuple(separating(bed)):
+            points = tuple(corner for corner, _ in leaving)
             found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=points))
-        found.extend(_lee(corner, drop) for corner, drop in separating if drop > size)
+        found.extend(lee(corner, drop) for corner, drop in leaving if drop > size)
     return tuple(found)
-
-
-def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
-    """Corners that stick out into the flow, which separates there, and how far the bed falls behind each."""
-    for before, after in pairwise(range(len(bed))):
-        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
-        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
-            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
-            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
-            yield bed[after].start, bed[after].start[1] - lowest
-
-
-def _lee(corner: Point, drop: float) -> Near:
-    """Cells in the shear layer that leaves a corner."""
-    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
-    points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
-    return Near(LEE_CELL * drop, LEE_GROWTH, points=points)

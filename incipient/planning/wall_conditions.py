@@ -16,6 +16,7 @@ from ..meshes.solid_region import SYMMETRY
 from ..scene import Turbulence
 from .cells import CLOSED
 from .flow_setup import Setup
+from .measured_profile import Measured
 from .wall_law import SAMPLES
 from .wall_layer import LayeredWalls
 
@@ -41,7 +42,7 @@ def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
     `Measured`.
     """
     if asked.inflow == "profile":
-        found = Measured.of(walls, asked)
+        found = Measured.of(walls, asked.profile, asked.intensity, asked.length, asked.c_mu)
         parts = found.speed, found.energy, found.dissipation
         return EnteringTurbulence(*(partial(_at_height, part) for part in parts))
     c_mu, reach, mean, places = asked.c_mu, walls.reach, walls.mean, inflow_places(walls)
@@ -92,91 +93,6 @@ def _mean_in_mesh(walls: LayeredWalls) -> float:
     whole = walls.mean * walls.number * walls.depth * (left - right + 2.0 * off)
     layers = walls.beside * (left - right) + (2.0 * (high - low) if off else 0.0)
     return (whole - layers * beyond) / ((high - low) * (left - right))
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A profile given by rows, and the law of the wall between them and the walls.
-
-    Speeds are cubic in the logarithm of the height and monotone where the rows are. Where k is not given it is in
-    equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), and that of the least intensity is added; l is kappa
-    times the distance from the next wall, at most the one given. Heights are those over which the mesh extends: where
-    it ends at a wall itself they are stretched to begin a distance of the law above it.
-    """
-
-    walls: LayeredWalls
-    rows: np.ndarray
-    c_mu: float
-    length: float
-    least: float
-
-    @classmethod
-    def of(cls, walls: LayeredWalls, asked: Turbulence) -> Measured:
-        """The profile that a section gives between walls, in units of the scene. Not collective."""
-        mean = walls.mean
-        assert asked.intensity is not None and asked.length is not None
-        rows = np.array(asked.profile) * np.array([1.0, mean, mean**2])[: len(asked.profile[0])]
-        least = 1.5 * (asked.intensity * mean) ** 2
-        return cls(walls, rows, asked.c_mu, asked.length, least)
-
-    def speed(self, height: np.ndarray) -> np.ndarray:
-        """Speeds (n,) at heights (n,) in the scene."""
-        return self._speed_and_slope(height)[0]
-
-    def energy(self, height: np.ndarray) -> np.ndarray:
-        """k (n,) at heights (n,) in the scene."""
-        if self.rows.shape[1] == 3:
-            return np.interp(self.above(height), self.rows[:, 0], self.rows[:, 2]) + self.least
-        slope = self._speed_and_slope(height)[1]
-        return (self._mixing_length(height) * slope) ** 2 / math.sqrt(self.c_mu) + self.least
-
-    def dissipation(self, height: np.ndarray) -> np.ndarray:
-        """epsilon (n,) at heights (n,) in the scene."""
-        return np.asarray(self.c_mu**0.75 * self.energy(height) ** 1.5 / self._mixing_length(height))
-
-    @property
-    def _between(self) -> float:
-        """Height between the walls that the rows are measured between."""
-        return self.walls.number * self.walls.depth
-
-    def above(self, height: np.ndarray) -> np.ndarray:
-        """Heights (n,) above the wall, as they were measured."""
-        walls = self.walls
-        low = walls.floor + walls.distance
-        whole = self._between - walls.number * walls.distance
-        return np.clip(
-            walls.distance + (height - low) / (walls.ceiling - low) * whole, walls.distance, self._between
-        )
-
-    def _mixing_length(self, height: np.ndarray) -> np.ndarray:
-        above = self.above(height)
-        away = np.minimum(above, self._between - above) if self.walls.number == 2 else above
-        return np.minimum(self.walls.law.kappa * np.maximum(away, self.walls.distance), self.length)
-
-    def _speed_and_slope(self, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Speeds and their slopes (n,)."""
-        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
-
-        above, law = self.above(height), self.walls.law
-        y, u = self.rows[:, 0], self.rows[:, 1]
-        ends = np.array([y[0], self._between - y[-1]])
-        first, last = law.shear_velocity(u[[0, -1]], self.walls.viscosity, ends)
-        slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
-        slopes[0] = first / law.kappa
-        slopes[-1] = -last / law.kappa * y[-1] / ends[1] if self.walls.number == 2 else 0.0
-        between = CubicHermiteSpline(np.log(y), u, slopes)
-        within = np.log(np.clip(above, y[0], y[-1]))
-        down = np.maximum(self._between - above, self.walls.distance)
-        near, far = above < y[0], above > y[-1]
-        upper = (law.velocity(last, self.walls.viscosity, down) * last, last / (law.kappa * down))
-        if self.walls.number == 1:
-            upper = (np.full_like(above, u[-1]), np.zeros_like(above))
-        lower = (law.velocity(first, self.walls.viscosity, above) * first, first / (law.kappa * above))
-        inner = (between(within), np.abs(between(within, 1)) / above)
-        return tuple(
-            np.where(near, low, np.where(far, high, middle))
-            for low, high, middle in zip(lower, upper, inner, strict=True)
-        )  # type: ignore[return-value]
 
 
 def _uniform(value: float, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:

@@ -95,9 +95,12 @@ class Turbulence(Section):
         """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
         if self.has_wall_functions:
             return None
-        if self.inflow != "developed":
-            why = f'is "{self.inflow}", which model = "k-omega-sst" does not simulate in this version'
-            return "inflow", why, 'use "developed", or model = "k-epsilon"'
+        if self.inflow == "given":
+            why = 'is "given", which model = "k-omega-sst" does not simulate in this version'
+            return "inflow", why, 'use "developed" or "profile", or model = "k-epsilon"'
+        if self.inflow == "profile" and self.roughness:
+            why = 'is "profile", which model = "k-omega-sst" has between smooth walls only in this version'
+            return "inflow", why, 'leave wall = "rough" out, or use model = "k-epsilon"'
         usual = Turbulence()
         given = [key for key in OF_K_EPSILON if getattr(self, key) != getattr(usual, key)]
         return (given[0], 'is not read by model = "k-omega-sst"', "leave it out") if given else None

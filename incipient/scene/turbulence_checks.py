@@ -31,6 +31,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
+            if scene.turbulence is not None and scene.turbulence.inflow == "profile":
+                why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
+                yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
     yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"

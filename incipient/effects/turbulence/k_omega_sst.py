@@ -54,6 +54,7 @@ class KOmegaSST(TurbulenceFields):
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
         roughness: equivalent sand roughness of the walls, 0: smooth.
         stress: typical shear stress at rough walls.
+        in_layers: whether layers of thin cells lie along walls that are no planes.
     """
 
     second = "omega"
@@ -68,6 +69,7 @@ class KOmegaSST(TurbulenceFields):
         least: float = 0.0,
         roughness: float = 0.0,
         stress: float = 0.0,
+        in_layers: bool = False,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -77,6 +79,7 @@ class KOmegaSST(TurbulenceFields):
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
         self._molecules, self._least, self._roughness = viscosity, least, roughness
+        self._in_layers = in_layers
         self._stress, self._little = self.constant(stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
@@ -170,8 +173,8 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _reach(self) -> Any:
-        """In space cells grow away from walls faster than the logarithms bear along the streams alone."""
-        if self.domain.gdim == 2:
+        """In layers cells grow away from walls faster than the logarithms bear along the streams alone."""
+        if not self._in_layers:
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
@@ -256,7 +259,7 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        kinds = walls.roughness, walls.shear_velocity**2
+        kinds = walls.roughness, walls.shear_velocity**2, not walls.plane or self._scene.gdim == 3
         return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
 
     def _entering(self) -> tuple[Velocity, Values]:

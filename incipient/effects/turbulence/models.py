@@ -77,6 +77,8 @@ class KOmegaModel(TurbulenceModel):
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Flows that are laminar by the model, fine sand; coarse sand, and laminar flow past grains in space, raise."""
         walls = setup.resolved_walls
+        for why in limits.rows_beyond(setup, walls.number, walls.depth):
+            raise SceneError(why)
         if (share := walls.roughness / walls.depth) > COARSEST:
             raise SceneError(
                 f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the depth, at most "

@@ -1,0 +1,146 @@
+"""A measured profile that enters a flow whose walls are resolved: speed and k as measured, the model's own at walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from ..arrays import Floats
+from ..forms.k_omega_sst import BETA_STAR
+from .base_flow import BaseFlow
+from .developed_channel import DevelopedChannel
+from .measured_profile import Measured, Rows
+from .resolved_walls import ResolvedWalls, resolved_walls_of
+from .scene_geometry import Geometry
+from .sides import SideNames
+from .wall_law import WallLaw
+
+NEAREST = 1e-9  # of the depth: height that stands for none
+BISECTIONS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class InnerLaw:
+    """The model's own law of smooth walls, u+ by y+: that of developed flow. No method is collective."""
+
+    developed: DevelopedChannel
+    kappa: float = WallLaw().kappa
+
+    @cached_property
+    def _law(self) -> Any:
+        return PchipInterpolator(self.developed.heights * self.developed.re_tau, self.developed.speed)
+
+    def velocity(self, shear_velocity: Any, viscosity: float, height: Any) -> Floats:
+        """u+ at heights."""
+        return np.asarray(self._law(np.minimum(shear_velocity * height / viscosity, self.developed.re_tau)))
+
+    def shear_velocity(self, speed: Floats, viscosity: float, height: Floats) -> Floats:
+        """u* at which speeds (n,) are those at heights (n,), by bisection."""
+        low, high = np.zeros_like(speed), np.sqrt(speed**2 + viscosity * speed / height)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            fast = middle * self.velocity(middle, viscosity, height) > speed
+            low, high = np.where(fast, low, middle), np.where(fast, middle, high)
+        return np.asarray(0.5 * (low + high))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredInflow:
+    """What enters by measured rows between walls that are resolved. No method is collective.
+
+    Between the rows speeds are cubic in the logarithm of the height, k is as measured, or in equilibrium with the
+    mixing length, and omega is k^(1/2)/(beta*^(1/4) l), see `measured_profile.Measured`. Between the rows and a wall
+    all are those of developed flow at the u* that the next row has by it; k and omega go over to those at the row as
+    the square of the distance.
+
+    walls: as they are for developed flow; rows: as measured
+    """
+
+    walls: ResolvedWalls
+    rows: Measured
+
+    @classmethod
+    def of(
+        cls, walls: ResolvedWalls, rows: Rows, intensity: float | None, length: float | None
+    ) -> MeasuredInflow:
+        """What enters by rows, see `measured_profile.Measured`."""
+        whole = walls.number * walls.depth
+        between = SimpleNamespace(
+            law=InnerLaw(walls.developed),
+            viscosity=walls.viscosity,
+            depth=walls.depth,
+            number=walls.number,
+            floor=walls.floor,
+            ceiling=walls.floor + whole,
+            distance=NEAREST * whole,
+            mean=walls.mean,
+        )
+        return cls(walls, Measured.of(between, rows, intensity, length, BETA_STAR))
+
+    @cached_property
+    def shear_velocities(self) -> tuple[float, float]:
+        """u* at the lower wall and at the one on top."""
+        u = self.rows.rows[:, 1]
+        first, last = self.rows.walls.law.shear_velocity(u[[0, -1]], self.walls.viscosity, self._ends)
+        return float(first), float(last)
+
+    @property
+    def _ends(self) -> Floats:
+        """Distances (2,) of the outermost rows from their walls."""
+        y = self.rows.rows[:, 0]
+        return np.array([y[0], self.walls.number * self.walls.depth - y[-1]])
+
+    def speed(self, above: Floats) -> Floats:
+        """Speeds (n,) at heights (n,) above the lower wall."""
+        return self.rows.speed(above + self.walls.floor)
+
+    def logarithms(self, above: Floats) -> Floats:
+        """ln k and ln omega (2, n) at heights (n,) above the lower wall."""
+        heights = above + self.walls.floor
+        k, loss = self.rows.energy(heights), self.rows.dissipation(heights)
+        found = np.array([np.log(k), np.log(loss / (BETA_STAR * k))])
+        whole = self.walls.number * self.walls.depth
+        for u, end, away in zip(self.shear_velocities, self._ends, (above, whole - above), strict=True):
+            if away is not above and self.walls.number == 1:
+                break
+            near = away < end
+            share = (away[near] / end) ** 2
+            at_row = self._outer(end if away is above else whole - end)
+            inner = self._inner(u, np.append(away[near], end))
+            found[:, near] = inner[:, :-1] + share * (at_row - inner[:, -1:])
+        return found
+
+    def _outer(self, above: float) -> Floats:
+        """ln k and ln omega (2, 1) at a row."""
+        height = np.array([above + self.walls.floor])
+        k, loss = self.rows.energy(height), self.rows.dissipation(height)
+        return np.array([np.log(k), np.log(loss / (BETA_STAR * k))])
+
+    def _inner(self, shear_velocity: float, away: Floats) -> Floats:
+        """ln k and ln omega (2, n) of developed flow with a u* at distances (n,) from a wall."""
+        depth = self.walls.developed.re_tau * self.walls.viscosity / shear_velocity
+        walls = replace(self.walls, shear_velocity=shear_velocity, depth=depth)
+        return walls.logarithms_at(np.minimum(away, depth))
+
+
+def with_profile(
+    walls: ResolvedWalls, rows: Rows, intensity: float | None, length: float | None
+) -> ResolvedWalls:
+    """The walls of a flow that enters as rows say; without rows it is developed."""
+    if not rows:
+        return walls
+    measured = MeasuredInflow.of(walls, rows, intensity, length)
+    return replace(walls, shear_velocity=max(measured.shear_velocities[: walls.number]), measured=measured)
+
+
+def resolved_walls_as_asked(
+    geometry: Geometry, base_flow: BaseFlow, names: SideNames, asked: Any
+) -> ResolvedWalls:
+    """The walls of a flow that its model reaches, and what enters between them as its section asks. Not collective."""
+    walls = resolved_walls_of(geometry, base_flow, names, asked.roughness)
+    return with_profile(walls, asked.profile, asked.intensity, asked.length)
