@@ -103,17 +103,17 @@ class CoupledFlow:
     def _passing(self) -> Any:
         """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.
 
-        Where the strain is large what a change of the velocity carries would else outweigh the rate. In the plane all
-        cells are passed as fast as the fastest flow at the start: else k dies out where the flow separates, before it
-        has come there.
+        In space: where the strain is large what a change of the velocity carries would else outweigh the rate. In the
+        plane all cells are passed as fast as the fastest flow at the start: else k dies out where the flow separates,
+        before it has come there.
         """
         fluid = self._fluid
         velocity, _ = ufl.split(dolfinx.fem.Function(fluid.state.function_space, fluid.state.x))
         size = cell_size(fluid.domain.mesh)
+        passing = ufl.sqrt(ufl.inner(velocity, velocity) + self._speed**2) / size
+        passing += self._turbulence.of_molecules / size**2
         slope = ufl.grad(velocity)
-        sheared = ufl.sqrt(ufl.inner(slope, slope))
-        speed = ufl.sqrt(ufl.inner(velocity, velocity) + self._speed**2)
-        return speed / size + self._turbulence.of_molecules / size**2 + sheared
+        return passing + ufl.sqrt(ufl.inner(slope, slope)) if fluid.domain.gdim == 3 else passing
 
     def _assemble_blocks(self) -> None:
         conditions = [*self._conditions[0], *self._conditions[1]]
@@ -192,7 +192,8 @@ def solve_together(
                     break
                 continue
             bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
-            _bound(fluid, of_flow)
+            if fluid.domain.gdim == 3:
+                _bound(fluid, of_flow)
             for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
                 state.x.array[: len(values)] += values
                 state.x.scatter_forward()
