@@ -29,6 +29,7 @@ INNER, OUTER = (0.85, 0.5, 0.075, 5.0 / 9.0), (1.0, SIGMA_CROSS, 0.0828, 0.44)
 EXPONENT = 0.5 + math.sqrt(0.25 + 6.0 * BETA_STAR / INNER[2])  # n of k = c y^n next to a smooth wall
 LARGEST_ARGUMENT = 5.0  # of a blending function, from which on it is one to round-off
 LEAST_CROSS = 1e-10  # of d^2 grad K . grad W, as a divisor
+LEAST_SHARE = 1e-6  # of k in what its unknown holds, as a divisor
 LEAST_RATE = 1e-30  # of S^2, so that its root has a derivative
 SMOOTHEST_SAND = 4.0  # u* k_s/nu below which a rough wall is as at this one, nearly smooth
 LITTLE_K = 0.01  # k over u*^2, which is added at rough walls: it does nothing there, and keeps ln k finite
@@ -42,14 +43,16 @@ class Closure:
 
     distance: of a place from the next wall (UFL), above zero
     least:    k at which no more of it is destroyed: far below any that matters
+    added:    what K holds beside k, K = ln(k + added), so that it has no fronts where k vanishes; terms are those of k
     """
 
     distance: Any
     least: Any = 0
+    added: Any = None
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
         """nu_t = k/max(omega, S F_2/a_1)."""
-        return ufl.exp(logarithms[0]) * self._time(logarithms, stream)
+        return self.energy(logarithms[0]) * self._time(logarithms, stream)
 
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
         """Diffusivities of k and of omega, molecules and eddies together."""
@@ -65,9 +68,11 @@ class Closure:
         omega, square = ufl.exp(logarithms[1]), _square(stream.velocity)
         inner = self.inner_share(logarithms, stream.viscosity)
         made = ufl.min_value(square * self._time(logarithms, stream), MOST_PRODUCED * BETA_STAR * omega)
+        made *= self._share(logarithms[0], 0.0)
         along = ufl.inner(ufl.grad(logarithms[0]), ufl.grad(logarithms[1]))
         cross = 2 * (1 - inner) * SIGMA_CROSS * ufl.exp(logarithms[0] - logarithms[1]) * along
-        lost = BETA_STAR * omega * (1 - self.least * ufl.exp(-logarithms[0]))
+        kept = self.least if self.added is None else self.added
+        lost = BETA_STAR * omega * (1 - kept * ufl.exp(-logarithms[0]))
         return made - lost, _mixed(inner, 3) * square / omega - _mixed(inner, 2) * omega + cross
 
     def _time(self, logarithms: Any, stream: Stream) -> Any:
@@ -82,6 +87,7 @@ class Closure:
         k, w = logarithms
         d = self.distance
         cross = ufl.max_value(d**2 * ufl.inner(ufl.grad(k), ufl.grad(w)), LEAST_CROSS)
+        cross /= self._share(k, LEAST_SHARE)
         found = ufl.min_value(ufl.max_value(self._turbulent(k, w), self._viscous(w, viscosity)), 2 / cross)
         return ufl.tanh(ufl.min_value(found, LARGEST_ARGUMENT) ** 4)
 
@@ -93,7 +99,17 @@ class Closure:
 
     def _turbulent(self, k: Any, w: Any) -> Any:
         """sqrt(k)/(beta* omega d)."""
-        return ufl.exp(k / 2 - w) / (BETA_STAR * self.distance)
+        root = ufl.exp(k / 2) if self.added is None else ufl.sqrt(self.energy(k) + LEAST_RATE)
+        return root * ufl.exp(-w) / (BETA_STAR * self.distance)
+
+    def energy(self, logarithm: Any) -> Any:
+        """k by its unknown."""
+        k = ufl.exp(logarithm)
+        return k if self.added is None else ufl.max_value(k - self.added, 0)
+
+    def _share(self, logarithm: Any, least: float) -> Any:
+        """The share of k in what its unknown holds, not below a least one."""
+        return 1 if self.added is None else ufl.max_value(1 - self.added * ufl.exp(-logarithm), least)
 
     def _viscous(self, w: Any, viscosity: Any) -> Any:
         """500 nu/(d^2 omega)."""
@@ -103,6 +119,8 @@ class Closure:
 def from_wall(logarithms: Any, test: Any, normal: Any, stream: Stream, closure: Closure) -> Any:
     """-D_k (n/d) grad d . n b: flux of K through facets next to a wall, k going as the n-th power of the distance."""
     diffusivity = closure.diffusivities(logarithms, stream)[0]
+    if closure.added is not None:
+        diffusivity *= 1 - closure.added * ufl.exp(-logarithms[0])
     return -diffusivity * EXPONENT / closure.distance * ufl.dot(ufl.grad(closure.distance), normal) * test
 
 

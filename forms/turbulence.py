@@ -39,6 +39,7 @@ class Stream:
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
     reach: function of a direction that is a cell's size along it over the order of the elements; upwinding is
         then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
+    slopes: whether what is upwinded has the slope of the diffusivity, with `reach`; in long cells that matters
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
@@ -51,6 +52,7 @@ class Stream:
     carrier: Any = None
     per_step: Any = 0
     reach: Any = None
+    slopes: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,8 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
             if stream.reach is not None:
                 along = carrier - 2 * known[i] * ufl.grad(stream.known[i])
                 size, strong = stream.reach(along), strong - diffusivity * ufl.div(slope)
+                if stream.slopes:
+                    strong -= ufl.dot(ufl.grad(known[i]), slope)
             delta = streamline_time(along, known[i], size)
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)

@@ -281,13 +281,17 @@ def _rectangle(grid: Grid, frame: Frame) -> tuple[list[tuple[int, str]], int]:
     stops = [[points[i], points[(i + 1) % 4]] for i in range(4)]
     for side, x, heights in ((1, length, grid.ends[:-1]), (3, 0.0, grid.ends[-2::-1])):
         stops[side][1:1] = [geo.addPoint(x, height, 0.0) for height in heights]
+    for side, y, places in ((0, 0.0, grid.column_ends[:-1]), (2, 1.0, grid.column_ends[-2::-1])):
+        stops[side][1:1] = [geo.addPoint(length * place, y, 0.0) for place in places]
     lines = [
         (geo.addLine(*ends), name)
         for name, along in zip(grid.sides, stops, strict=True)
         for ends in pairwise(along)
     ]
-    upright = [1] * len(grid.ends) or [grid.rows]
-    for (line, _), number in zip(lines, [grid.columns, *upright] * 2, strict=True):
+    name, number = grid.ahead
+    lines[:number] = [(line, name) for line, _ in lines[:number]]
+    upright, level = [1] * len(grid.ends) or [grid.rows], [1] * len(grid.column_ends) or [grid.columns]
+    for (line, _), number in zip(lines, [*level, *upright] * 2, strict=True):
         geo.mesh.setTransfiniteCurve(line, number + 1, "Bump", grid.grading)
     surface = geo.addPlaneSurface([geo.addCurveLoop([line for line, _ in lines])])
     geo.mesh.setTransfiniteSurface(surface, "Alternate", points)

@@ -160,7 +160,9 @@ class Grid:
     """A rectangle cut into graded columns and rows, each cell into two triangles.
 
     grading is the ratio of the smallest to the largest spacing on each side; both ends are fine. `ends`, where they are
-    given, are where the rows end, as ascending parts of the height, the last of them one.
+    given, are where the rows end, as ascending parts of the height, the last of them one; `column_ends` are likewise
+    where the columns end. The lower side of the first columns may have a name of its own: `ahead` is that and their
+    number.
     """
 
     origin: Point
@@ -171,6 +173,8 @@ class Grid:
     grading: float = 0.05
     sides: tuple[str, str, str, str] = ("bottom", "right", "top", "left")
     ends: tuple[float, ...] = ()
+    column_ends: tuple[float, ...] = ()
+    ahead: tuple[str, int] = ("", 0)
 
 
 @dataclass(frozen=True)

@@ -111,6 +111,7 @@ PARTS = {
         "stability/test_surface.py",
     ),
     "turbulence": (
+        "end_to_end/test_flat_plate.py",
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_turbulent_accuracy.py",
         "end_to_end/test_turbulent_channels.py",

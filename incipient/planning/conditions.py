@@ -54,6 +54,8 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
         walls.append(bottom)
     else:
         moving.append((bottom, base_flow.velocity))
+    if sides.ahead:
+        free.append(Slip(sides.ahead, axis=geometry.up))
     if surface:
         free.append(surface_conditions.free_surface(setup))
     elif geometry.top in ("slip", "free-surface"):

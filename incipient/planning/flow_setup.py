@@ -66,7 +66,8 @@ class Setup:
     @cached_property
     def sides(self) -> SideNames:
         """Names of the sides of the domain."""
-        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
+        edged = self.scene.leading_edge is not None
+        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric, edged)
 
     @cached_property
     def base_flow(self) -> BaseFlow:
@@ -122,9 +123,13 @@ class Setup:
     @cached_property
     def resolved_walls(self) -> ResolvedWalls:
         """Walls that the mesh resolves, and what enters between them."""
-        from .measured_inflow import resolved_walls_as_asked
+        from . import free_stream, measured_inflow, resolved_walls
 
-        return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)
+        asked, parts = self.turbulence, (self.geometry, self.base_flow, self.sides)
+        if asked.inflow != "given" or not asked.intensity or not asked.length:
+            return measured_inflow.resolved_walls_as_asked(*parts, asked)
+        stream = free_stream.FreeStream.of(self.base_flow.reference, asked.intensity, asked.length)
+        return resolved_walls.resolved_walls_of(*parts, 0.0, stream, self.scene.leading_edge)
 
     @cached_property
     def walls(self) -> LayeredWalls:

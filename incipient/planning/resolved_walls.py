@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -15,9 +15,11 @@ from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
 from ..meshes import Away, Grid, Near, SolidGrid, WallLayers
 from ..meshes.region import PART
 from ..meshes.solid_region import SYMMETRY
+from . import free_stream
 from .base_flow import BaseFlow
 from .cells import RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
+from .free_stream import FreeStream, thickness
 from .scene_geometry import Geometry
 from .sides import SideNames
 from .wall_layer import height_at_inflow
@@ -56,7 +58,8 @@ class Entering(Protocol):
 class ResolvedWalls:
     """The walls of a flow that its mesh resolves.
 
-    depth:          over which a wall is felt: that of an open channel, half of that between two walls
+    depth:          over which a wall is felt: that of an open channel, half of that between two walls; along a plate
+                    the thickness of its boundary layer at the end, by which `developed` is a start
     number:         of walls above each other at the inflow, one or two
     floor:          height of the lower one there
     shear_velocity: u* of what enters
@@ -66,6 +69,8 @@ class ResolvedWalls:
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls, 0: smooth
     measured:       what enters in place of developed flow; None: that does
+    stream:         that which passes a plate; None: there is none
+    edge:           abscissa at which a plate begins; None: there is no plate
     """
 
     depth: float
@@ -80,6 +85,8 @@ class ResolvedWalls:
     developed: DevelopedChannel
     roughness: float = 0.0
     measured: Entering | None = None
+    stream: FreeStream | None = None
+    edge: float | None = None
 
     @property
     def sand(self) -> float:
@@ -109,7 +116,7 @@ class ResolvedWalls:
         kind = f"rough walls (u* k_s/nu about {self.sand:.3g})" if self.roughness else "walls"
         return (
             f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
-            f"u* about {self.shear_velocity:.3g}"
+            f"u* about {self.shear_velocity:.3g}{'' if self.edge is None else ' at the end of the plate'}"
         )
 
     @property
@@ -129,6 +136,8 @@ class ResolvedWalls:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
+        if self.stream is not None:
+            return self._along(np.full(x.shape[1], self.stream.speed))
         if self.measured is None:
             return self.velocity_at(self.from_next(x))
         return self._along(self.measured.speed(np.maximum(x[self.up] - self.floor, 0.0)))
@@ -144,6 +153,8 @@ class ResolvedWalls:
 
     def logarithms(self, x: Floats) -> Floats:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
+        if self.stream is not None:
+            return np.repeat(np.array([self.stream.logarithms]).T, x.shape[1], axis=1)
         if self.measured is None:
             return self.logarithms_at(self.from_next(x))
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
@@ -167,12 +178,32 @@ class ResolvedWalls:
         log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
         return np.array([log_k, log_omega])
 
+    def start(self, places: Floats, away: Floats) -> tuple[Floats, Floats]:
+        """Velocity (gdim, n) and both logarithms (2, n) at places (n, gdim), distances (n,) from walls: a first guess.
+
+        It is the developed flow; over a plate that within its boundary layer, and the stream outside. Not collective.
+        """
+        velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
+        if self.edge is None or self.stream is None:
+            return velocity, logarithms
+        along = np.maximum(places[:, 0] - self.edge, 0.0)
+        layer = np.zeros_like(along)
+        behind = along > 0.0
+        layer[behind] = along[behind] * thickness(self.mean * along[behind] / self.viscosity)
+        outside = np.minimum(away / np.maximum(layer, 1e-300), 1.0)
+        velocity[0] *= self.stream.speed / np.maximum(self.velocity_at(layer)[0], 1e-300)
+        velocity[0, outside >= 1.0] = self.stream.speed
+        free = np.array([self.stream.logarithms]).T
+        return velocity, np.where(outside < 1.0, (1.0 - outside) * logarithms + outside * free, free)
+
     def channel_rows(
         self, geometry: Geometry, names: SideNames, order: int, mesh_size: float
     ) -> Grid | SolidGrid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
         coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), self.largest_row
+        if self.edge is not None:
+            return self._plate(self.edge, geometry, names, coarse)
         sizes = RowSizes(min(self.first, largest), GROWTH, largest)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
@@ -184,6 +215,24 @@ class ResolvedWalls:
         across = max(ACROSS, round((high - low) / (2.0 * COLUMN * self.depth * coarse)))
         sides = SYMMETRY if geometry.symmetric else "right", "left"
         return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
+
+    def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
+        """The mesh over a plate: rows that grow with the distance from it, columns with that from its leading edge."""
+        domain, of = geometry.domain, free_stream
+        along, ahead = domain.right - edge, edge - domain.left
+        finest = min(of.FIRST_COLUMN * self.first, of.LARGEST_COLUMN * along)
+        columns = RowSizes(finest, of.COLUMN_GROWTH, of.LARGEST_COLUMN * along)
+        ends, number = ahead + along * growing_rows(columns, along, 1, coarse), 0
+        if ahead:
+            before = growing_rows(replace(columns, growth=of.GROWTH_AHEAD), ahead, 1, coarse)
+            ends, number = np.concatenate([ahead * (1.0 - before[-2::-1]), [ahead], ends]), len(before)
+        sizes = RowSizes(self.first, of.ROW_GROWTH, of.LARGEST_ROW * domain.height)
+        rows = growing_rows(sizes, domain.height, 1, coarse)
+        found = Grid((domain.left, domain.bottom), domain.length, domain.height, len(ends), len(rows), 1.0)
+        places = tuple(map(float, rows)), tuple(map(float, ends / domain.length))
+        return replace(
+            found, sides=names.around, ends=places[0], column_ends=places[1], ahead=(names.ahead, number)
+        )
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
@@ -213,9 +262,14 @@ class ResolvedWalls:
 
 
 def resolved_walls_of(
-    geometry: Geometry, base_flow: BaseFlow, names: SideNames, roughness: float = 0.0
+    geometry: Geometry,
+    base_flow: BaseFlow,
+    names: SideNames,
+    roughness: float = 0.0,
+    stream: FreeStream | None = None,
+    leading_edge: float | None = None,
 ) -> ResolvedWalls:
-    """The walls of a flow and what enters between them, of an equivalent sand roughness. Not collective.
+    """The walls of a flow, of an equivalent sand roughness, and what enters; a uniform one passes a plate.
 
     Raises:
         ConvergenceError: there is no developed flow that could be found.
@@ -225,6 +279,11 @@ def resolved_walls_of(
     ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     number = 2 if two else 1
     depth, mean, viscosity = (domain.ceiling - ground) / number, base_flow.reference, base_flow.viscosity
+    edge = None
+    if base_flow.flow.kind == "uniform":
+        edge = domain.left if leading_edge is None else leading_edge
+        along = domain.right - edge
+        depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
     developed = of_discharge(mean * depth / viscosity, roughness / depth)
     body = () if geometry.grain is None else ("body",)
     return ResolvedWalls(
@@ -239,4 +298,6 @@ def resolved_walls_of(
         up=geometry.up,
         developed=developed,
         roughness=roughness,
+        stream=stream,
+        edge=edge,
     )

@@ -95,9 +95,6 @@ class Turbulence(Section):
         """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
         if self.has_wall_functions:
             return None
-        if self.inflow == "given":
-            why = 'is "given", which model = "k-omega-sst" does not simulate in this version'
-            return "inflow", why, 'use "developed" or "profile", or model = "k-epsilon"'
         if self.inflow == "profile" and self.roughness:
             why = 'is "profile", which model = "k-omega-sst" has between smooth walls only in this version'
             return "inflow", why, 'leave wall = "rough" out, or use model = "k-epsilon"'

@@ -1,6 +1,7 @@
 """What contradicts the turbulence that a scene asks for."""
 
 from collections.abc import Iterator
+from typing import Any
 
 from .domain import Domain
 from .flows import Flow
@@ -13,12 +14,15 @@ from .turbulence import Turbulence
 FLOWS = ("poiseuille", "open-channel")
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
 _OTHER = 'or use turbulence.model = "k-epsilon"'
+_NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
 
 
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
     """What keeps a scene from having the turbulence that it asks for."""
     if not scene.is_averaged:
+        if scene.leading_edge is not None:
+            yield problem("bed.leading_edge", "is read only with turbulence", _NO_EDGE)
         if scene.turbulence is not None:
             why = "describes turbulence, which effects.turbulence does not ask for"
             yield problem("turbulence", why, "set effects.turbulence = true or leave the section out")
@@ -34,7 +38,25 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
-    yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
+    if scene.flow.kind == "uniform" and scene.resolves_walls:
+        yield from _of_plate(scene.bed, scene.domain, scene.turbulence)
+        if scene.body is not None:
+            why = f"a grain in a uniform turbulent stream {_NOT_TO_THE_WALL}"
+            yield problem("body", why, f"leave it out, or use flow.kind = {either(FLOWS)}")
+        for key, value in (("time", time), ("numerics.accuracy", numerics.accuracy)):
+            if value is not None:
+                yield problem(key, f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
+        if scene.top not in ("stream", "slip"):
+            yield problem("domain.top", f'"{scene.top}" contradicts a plate', 'use "stream" or "slip"')
+        if getattr(scene.flow, "gust", None) is not None:
+            yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
+    else:
+        yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
+        if scene.resolves_walls and scene.turbulence and scene.turbulence.inflow == "given":
+            why = f'"given" in a channel {_NOT_TO_THE_WALL}'
+            yield problem("turbulence.inflow", why, f'use "developed", flow.kind = "uniform", {_OTHER}')
+        if scene.leading_edge is not None:
+            yield problem("bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE)
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
@@ -70,6 +92,28 @@ def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time |
     if numerics.error_bars:
         why = f"is true, but in space an estimate of errors {_NOT_TO_THE_WALL}"
         yield problem("numerics.error_bars", why, f"set it to false and compare two mesh sizes, {_OTHER}")
+
+
+def _of_plate(bed: Any, domain: Domain, asked: Turbulence | None) -> Iterator[Problem]:
+    """What a plate in a uniform stream is not simulated with."""
+    if bed is None or bed.kind != "flat":
+        why = (
+            "is missing" if bed is None else f'"{bed.kind}" below a uniform turbulent stream is not simulated'
+        )
+        yield problem("bed" if bed is None else "bed.kind", why, 'give kind = "flat", the plate')
+        return
+    if domain.width is not None:
+        yield problem("domain.width", f"a plate in space {_NOT_TO_THE_WALL}", "leave it out")
+    if asked is None or asked.inflow != "given":
+        yield problem("turbulence.inflow", "developed flow is no uniform stream", 'use "given"')
+    elif asked.roughness:
+        yield problem("turbulence.wall", f'a plate that is "rough" {_NOT_TO_THE_WALL}', "use smooth walls")
+    edge = bed.leading_edge
+    if edge is not None and not domain.left < edge < domain.right:
+        why = f"is {edge:g}, not within the domain from {domain.left:g} to {domain.right:g}"
+        yield problem(
+            "bed.leading_edge", why, "move it, or leave it out: the plate then begins at the inflow"
+        )
 
 
 def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:

@@ -201,6 +201,16 @@ def test_rows_of_a_grid_end_where_they_are_told_to() -> None:
         assert len(corners(model)) == 2 * 4 * 3 and area(model) == pytest.approx(6.0)
 
 
+def test_columns_of_a_grid_end_where_they_are_told_to_and_the_first_have_a_name() -> None:
+    ends = (0.2, 0.3, 0.6, 1.0)
+    grid = Grid((1.0, 0.0), 2.0, 1.0, 4, 2, 1.0, ends=(0.1, 1.0), column_ends=ends, ahead=("ahead", 2))
+    with grid_model(grid, 1) as model:
+        for side, parts in (("ahead", (0.0, 0.2, 0.3)), ("bottom", (0.3, 0.6, 1.0)), ("top", (0.0, *ends))):
+            found = np.sort(on_boundary(model, side)[:, 0])
+            assert found == pytest.approx([1.0 + 2.0 * one for one in parts])
+        assert len(corners(model)) == 2 * 4 * 2 and area(model) == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_grid_of_an_order(order: int) -> None:
     with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 3, 2), order) as model:

@@ -26,6 +26,9 @@ from .linear import Incomplete
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
+HALF_WAY = (
+    0.5  # to the state of the step before goes what upwinding knows: all the way two states may take turns
+)
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
 # Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
 CONTRACTION, SAME_RATE = 0.3, 0.3
@@ -54,12 +57,14 @@ class TurbulenceFields(ABC):
 
     Attributes:
         second: name of the second quantity.
+        stretched: whether cells in the plane are so along boundary layers.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
     """
 
     second: str
+    stretched = False
     closure: Any
     form: Any
     of_molecules: Any
@@ -100,6 +105,10 @@ class TurbulenceFields(ABC):
     def viscosity(self, of_molecules: Any) -> Any:
         """The molecular and eddy viscosity, for `FlowModel.viscosity`."""
 
+    def energy(self, logarithm: Any) -> Any:
+        """k by its unknown (UFL)."""
+        return ufl.exp(logarithm)
+
     def shear_velocity(self) -> Any:
         """u* of a layer of this k, for `FlowModel.shear_velocity`; None where walls have no law."""
         return None
@@ -135,12 +144,14 @@ class TurbulenceFields(ABC):
         self._prepare()
         compat.impose(self.state.x.array, self._conditions)
         self.state.x.scatter_forward()
+        self._before.x.array[:] = self.state.x.array
 
     def stop(self) -> None:
         """Let nothing change in time, and what is taken from an earlier state be taken from the present one."""
         for one in self.rate:
             one.value = 0.0
-        self._before.x.array[:] = self.state.x.array
+        known = self._before.x.array
+        known += (HALF_WAY if self.stretched else 1.0) * (self.state.x.array - known)
         self._prepare()
 
     # -- its equations ------------------------------------------------------------------------------
@@ -156,7 +167,16 @@ class TurbulenceFields(ABC):
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
         stream = forms.Stream(
-            velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0], self._reach
+            velocity,
+            of_molecules,
+            measure,
+            size,
+            states[1],
+            added,
+            carrier,
+            self.rate[0],
+            self._reach,
+            self.stretched,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = form = self._equations(rate, tests, stream)

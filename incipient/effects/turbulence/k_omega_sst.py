@@ -30,11 +30,13 @@ from .iteration import Round, solve_steadily
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, solve_together
 
-ON_WALL = 0.1  # of the distances in cells at walls: what stands for none, where omega would be infinite
+ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
 FOUND_AT_ONCE, FASTER = 75.0, 1.6
+# k over V^2 that is added to k in its unknown past a plate, where the edge of the layer would be a front of ln k.
+ADDED = 1e-4
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
@@ -55,6 +57,7 @@ class KOmegaSST(TurbulenceFields):
         roughness: equivalent sand roughness of the walls, 0: smooth.
         stress: typical shear stress at rough walls.
         in_layers: whether layers of thin cells lie along walls that are no planes.
+        added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
     """
 
     second = "omega"
@@ -70,6 +73,7 @@ class KOmegaSST(TurbulenceFields):
         roughness: float = 0.0,
         stress: float = 0.0,
         in_layers: bool = False,
+        added: float = 0.0,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -78,6 +82,7 @@ class KOmegaSST(TurbulenceFields):
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
+        self.stretched = added > 0.0
         self._molecules, self._least, self._roughness = viscosity, least, roughness
         self._in_layers = in_layers
         self._stress, self._little = self.constant(stress), self.constant(0.0)
@@ -88,7 +93,9 @@ class KOmegaSST(TurbulenceFields):
             self._stand_at_walls(scalar)
         floor = LEAST_DISTANCE * self.largest(self._distance.x.array)
         self.closure = forms.Closure(
-            ufl.max_value(self._distance, self.constant(floor)), self.constant(least)
+            ufl.max_value(self._distance, self.constant(floor)),
+            self.constant(least),
+            self.constant(added) if added else None,
         )
 
     # -- walls --------------------------------------------------------------------------------------
@@ -125,7 +132,9 @@ class KOmegaSST(TurbulenceFields):
         if self._roughness or not self.surroundings.walls:
             return
         away = self._distance.x.array[self._near]
-        least = ON_WALL * self.largest(away)
+        beside = away[away > LEAST_DISTANCE * self.largest(self._distance.x.array)]
+        # Nothing is computed from omega on the wall itself: it need not be that of the cell there.
+        least = ON_WALL / self.largest(1.0 / beside)
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
 
     def _entering(self) -> Integers:
@@ -160,9 +169,10 @@ class KOmegaSST(TurbulenceFields):
             values[2 * self._within] = values[2 * self._source] + self._drop
             self._inner.x.array[self._within] = values[2 * self._within]
 
-    def begin(self, values: Callable[[Floats], Floats]) -> None:
-        """Let the state be a function of the distances (n,) from walls that returns (2, n)."""
-        for component, one in enumerate(values(self._distance.x.array)):
+    def begin(self, values: Callable[[Floats, Floats], Floats]) -> None:
+        """Let the state be a function of places (n, gdim) and distances (n,) from walls that returns (2, n)."""
+        places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
+        for component, one in enumerate(values(places, self._distance.x.array)):
             self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:
@@ -173,8 +183,8 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _reach(self) -> Any:
-        """In layers cells grow away from walls faster than the logarithms bear along the streams alone."""
-        if not self._in_layers:
+        """Stretched cells grow away from walls faster than the logarithms bear along the streams alone."""
+        if not self._in_layers and not self.stretched:
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
@@ -184,6 +194,10 @@ class KOmegaSST(TurbulenceFields):
         """The molecular and eddy viscosity, for `FlowModel.viscosity`, by the strain last looked at."""
         stream = Stream(self._seen, of_molecules, None)
         return of_molecules + self._beyond * self.closure.eddy_viscosity(ufl.split(self.state), stream)
+
+    def energy(self, logarithm: Any) -> Any:
+        """k by its unknown (UFL)."""
+        return self.closure.energy(logarithm)
 
     def raise_eddy_viscosity(self, factor: float) -> None:
         """Raise the eddy viscosity by a factor, by more k: where strain limits it, less omega does not."""
@@ -259,7 +273,8 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        kinds = walls.roughness, walls.shear_velocity**2, not walls.plane or self._scene.gdim == 3
+        in_layers = not walls.plane or self._scene.gdim == 3
+        kinds = walls.roughness, walls.shear_velocity**2, in_layers, self._added
         return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
 
     def _entering(self) -> tuple[Velocity, Values]:
@@ -270,9 +285,10 @@ class KOmegaFlow(TurbulentFlow):
         return self._floored(self._walls.logarithms(x))
 
     def _floored(self, logarithms: Floats) -> Floats:
-        """(2, n) with k at least what is not destroyed."""
+        """(2, n) with k at least what is not destroyed, and what is added to it."""
         log_k, log_omega = logarithms
-        return np.array([np.maximum(log_k, np.log(self._least)), log_omega])
+        k = np.maximum(np.exp(log_k), self._least) if not self._added else np.exp(log_k) + self._added
+        return np.array([np.log(k), log_omega])
 
     def _give(self, fluid: Fluid) -> None:
         """Let inflow and walls be those of the setup as it is now."""
@@ -282,6 +298,10 @@ class KOmegaFlow(TurbulentFlow):
     @property
     def _least(self) -> float:
         return float(LEAST * self._walls.shear_velocity**2)
+
+    @property
+    def _added(self) -> float:
+        return 0.0 if self._walls.edge is None else ADDED * self._scene.reference_velocity**2
 
     @property
     def _walls(self) -> ResolvedWalls:
@@ -312,10 +332,10 @@ class KOmegaFlow(TurbulentFlow):
 
     def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
         """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""
-        if self._walls.plane:
+        if self._walls.plane and self._walls.edge is None:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        if self._scene.gdim == 2:
+        if self._scene.gdim == 2 and self._walls.edge is None:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
                 rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
@@ -330,8 +350,8 @@ class KOmegaFlow(TurbulentFlow):
         walls, space = self._walls, fluid.space.velocity
         places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
         away = distances(fluid.domain, walls.names, places)
-        fluid.state.x.array[fluid.space.velocity_map] = walls.velocity_at(away).T.ravel()
-        self.fields.begin(lambda away: self._floored(walls.logarithms_at(away)))
+        fluid.state.x.array[fluid.space.velocity_map] = walls.start(places, away)[0].T.ravel()
+        self.fields.begin(lambda places, away: self._floored(walls.start(places, away)[1]))
 
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
@@ -341,7 +361,7 @@ class KOmegaFlow(TurbulentFlow):
             np.concatenate(parts)
             for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
         )
-        y_plus = self._thickness(list(along.values()))
+        y_plus, weights = self._thickness(list(along.values()))
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
         last = bottom.at_outflow()
         _, away = self.fields.at_edge()
@@ -354,7 +374,7 @@ class KOmegaFlow(TurbulentFlow):
             friction=2.0 * (last / scene.reference_velocity) ** 2,
             viscosity=scene.viscosity,
             c_mu=0.09,
-            outside=float((y_plus > walls.thickest).mean()),
+            outside=float(np.average(y_plus > walls.thickest, weights=weights)),
             plane=walls.plane,
             reach=walls.depth,
             backward=bottom.backward() if in_plane else (),
@@ -363,16 +383,23 @@ class KOmegaFlow(TurbulentFlow):
             thickest=walls.thickest,
         )
 
-    def _thickness(self, walls: Sequence[AlongWall]) -> Floats:
-        """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks."""
+    def _thickness(self, walls: Sequence[AlongWall]) -> tuple[Floats, Floats]:
+        """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.
+
+        And the lengths (n,) of wall, in space areas, that they stand for.
+        """
         places, away = self.fields.at_edge()
-        at_walls = np.concatenate([one.places for one in walls])
-        found = np.concatenate([one.shear_velocities for one in walls])
-        mine = np.empty(0)
+        at_walls, found, lengths = (
+            np.concatenate([getattr(one, name) for one in walls])
+            for name in ("places", "shear_velocities", "lengths")
+        )
+        nearest, mine = np.empty(0, dtype=np.int64), np.empty(0)
         if len(places):
             _, nearest = cKDTree(at_walls).query(places)
             mine = away * found[nearest] / self._scene.viscosity
-        return np.concatenate(self.fields.domain.comm.allgather(mine))
+        gathered = self.fields.domain.comm.allgather((mine, nearest))
+        thickness, nearest = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+        return thickness, (lengths / np.maximum(np.bincount(nearest, minlength=len(lengths)), 1))[nearest]
 
     def _told(self, along: AlongWall) -> dict[str, list[float]]:
         """What is drawn of a wall, in six digits."""

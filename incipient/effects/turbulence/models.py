@@ -89,7 +89,12 @@ class KOmegaModel(TurbulenceModel):
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
             )
-        if (found := walls.developed).is_laminar:
+        if walls.edge is not None:
+            yield (
+                "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
+                "behind it the layer is that of a plate turbulent from its edge on"
+            )
+        elif (found := walls.developed).is_laminar:
             if setup.geometry.gdim == 3 and not walls.plane:
                 raise SceneError(
                     f"effects.turbulence: what enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}, "

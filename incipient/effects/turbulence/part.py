@@ -206,7 +206,7 @@ class TurbulentFlow(RunPart):
         """Both quantities and the eddy viscosity on the nodes, by the names that files have."""
         logarithms = ufl.split(self.fields.state)
         expressions = {
-            "k": ufl.exp(logarithms[0]),
+            "k": self.fields.energy(logarithms[0]),
             self.fields.second: ufl.exp(logarithms[1]),
             "eddy_viscosity": self.fields.viscosity(self._viscosity) - self._viscosity,
         }
