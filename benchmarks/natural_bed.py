@@ -6,7 +6,7 @@ Loads:    full runs past grains of the first bed that are far from one another i
           creeping shear, and with inertia below the mean profile of a turbulent stream (`flow.kind = "log-law"`), at
           several u* d/nu; `--turbulent`: by the k-omega SST model. Force over bed stress and d^2, couple and d^3: these
           do not depend on the grain's weight, so that a run holds for all Shields numbers at its u* d/nu.
-Cost:     half an hour of one core, with --turbulent some two hours more; what is in the results is not computed again:
+Cost:     half an hour of one core, with --turbulent not known yet; what is in the results is not computed again:
           delete them for that.
 Run:      python benchmarks/natural_bed.py [--turbulent] [--jobs N] [--executor dask://HOST:PORT] [--wall 2h]
 Results:  results/natural_bed.sqlite, a sweep's file (docs/sweeps.md), and benchmarks/natural_bed.csv
