@@ -13,7 +13,6 @@ from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
-from .resolved_walls import ALONG
 from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
@@ -177,7 +176,7 @@ def _at_bed_corners(setup: Setup) -> Iterator[Near]:
     bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
     if sharp := corners(bed[:-1], bed[1:]):
         yield Near(BED_CORNER_CELL * walls.first, BED_CORNER_GROWTH, points=sharp)
-    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > ALONG * walls.depth)
+    yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > walls.along)
 
 
 def _box(setup: Setup, cell: float) -> Grid | BoxGrid:

@@ -120,6 +120,11 @@ class ResolvedWalls:
         )
 
     @property
+    def along(self) -> float:
+        """Size of cells along walls, where nothing else asks for smaller ones [length]."""
+        return ALONG * self.depth
+
+    @property
     def largest_row(self) -> float:
         """Size of the largest cells that are fine enough next to the layers at a wall [length]."""
         return LARGEST_ROW * self.depth
@@ -236,7 +241,7 @@ class ResolvedWalls:
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
-        largest = ALONG * self.depth
+        largest = self.along
         size = min(largest, NEAR_GRAIN * grain)
         far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
         return tuple(
