@@ -34,7 +34,7 @@ ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, 
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
-FOUND_AT_ONCE, FASTER = 75.0, 1.6
+FOUND_AT_ONCE, FASTER, SLIGHTLY = 75.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
 # k over V^2 that is added to k in its unknown past a plate, where the edge of the layer would be a front of ln k.
 ADDED = 1e-4
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
@@ -327,7 +327,7 @@ class KOmegaFlow(TurbulentFlow):
         geometry, walls = self._of_run.geometry, self._of_run.faster(factor).resolved_walls
         size = geometry.bed.feature if geometry.grain is None else geometry.grain.size
         apart = math.log(max(size / walls.unit / FOUND_AT_ONCE, 1.0))
-        number = math.ceil(apart / math.log(FASTER))
+        number = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
         return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
 
     def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:

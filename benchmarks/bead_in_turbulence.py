@@ -1,0 +1,163 @@
+"""A bead in its pocket in a turbulent stream by k-omega SST: its drag, and the speed at which it leaves.
+
+The bead of Wu & Shih (2012, J. Geophys. Res. 117, F03006): 8 mm, density 2500 kg/m^3, on a bed of equal spheres that
+touch, in water. Its velocity is that of the stream which enters at the height of its centre. Schmeeckle, Nelson &
+Shreve (2007, J. Geophys. Res. 112, F02003) measured the drag on a sphere near a gravel bed.
+
+Cost:    five to fifteen minutes of one core for each row
+Run:     python benchmarks/bead_in_turbulence.py [1300 2600], Reynolds numbers by mean speed and diameter to compute
+Results: benchmarks/bead_in_turbulence.json, a row for each; the table in docs/beads.md; quartiles of the measured drag
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import incipient
+from incipient.planning.flow_setup import Setup
+
+ROOT = Path(__file__).parents[1]
+STORE, PAGE = ROOT / "benchmarks/bead_in_turbulence.json", ROOT / "docs/beads.md"
+DRAG = ROOT / "benchmarks/reference/sphere_near_bed_drag.csv"
+BEGIN, END = "<!-- turbulent: begin -->", "<!-- turbulent: end -->"
+DIAMETER, VISCOSITY, DENSITY, GRAVITY = (
+    0.008,
+    1e-6,
+    2.5,
+    9.81,
+)  # of the bead and of water [m, m^2/s, -, m/s^2]
+MEASURED = 0.238  # velocity at which the bead leaves [m/s]
+SCENE = """
+[domain]
+length = 9.0
+width = 5.0
+height = 5.866
+[fluid]
+reynolds = {reynolds}
+scale = "grain"
+[flow]
+kind = "open-channel"
+[body]
+shape = "sphere"
+diameter = 1.0
+x = 4.0
+density = {density}
+[bed]
+kind = "spheres"
+radius = 0.5
+spacing = 1.0
+arrangement = "triangular"
+angle = 90.0
+offset = [4.288675134594813, 3.0]
+[gravity]
+acceleration = {gravity}
+[effects]
+turbulence = true
+[turbulence]
+model = "k-omega-sst"
+[contact]
+friction = 0.5
+gap = {gap}
+[numerics]
+mesh_size = {size}
+order = 2
+error_bars = false
+"""
+
+
+def computed(reynolds: float, size: float = 1.5, gap: float = 0.05) -> dict[str, Any]:
+    """Loads on the bead and its verdict in a stream of a Reynolds number by mean speed and diameter."""
+    speed = reynolds * VISCOSITY / DIAMETER  # mean speed [m/s]
+    gravity = GRAVITY * DIAMETER / speed**2
+    text = SCENE.format(reynolds=reynolds, density=DENSITY, gravity=gravity, size=size, gap=gap)
+    scene = incipient.scene.loads(text)
+    result = incipient.run(scene)
+    setup = Setup(scene)
+    walls = setup.resolved_walls
+    centre = scene.placement.centre[2] - walls.floor
+    at_centre = float(walls.velocity_at(np.array([centre]))[0, 0])
+    force = result.force.flow
+    pressure = 0.5 * at_centre**2 * math.pi / 4.0
+    factor = float(result.verdict["safety_factor"])
+    return {
+        "reynolds": reynolds,
+        "mesh_size": size,
+        "gap": gap,
+        "shear_reynolds": walls.shear_velocity * reynolds,
+        "centre": centre,
+        "at_centre": at_centre * speed,
+        "drag": force[0] / pressure,
+        "lift": force[2] / pressure,
+        "safety_factor": factor,
+        "leaves_at": at_centre * speed * math.sqrt(factor),
+        "shields": factor * walls.shear_velocity**2 / ((DENSITY - 1.0) * gravity),
+        "resolved": bool(result.turbulence.applicable),
+    }
+
+
+def bins() -> list[tuple[float, float, float, float]]:
+    """Mean speed [m/s], quartiles and median of the measured drag coefficients in bins of the velocity."""
+    lines = [line for line in DRAG.read_text().splitlines() if not line.startswith("#")]
+    rows = [(float(row["u"]) / 100.0, float(row["drag"])) for row in csv.DictReader(lines)]
+    speeds, drags = np.array(rows).T
+    edges = np.quantile(speeds, np.linspace(0.0, 1.0, 6))
+    found = []
+    for low, high in pairwise(edges):
+        chosen = (speeds >= low) & (speeds <= high)
+        found.append(
+            (float(speeds[chosen].mean()), *map(float, np.quantile(drags[chosen], (0.25, 0.5, 0.75))))
+        )
+    return found
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """The rows of the page."""
+    head = (
+        "u* d/ν",
+        "mesh_size",
+        "speed at the centre",
+        "C_D",
+        "C_L",
+        "S",
+        "leaves at",
+        "Shields number of the smooth stream",
+    )
+    lines = [f"| {' | '.join(head)} |", "|" + " --- |" * len(head)]
+    for row in rows:
+        cells = (
+            f"{row['shear_reynolds']:.0f}",
+            f"{row['mesh_size']:g}",
+            f"{row['at_centre']:.3f} m/s",
+            *(f"{row[name]:.3f}" for name in ("drag", "lift")),
+            f"{row['safety_factor']:.3f}",
+            f"{row['leaves_at']:.3f} m/s",
+            f"{row['shields']:.4f}",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Compute the rows asked for, and write the page's table."""
+    rows = {row["reynolds"]: row for row in (json.loads(STORE.read_text()) if STORE.exists() else [])}
+    for one in [float(word) for word in sys.argv[1:]]:
+        rows[one] = computed(one)
+        STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
+    before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
+    PAGE.write_text(f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}")
+    print(
+        *(f"{speed:.3f} m/s: {low:.2f}, {middle:.2f}, {high:.2f}" for speed, low, middle, high in bins()),
+        sep="\n",
+    )
+
+
+if __name__ == "__main__":
+    main()
