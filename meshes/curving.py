@@ -57,7 +57,7 @@ def curved(
     leads = np.arange(len(places))
     if columns is not None:
         moved = np.union1d(moved, _follow(places, made.cells, moved, columns, leads))
-    return curved_cells, _unfold(places, made.cells, moved, leads)
+    return curved_cells, _unfold(places, made.cells, moved, leads, 0.0 if columns is None else LESS)
 
 
 def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns, leads: Integers) -> Integers:
@@ -110,8 +110,11 @@ def _put_between(places: Floats, cells: Integers, middles: Integers) -> None:
         places[rows[:, 4 + k]] = 0.5 * (places[rows[:, a]] + places[rows[:, b]])
 
 
-def _unfold(places: Floats, cells: Integers, moved: Integers, leads: Integers) -> int:
-    """Bend edges of cells that fold over less, with those that follow or lead them; how many become straight."""
+def _unfold(places: Floats, cells: Integers, moved: Integers, leads: Integers, less: float) -> int:
+    """Bend edges of cells that fold over less, by a factor, with those that follow or lead them.
+
+    How many become straight is returned.
+    """
     bends = places.copy()
     _put_between(bends, cells, moved)
     between = bends[moved]
@@ -125,7 +128,7 @@ def _unfold(places: Floats, cells: Integers, moved: Integers, leads: Integers) -
         led = led[share[led] > 0.0]
         if not len(led):
             return int((share[leads[moved]] == 0.0).sum())
-        share[led] = np.where(share[led] > LEAST_BEND, LESS * share[led], 0.0)
+        share[led] = np.where(share[led] > LEAST_BEND, less * share[led], 0.0)
         changed[:] = False
         changed[moved] = np.isin(leads[moved], led)
         places[moved] = between + share[leads[moved], None] * bends

@@ -34,7 +34,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         in_space = scene.domain.width is not None
         yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
         if in_space:
-            yield from _of_resolved_walls_in_space(scene.domain, numerics, time, scene.body is None)
+            yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
@@ -81,9 +81,7 @@ def _of_resolved_walls(
         yield problem("turbulence.wall", why, f"use smooth walls, {_OTHER}")
 
 
-def _of_resolved_walls_in_space(
-    domain: Domain, numerics: Numerics, time: Time | None, empty: bool
-) -> Iterator[Problem]:
+def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time | None) -> Iterator[Problem]:
     """What the k-omega model serves in the plane only."""
     if domain.sides == "wall":
         yield problem("domain.sides", f'"wall" {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}')
@@ -91,8 +89,8 @@ def _of_resolved_walls_in_space(
         yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
     if numerics.accuracy is not None:
         yield problem("numerics.accuracy", f"in space {_NOT_TO_THE_WALL}", f"leave it out, {_OTHER}")
-    if numerics.error_bars and empty:
-        why = f"is true, but in space without a grain an estimate of errors {_NOT_TO_THE_WALL}"
+    if numerics.error_bars:
+        why = f"is true, but in space an estimate of errors {_NOT_TO_THE_WALL}"
         yield problem("numerics.error_bars", why, f"set it to false and compare two mesh sizes, {_OTHER}")
 
 
