@@ -5,7 +5,8 @@ touch, in water. Its velocity is that of the stream which enters at the height o
 Shreve (2007, J. Geophys. Res. 112, F02003) measured the drag on a sphere near a gravel bed.
 
 Cost:    five to fifteen minutes of one core for each row
-Run:     python benchmarks/bead_in_turbulence.py [1300 2600], Reynolds numbers by mean speed and diameter to compute
+Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 2600:1.5], Reynolds numbers by mean speed and diameter with
+         mesh sizes, to compute
 Results: benchmarks/bead_in_turbulence.json, a row for each; the table in docs/beads.md; quartiles of the measured drag
 """
 
@@ -73,7 +74,7 @@ error_bars = false
 """
 
 
-def computed(reynolds: float, size: float = 1.5, gap: float = 0.05) -> dict[str, Any]:
+def computed(reynolds: float, size: float, gap: float = 0.05) -> dict[str, Any]:
     """Loads on the bead and its verdict in a stream of a Reynolds number by mean speed and diameter."""
     speed = reynolds * VISCOSITY / DIAMETER  # mean speed [m/s]
     gravity = GRAVITY * DIAMETER / speed**2
@@ -147,9 +148,11 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Compute the rows asked for, and write the page's table."""
-    rows = {row["reynolds"]: row for row in (json.loads(STORE.read_text()) if STORE.exists() else [])}
-    for one in [float(word) for word in sys.argv[1:]]:
-        rows[one] = computed(one)
+    known = json.loads(STORE.read_text()) if STORE.exists() else []
+    rows = {(row["reynolds"], -row["mesh_size"]): row for row in known}
+    for word in sys.argv[1:]:
+        reynolds, size = map(float, word.split(":"))
+        rows[reynolds, -size] = computed(reynolds, size)
         STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
     before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
     PAGE.write_text(f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}")
