@@ -138,7 +138,9 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
     if following & sections.keys():
         plain["units"] = None  # what followed from them is as changed now
     for name, keys in sections.items():
-        plain[name] = {**(plain[name] or {}), **keys}
+        before = plain[name] or {}
+        kept = before if keys.get("kind", before.get("kind")) == before.get("kind") else {}
+        plain[name] = {**kept, **keys}  # another kind has keys of its own
     return Scene(**plain)
 
 

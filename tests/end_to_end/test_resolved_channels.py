@@ -293,7 +293,7 @@ def test_ranks_agree(mpirun):
         ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
-        ({"flow": Uniform(), "bed": Flat()}, "flow.kind"),
+        ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
         ({"body": Disc(diameter=0.2, centre=(2.0, 0.5), motion="free", density=2.0)}, "body.motion"),
     ],
 )

@@ -54,7 +54,7 @@ def test_rows_of_developed_flow_give_it_back(flow):
 
 def test_what_is_not_simulated_is_refused():
     rows = [[0.1, 0.8], [0.5, 1.0]]
-    with pytest.raises(SceneError, match=r'inflow: is "given"'):
+    with pytest.raises(SceneError, match=r'inflow: "given" in a channel'):
         scene(Turbulence(model="k-omega-sst", inflow="given", intensity=0.1, length=0.1))
     with pytest.raises(SceneError, match="between smooth walls"):
         scene(asked(rows, wall="rough", roughness=0.01))
