@@ -20,9 +20,7 @@ MOST_TOGETHER = 150
 FIELDS = {"pc_type": "fieldsplit", "pc_fieldsplit_block_size": 2, "pc_fieldsplit_type": "multiplicative"}
 FIELDS |= {f"fieldsplit_{i}_ksp_type": "preonly" for i in (0, 1)}
 ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
-PATIENCE = (
-    10  # iterations up to which factors of the flow serve on; with older ones small residuals tell little
-)
+PATIENCE = 10  # iterations up to which factors of the flow serve on; with older ones residuals tell little
 
 
 class Incomplete:
