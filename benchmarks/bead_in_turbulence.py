@@ -119,6 +119,15 @@ def bins() -> list[tuple[float, float, float, float]]:
     return found
 
 
+def balanced(drag: float = 0.76, lift: float = 0.85 * 0.76, protrusion: float = 0.86) -> float:
+    """Speed [m/s] at which a balance of forces with assumed coefficients lets the bead go (benchmarks/shields.py)."""
+    angle = math.acos(1.0 - 2.0 * protrusion)
+    exposed, whole = 0.25 * (angle - math.sin(angle) * math.cos(angle)), 0.25 * math.pi
+    friction = (1.0 / math.sqrt(3.0)) / math.sqrt(8.0 / 3.0)  # of the pivot between two equal spheres
+    weight = math.pi / 3.0 * GRAVITY * DIAMETER * (DENSITY - 1.0) * friction
+    return math.sqrt(weight / (drag * exposed + friction * lift * whole))
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows of the page."""
     head = (
@@ -156,6 +165,7 @@ def main() -> None:
         STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
     before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
     PAGE.write_text(f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}")
+    print(f"balance of forces: {balanced():.3f} m/s")
     print(
         *(f"{speed:.3f} m/s: {low:.2f}, {middle:.2f}, {high:.2f}" for speed, low, middle, high in bins()),
         sep="\n",
