@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from incipient import compat, forms
 from incipient.fluid import Fluid
+from incipient.fluid.newton import NewtonReport
 from incipient.fluid.transient import backward_difference
 
 Floats = NDArray[np.float64]
@@ -87,6 +89,47 @@ class Steps:
         # Factors of the mesh before contract slowly.
         report = fluid.solve(self.tolerance, max_iterations=50)
         assert report.converged, report
+
+
+class Swaying:
+    """A mesh that is where a function of time says, as what moves in a flow (`fluid.transient.Interface`)."""
+
+    def __init__(self, fluid: Fluid, places_at: Callable[[float], Floats]):
+        self._fluid, self._at, self._x = fluid, places_at, fluid.domain.mesh.geometry.x
+        self._past = [self._x.copy()]
+
+    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+        """Move the mesh, and solve for the flow."""
+        self._x[:] = self._at(self._fluid.time)
+        self._fluid.mesh_moved(self._past[0], self._past[-1])
+        return self._fluid.solve(tolerance)
+
+    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
+        """Solve for the flow again."""
+        return self._fluid.solve(tolerance)
+
+    def allowed(self, length: float) -> float:
+        """The length: nothing is met."""
+        return length
+
+    def accept(self) -> None:
+        """Keep the mesh as it is."""
+        self._past = [self._x.copy(), self._past[0]]
+
+    def restore(self) -> None:
+        """Put the mesh back."""
+        self._x[:] = self._past[0]
+
+    def forget(self) -> None:
+        """Nothing has been taught."""
+
+    def velocities(self) -> Floats:
+        """(0,): nothing has a velocity of its own."""
+        return np.empty(0)
+
+    def complaint(self) -> str:
+        """Nothing."""
+        return ""
 
 
 class Energy:

@@ -98,6 +98,7 @@ PARTS = {
     "stones": (
         "end_to_end/test_large_grain.py",
         "end_to_end/test_large_grain_in_space.py",
+        "end_to_end/test_moving_sand.py",
         "end_to_end/test_moving_stone.py",
     ),
     "surface": (

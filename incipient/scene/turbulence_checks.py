@@ -73,9 +73,9 @@ def _of_resolved_walls(
     motion: str, level: bool, in_space: bool, turbulence: Turbulence | None
 ) -> Iterator[Problem]:
     """What the k-omega model does not serve; `motion` is that of a grain, without which a `level` scene is."""
-    if motion:
-        remedy = 'set body.motion = "fixed", or use turbulence.model = "k-epsilon"'
-        yield problem("body.motion", f'"{motion}" {_NOT_TO_THE_WALL}', remedy)
+    if motion and in_space:
+        remedy = f'set body.motion = "fixed", leave domain.width out, {_OTHER}'
+        yield problem("body.motion", f'"{motion}" in space {_NOT_TO_THE_WALL}', remedy)
     if turbulence is not None and turbulence.roughness and (in_space or not level):
         why = f'is "rough", but past grains and bed forms, and in space, sand {_NOT_TO_THE_WALL}'
         yield problem("turbulence.wall", why, f"use smooth walls, {_OTHER}")

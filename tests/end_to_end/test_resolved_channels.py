@@ -25,6 +25,7 @@ from incipient.scene import (
     RidgeBed,
     Scene,
     Sinusoidal,
+    Sphere,
     Time,
     Turbulence,
     Uniform,
@@ -297,7 +298,14 @@ def test_ranks_agree(mpirun):
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
         ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
-        ({"body": Disc(diameter=0.2, centre=(2.0, 0.5), motion="free", density=2.0)}, "body.motion"),
+        (
+            {
+                "domain": IN_SPACE,
+                "body": Sphere(diameter=0.2, centre=(2.0, 0.25, 0.5), motion="free", density=2.0),
+                "time": Time(step=0.1, end=1.0),
+            },
+            'body.motion: "free" in space',
+        ),
     ],
 )
 def test_what_is_not_served_is_refused_by_name(changes, told):

@@ -119,6 +119,13 @@ class TurbulenceFields(ABC):
     def look(self) -> None:  # noqa: B027
         """Take note of the flow as it is, where the eddy viscosity depends on more than both quantities."""
 
+    def follow(self) -> None:  # noqa: B027
+        """Take note of where the mesh is, where the model depends on distances."""
+
+    def at_walls(self, values: np.ndarray) -> np.ndarray:
+        """State (local unknowns,) with what is given at walls. Not collective."""
+        return values
+
     def watching(self, form: Any, velocity: Any) -> Any:
         """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
         return form

@@ -165,8 +165,11 @@ class InTime:
         if self._moving is None:
             return self._fluid.solve(tolerance)
         if before is None:
-            return self._moving.attempt(length, order, tolerance)
-        return self._moving.again(length, order, tolerance, before)
+            report = self._moving.attempt(length, order, tolerance)
+        else:
+            report = self._moving.again(length, order, tolerance, before)
+        self.turbulence.follow()
+        return report
 
     def allowed(self, length: float) -> float:
         """The length, or the shorter one after which what moves meets something."""
@@ -183,6 +186,7 @@ class InTime:
         self.turbulence.state.x.array[:] = self.past[0]
         if self._moving is not None:
             self._moving.restore()
+            self.turbulence.follow()
 
     def forget(self) -> None:
         """Drop what earlier steps have taught about the iteration, and factors."""

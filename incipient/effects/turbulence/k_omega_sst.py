@@ -88,7 +88,8 @@ class KOmegaSST(TurbulenceFields):
         self._stress, self._little = self.constant(stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
-        self._edge, self._within = np.empty((2, 0), dtype=np.int64)
+        self._near, self._edge, self._within, self._source = np.empty((4, 0), dtype=np.int64)
+        self._drop = np.empty(0)
         if surroundings.walls:
             self._stand_at_walls(scalar)
         floor = LEAST_DISTANCE * self.largest(self._distance.x.array)
@@ -103,8 +104,7 @@ class KOmegaSST(TurbulenceFields):
     def _stand_at_walls(self, scalar: Any) -> None:
         """Find distances and the cells at walls, and give omega there."""
         walls = self.surroundings.walls
-        places = scalar.tabulate_dof_coordinates()[:, : self.domain.gdim]
-        self._distance.x.array[:] = distances(self.domain, walls, places)
+        self._distance.x.array[:] = distances(self.domain, walls, self._places())
         cells = cells_at(self.domain, walls)
         if not self._roughness:
             self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
@@ -115,10 +115,9 @@ class KOmegaSST(TurbulenceFields):
         if self._roughness:
             self.stand(self._molecules, float(self._stress.value))
             return
-        self._within = np.setdiff1d(near, np.union1d(free, self._entering()))
-        self._from_next(places)
+        self._near, self._within = near, np.setdiff1d(near, np.union1d(free, self._entering()))
+        self._find_sources()
         self._at_walls, self._inner = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
-        self._near = near
         self.stand(self._molecules, float(self._stress.value))
         self._conditions += [
             self._given_of(self._at_walls, near, 1),
@@ -137,6 +136,26 @@ class KOmegaSST(TurbulenceFields):
         least = ON_WALL / self.largest(1.0 / beside)
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
 
+    def follow(self) -> None:
+        """Let distances from walls, and what is given by them, be those of the mesh where it is now."""
+        if not self.surroundings.walls:
+            return
+        self._distance.x.array[:] = distances(self.domain, self.surroundings.walls, self._places())
+        self._drop = self._dropped()
+        self.stand(self._molecules, float(self._stress.value))
+
+    def at_walls(self, values: Floats) -> Floats:
+        """State (local unknowns,) with what is given in the cells at walls. Not collective."""
+        found = values.copy()
+        if len(self._near):
+            found[2 * self._near + 1] = self._at_walls.x.array[self._near]
+            found[2 * self._within] = found[2 * self._source] + self._drop
+        return found
+
+    def _places(self) -> Floats:
+        """Places (n, gdim) of this rank's nodes."""
+        return np.asarray(self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim])
+
     def _entering(self) -> Integers:
         """Nodes at which both are given."""
         facets = [self.domain.facets_of(name) for name in self.surroundings.inflow]
@@ -149,18 +168,20 @@ class KOmegaSST(TurbulenceFields):
         pairs = [(2 * nodes + component).astype(np.int32), nodes.astype(np.int32)]
         return dolfinx.fem.dirichletbc(values, pairs, self.space.sub(component))
 
-    def _from_next(self, places: Floats) -> None:
+    def _find_sources(self) -> None:
         """For nodes within the cells at walls: the next node beyond, and what ln k is less there."""
-        edge = self._edge
-        if not len(edge) or not len(self._within):
-            self._source, self._drop = np.empty(0, dtype=np.int64), np.empty(0)
-            self._within = self._within[:0] if not len(edge) else self._within
-            return
-        _, nearest = cKDTree(places[edge]).query(places[self._within])
-        self._source = edge[nearest]
+        edge, places = self._edge, self._places()
+        if not len(edge):
+            self._within = self._within[:0]
+        elif len(self._within):
+            self._source = edge[cKDTree(places[edge]).query(places[self._within])[1]]
+        self._drop = self._dropped()
+
+    def _dropped(self) -> Floats:
+        """What ln k is less at nodes within the cells at walls than at the next node beyond."""
         away = self._distance.x.array
-        least = ON_WALL * away[self._source]
-        self._drop = forms.EXPONENT * np.log(np.maximum(away[self._within], least) / away[self._source])
+        beyond = away[self._source]
+        return np.asarray(forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond))
 
     def _prepare(self) -> None:
         """Let ln k within the cells at smooth walls follow that beyond."""
@@ -171,15 +192,13 @@ class KOmegaSST(TurbulenceFields):
 
     def begin(self, values: Callable[[Floats, Floats], Floats]) -> None:
         """Let the state be a function of places (n, gdim) and distances (n,) from walls that returns (2, n)."""
-        places = self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
-        for component, one in enumerate(values(places, self._distance.x.array)):
+        for component, one in enumerate(values(self._places(), self._distance.x.array)):
             self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:
         """Places (n, gdim) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
-        space = self._distance.function_space
-        edge = self._edge[self._edge < space.dofmap.index_map.size_local]
-        return space.tabulate_dof_coordinates()[edge, : self.domain.gdim], self._distance.x.array[edge]
+        edge = self._edge[self._edge < self._distance.function_space.dofmap.index_map.size_local]
+        return self._places()[edge], self._distance.x.array[edge]
 
     @property
     def _reach(self) -> Any:

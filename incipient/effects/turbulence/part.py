@@ -157,16 +157,18 @@ class TurbulentFlow(RunPart):
     def carry_over(self, before: TurbulentFlow) -> None:
         """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
 
-        At each point the new mesh takes what the old one has there: both quantities stay positive.
+        At each point the new mesh takes what the old one has there, in cells at walls what is given: both quantities
+        stay positive.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None
+        new.turbulence.follow()
         transfer = Transfer(old.turbulence.domain.mesh, new.turbulence.space.tabulate_dof_coordinates())
         values = dolfinx.fem.Function(old.turbulence.space)
         new.past = []
         for state in old.past:
             values.x.array[:] = state
-            new.past.append(transfer.values(values).ravel())
+            new.past.append(new.turbulence.at_walls(transfer.values(values).ravel()))
         new.turbulence.state.x.array[:] = new.past[0]
 
     def states(self) -> tuple[Any, ...]:
@@ -183,6 +185,7 @@ class TurbulentFlow(RunPart):
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take the logarithms of both quantities from a checkpoint."""
         assert kept.turbulence is not None and self.in_time is not None
+        self.fields.follow()
         self.in_time.past = spread_values(self.fields.space, kept.turbulence)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
