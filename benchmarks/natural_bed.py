@@ -26,6 +26,7 @@ import numpy as np
 import incipient.sweep
 from incipient.arrays import Floats, Integers
 from incipient.files import csv_text
+from incipient.planning.developed_channel import developed
 from incipient.planning.flow_setup import Setup
 from incipient.planning.mean_profile import MeanProfile
 from incipient.scene import Effects, Fluid, LogLaw, OpenChannel, Scene, Turbulence
@@ -44,7 +45,8 @@ FRICTION = 0.3  # as in demos/beds/random_spheres.toml
 # u* d/nu, of creeping flow 0, and pockets with runs there.
 LAMINAR = {0.0: 24, 10.0: 24, 3.0: 16, 30.0: 16}
 TURBULENT, TURBULENT_COUNT = (30.0, 100.0, 300.0, 1000.0), 8
-ROUGHNESS = 1.0  # equivalent sand roughness of the mean profile [d]
+ROUGHNESS = 1.0  # equivalent sand roughness of the bed, over which the mean profile or what enters is [d]
+DEPTH = 5.0  # of turbulent flow [d]
 # What runs leave open, looked at in some of them: each changes one number.
 CHECKED, CHECKED_AT = 2, (0.0, 10.0)
 CHECKS: dict[str, dict[str, float]] = {
@@ -130,15 +132,20 @@ def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check:
     given["fluid"] = Fluid(reynolds=shear_reynolds, scale="grain")
     given["flow"] = LogLaw(datum=made.flow.datum, roughness=ROUGHNESS)  # type: ignore[union-attr]
     if turbulent:
-        # V is the mean velocity of the channel, by the profile of a smooth bed, so that u* is nearly one.
-        depth = made.domain.height - float(made.flow.datum)  # type: ignore[union-attr, arg-type]
-        heights = depth * (np.arange(400) + 0.5) / 400.0
-        mean = float(MeanProfile(1.0, 1.0 / shear_reynolds, 0.0, depth).speed(heights).mean())
+        datum = float(made.flow.datum)  # type: ignore[union-attr, arg-type]
+        mean = mean_velocity(shear_reynolds)
+        given["domain"] |= {"height": datum + DEPTH}
         given["fluid"] = Fluid(reynolds=shear_reynolds * mean, scale="grain")
-        given["flow"] = OpenChannel(velocity=mean, datum=made.flow.datum)  # type: ignore[union-attr]
+        given["flow"] = OpenChannel(velocity=mean, datum=datum)
         given["effects"] = Effects(turbulence=True)
-        given["turbulence"] = Turbulence(model="k-omega-sst")
+        given["turbulence"] = Turbulence(model="k-omega-sst", upstream_roughness=ROUGHNESS)
     return Scene.model_validate(given)
+
+
+@cache
+def mean_velocity(shear_reynolds: float) -> float:
+    """Mean velocity over u* of an open channel over a rough bed, by the k-omega model."""
+    return developed(DEPTH * shear_reynolds, ROUGHNESS / DEPTH).mean
 
 
 def laminar_scenes() -> Iterator[list[Scene]]:

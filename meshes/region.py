@@ -63,11 +63,15 @@ class Region:
 
 @dataclass(frozen=True)
 class Away:
-    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units."""
+    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units.
+
+    From the distance `level` on the feature has no forms that this size follows: cells grow on.
+    """
 
     point: Place
     growth: float
     largest: float
+    level: float = float("inf")
 
 
 @dataclass(frozen=True)

@@ -99,8 +99,10 @@ class SizeMap:
     def _near(self, near: Near, x: Floats, distances: dict[str, Floats]) -> Floats:
         size = np.full(len(x), self.frame.size(near.size))
         if near.away is not None:
-            away = self._from_points((near.away.point,), x)
-            size = np.maximum(size, np.minimum(self.frame.size(near.away.largest), near.away.growth * away))
+            away, growth = self._from_points((near.away.point,), x), near.away.growth
+            beyond = np.maximum(away - self.frame.size(near.away.level), 0.0)
+            largest = self.frame.size(near.away.largest) + growth * beyond
+            size = np.maximum(size, np.minimum(largest, growth * away))
         distance = self._from_points(near.points, x) if near.points else distances[near.boundary]
         return np.asarray(size + near.growth * distance)
 

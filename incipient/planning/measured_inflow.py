@@ -142,5 +142,6 @@ def resolved_walls_as_asked(
     geometry: Geometry, base_flow: BaseFlow, names: SideNames, asked: Any
 ) -> ResolvedWalls:
     """The walls of a flow that its model reaches, and what enters between them as its section asks. Not collective."""
-    walls = resolved_walls_of(geometry, base_flow, names, asked.roughness)
+    upstream = asked.upstream_roughness
+    walls = resolved_walls_of(geometry, base_flow, names, asked.roughness, upstream=upstream)
     return with_profile(walls, asked.profile, asked.intensity, asked.length)

@@ -1,5 +1,6 @@
 """The region in space that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from ..geometry.placement import Placement
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
-from ..meshes import Away, BoxGrid, Near, PlacedSolid, Sizes, SolidRegion
+from ..meshes import Away, BoxGrid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..meshes.solid_region import SYMMETRY
 from .boundary_layer import GRAIN_CELL, thinner
 from .cells import FEWEST, layer_ends
@@ -55,15 +56,20 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
         holes={} if placement is None else {"body": PlacedSolid(geometry.grain, placement)},
         sides=(names.left, names.right, "right", "left", names.top, names.bottom),
         symmetric=geometry.symmetric,
-        # The bed stays as it is when a grain moves on: wherever that may come to it is meshed.
-        resolved=None if geometry.moves else resolved_bed(geometry, placement, setup.base_flow.datum),
+        resolved=_meshed(setup, placement),
     )
+
+
+def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
+    """Where the bed is meshed as it is; None: everywhere, also where a grain that moves may come to."""
+    geometry = setup.geometry
+    return None if geometry.moves else resolved_bed(geometry, placement, setup.base_flow.datum)
 
 
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     """Cell sizes for mesh_size = 1."""
     layer = thinner(setup)
-    near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup.geometry, order, stance)]
+    near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup, order, stance)]
     if layer < 1.0:
         near.extend(_in_wake(setup))
     if setup.has_wall_layer:
@@ -120,13 +126,15 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
     return near
 
 
-def _along_bed(geometry: Geometry, order: int, stance: Stance) -> list[Near]:
-    """Cells along a bed with forms."""
-    bed = geometry.bed
+def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
+    """Cells along a bed with forms, larger where level ground takes its place."""
+    bed = setup.geometry.bed
     if not isinstance(bed, Terrain) or not np.isfinite(bed.feature):
         return []
     largest, away = BED_LARGEST * bed.feature, None
     if stance.placement is not None:
-        away = Away(point(stance.placement.centre), BED_GROWTH, largest)
+        meshed = _meshed(setup, stance.placement)
+        level = math.inf if meshed is None else meshed.radius + meshed.passage
+        away = Away(point(stance.placement.centre), BED_GROWTH, largest, level)
     size = min(BED_CELL[order] * bed.feature, largest)
     return [Near(size, GROWTH, boundary="bed", away=away, most=largest)]

@@ -68,6 +68,7 @@ class ResolvedWalls:
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls, 0: smooth
+    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
     measured:       what enters in place of developed flow; None: that does
     stream:         that which passes a plate; None: there is none
     edge:           abscissa at which a plate begins; None: there is no plate
@@ -84,6 +85,7 @@ class ResolvedWalls:
     up: int
     developed: DevelopedChannel
     roughness: float = 0.0
+    upstream: float = 0.0
     measured: Entering | None = None
     stream: FreeStream | None = None
     edge: float | None = None
@@ -114,9 +116,14 @@ class ResolvedWalls:
         """How walls are treated, in words."""
         first = self.first / self.unit * (1.0 if self.plane else FIRST_CELL / FIRST_ROW)
         kind = f"rough walls (u* k_s/nu about {self.sand:.3g})" if self.roughness else "walls"
-        return (
+        told = (
             f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
             f"u* about {self.shear_velocity:.3g}{'' if self.edge is None else ' at the end of the plate'}"
+        )
+        if not self.upstream:
+            return told
+        return (
+            f"{told}, that upstream, where the bed is rough (u* k_s/nu about {self.upstream / self.unit:.3g})"
         )
 
     @property
@@ -169,7 +176,7 @@ class ResolvedWalls:
         if self.measured is not None:
             return self.measured.logarithms(np.minimum(away, self.depth))
         found, first = self.developed, self.developed.heights[1]
-        if self.roughness:
+        if found.sand:
             profiles = found.log_k + 2.0 * math.log(self.shear_velocity), found.log_omega
             log_k, log_omega = (np.interp(away / self.depth, found.heights, one) for one in profiles)
             return np.array([log_k, log_omega + math.log(self.shear_velocity / self.depth)])
@@ -273,8 +280,11 @@ def resolved_walls_of(
     roughness: float = 0.0,
     stream: FreeStream | None = None,
     leading_edge: float | None = None,
+    upstream: float = 0.0,
 ) -> ResolvedWalls:
     """The walls of a flow, of an equivalent sand roughness, and what enters; a uniform one passes a plate.
+
+    upstream: equivalent sand roughness of the bed over which what enters past smooth walls developed
 
     Raises:
         ConvergenceError: there is no developed flow that could be found.
@@ -289,7 +299,7 @@ def resolved_walls_of(
         edge = domain.left if leading_edge is None else leading_edge
         along = domain.right - edge
         depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
-    developed = of_discharge(mean * depth / viscosity, roughness / depth)
+    developed = of_discharge(mean * depth / viscosity, (upstream or roughness) / depth)
     body = () if geometry.grain is None else ("body",)
     return ResolvedWalls(
         depth=depth,
@@ -303,6 +313,7 @@ def resolved_walls_of(
         up=geometry.up,
         developed=developed,
         roughness=roughness,
+        upstream=upstream,
         stream=stream,
         edge=edge,
     )

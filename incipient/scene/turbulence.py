@@ -22,6 +22,10 @@ class Turbulence(Section):
     )
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
     roughness: NotNegative = key('Equivalent sand roughness of walls that are "rough" [length]', 0.0)
+    upstream_roughness: NotNegative = key(
+        "Equivalent sand roughness of the bed upstream, over which what enters past smooth walls developed [length]",
+        0.0,
+    )
     wall_distance: Positive | None = key(
         "Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
         None,
@@ -56,6 +60,8 @@ class Turbulence(Section):
         if (self.wall == "rough") != (self.roughness > 0.0):
             remedy = "give the equivalent sand roughness" if self.wall == "rough" else 'set wall = "rough"'
             raise self.refused("roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy)
+        if self.upstream_roughness and (wrong := self._wrong_upstream()):
+            raise self.refused("upstream_roughness", *wrong)
         for name in ("intensity", "length"):
             there = getattr(self, name) is not None
             if there != (self.inflow != "developed"):
@@ -72,6 +78,21 @@ class Turbulence(Section):
                 "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
             )
         return self
+
+    def _wrong_upstream(self) -> tuple[str, str] | None:
+        """What contradicts a rough bed upstream, and the remedy; None: nothing."""
+        if self.has_wall_functions:
+            return 'is not read by model = "k-epsilon"', 'leave it out, or use model = "k-omega-sst"'
+        if self.roughness:
+            return (
+                'is for smooth walls, but wall is "rough"',
+                "leave it out: what enters developed over these walls",
+            )
+        return (
+            None
+            if self.inflow == "developed"
+            else (f'is not read with inflow = "{self.inflow}"', "leave it out")
+        )
 
     def _wrong_profile(self) -> tuple[str, str] | None:
         """What is wrong with the profile, and the remedy; None: nothing."""

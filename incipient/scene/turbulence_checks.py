@@ -79,6 +79,9 @@ def _of_resolved_walls(
     if turbulence is not None and turbulence.roughness and (in_space or not level):
         why = f'is "rough", but past grains and bed forms, and in space, sand {_NOT_TO_THE_WALL}'
         yield problem("turbulence.wall", why, f"use smooth walls, {_OTHER}")
+    if turbulence is not None and turbulence.upstream_roughness and level:
+        why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
+        yield problem("turbulence.upstream_roughness", why, "leave it out")
 
 
 def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time | None) -> Iterator[Problem]:

@@ -332,6 +332,30 @@ def on_waves(reynolds, acceleration):
 
 
 @pytest.mark.slow
+def test_loads_below_a_rough_stream_follow_the_speed_that_enters():
+    """Over those below a smooth stream of the same discharge: between the squares of speeds at its foot and its top.
+
+    What enters has V/u* of the same model over sand in one dimension, within 0.2%.
+    """
+    from incipient.planning.flow_setup import Setup
+
+    loads, speeds = [], []
+    for sand in (0.0, 1.0):
+        model = Turbulence(model="k-omega-sst", upstream_roughness=sand)
+        scene = on_waves(2600.0, 0.1).model_copy(update={"turbulence": model})
+        walls = Setup(scene).resolved_walls
+        speeds.append(walls.velocity_at(np.array([0.25, 1.0]))[0])
+        result = incipient.run(scene)
+        loads.append([*result.force.flow[:2], result.couple.flow[2]])
+    mean = k_omega_channel(walls.depth / walls.unit, sand=1.0 / walls.unit)
+    assert 1.0 / walls.shear_velocity == pytest.approx(mean, rel=2e-3)
+    foot, top = (speeds[1] / speeds[0]) ** 2
+    assert top < 0.95 and foot > 1.15
+    assert all(top < one < foot for one in np.divide(loads[1], loads[0]))
+    assert "that upstream, where the bed is rough (u* k_s/nu about 27.7)" in str(result.plan)
+
+
+@pytest.mark.slow
 def test_the_grain_is_about_to_move_at_its_threshold():
     """A run of the critical flow, on a mesh of its own, has the safety factor one within 2%; tau_b is what enters."""
     found = incipient.threshold(on_waves(2600.0, 0.1))

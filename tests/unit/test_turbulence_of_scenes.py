@@ -34,6 +34,7 @@ from incipient.scene import (
     Turbulence,
 )
 
+TO_THE_WALL = {"model": "k-omega-sst"}
 MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
 
 
@@ -110,6 +111,18 @@ def entering_of(scene):
         (
             {"turbulence": {"roughness": 0.01}},
             'turbulence.roughness: is 0.01 but wall is "equilibrium"; set wall',
+        ),
+        *(
+            ({"turbulence": {"upstream_roughness": 0.1} | asked}, f"turbulence.upstream_roughness: {words}")
+            for asked, words in (
+                ({}, 'is not read by model = "k-epsilon"; leave it out, or use model = "k-omega-sst"'),
+                (
+                    TO_THE_WALL | {"wall": "rough", "roughness": 0.1},
+                    'is for smooth walls, but wall is "rough"',
+                ),
+                (TO_THE_WALL | {"inflow": "given"}, 'is not read with inflow = "given"; leave it out'),
+                (TO_THE_WALL, "is read only past grains and bed forms"),
+            )
         ),
         (
             {"turbulence": {"inflow": "given", "intensity": 0.1}},

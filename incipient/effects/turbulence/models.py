@@ -79,11 +79,12 @@ class KOmegaModel(TurbulenceModel):
         walls = setup.resolved_walls
         for why in limits.rows_beyond(setup, walls.number, walls.depth):
             raise SceneError(why)
-        if (share := walls.roughness / walls.depth) > COARSEST:
-            raise SceneError(
-                f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the depth, at most "
-                f"{limits.percent(COARSEST)}; use a smaller one"
-            )
+        for name, size in (("roughness", walls.roughness), ("upstream_roughness", walls.upstream)):
+            if (share := size / walls.depth) > COARSEST:
+                raise SceneError(
+                    f"turbulence.{name}: is {size:g}, {limits.percent(share)} of the depth, at most "
+                    f"{limits.percent(COARSEST)}; use a smaller one"
+                )
         if 0.0 < walls.sand < SMOOTHEST_SAND:
             yield (
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
