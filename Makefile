@@ -90,6 +90,7 @@ turbulence: setup ## turbulent channels, a step, a plate and a stone beside Open
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_plate.py
 	$(PYTHON) benchmarks/turbulent_stone.py
+	$(PYTHON) benchmarks/turbulent_models.py
 	$(PYTHON) benchmarks/turbulent_hump.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
