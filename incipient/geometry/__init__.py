@@ -2,6 +2,7 @@
 
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed, Flat, HalfDiscs, Sinusoidal
+from incipient.geometry.plane.curved import Curved
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from incipient.geometry.plane.discs import Discs
 from incipient.geometry.plane.grain import Disc, Ellipse, Grain, Rectangle
@@ -17,7 +18,19 @@ from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, Superquadri
 from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.terrain import Hemispheres, Plane, Ridges, Terrain
 
-__all__ = ["Arc", "Bed", "Box", "Curve", "Cylinder", "Disc", "Discs", "Ellipse", "Ellipsoid", "Flat"]
+__all__ = [
+    "Arc",
+    "Bed",
+    "Box",
+    "Curve",
+    "Curved",
+    "Cylinder",
+    "Disc",
+    "Discs",
+    "Ellipse",
+    "Ellipsoid",
+    "Flat",
+]
 __all__ += ["Grain", "HalfDiscs", "Harmonics", "HeightMap", "Hemispheres", "Line", "Placement", "Plane"]
 __all__ += ["Polygon", "Polyhedron", "Polyline", "Rectangle", "Ridges", "Settled", "SettlingOutcome"]
 __all__ += ["Sinusoidal", "Solid", "Sphere", "Spheres", "Spline", "Star", "Superellipse", "Superquadric"]

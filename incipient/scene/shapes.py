@@ -305,13 +305,14 @@ class HalfDiscs(BedSection):
 
 
 class Polyline(BedSection):
-    """Straight lines through points, which are read from a file or stand in the scene."""
+    """Lines, or a smooth curve, through points, which are read from a file or stand in the scene."""
 
     kind: Literal["polyline"] = key("Kind of bed", "polyline")
     file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = key(
         "Points with ascending x, heights counted from the base line; the same x twice: a step [length]", ()
     )
+    smooth: bool = key("A smooth curve through the points in place of straight lines", False)
 
     @model_validator(mode="before")
     @classmethod
@@ -334,11 +335,14 @@ class Polyline(BedSection):
         why = _disorder(self.points)
         if why:
             raise self.refused("points", why, "sort the points by ascending x, each place once")
+        if self.smooth and any(left[0] == right[0] for left, right in pairwise(self.points)):
+            raise self.refused("smooth", "is true, but points have a step, the same x twice", "leave it out")
         return self
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        return geometry.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
+        made = geometry.Curved if self.smooth else geometry.Polyline
+        return made([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _limit(section: Section, key: str, most: int) -> None:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from incipient.errors import SceneError
 from incipient.geometry import (
     Arc,
+    Curved,
     Disc,
     Ellipse,
     Flat,
@@ -44,6 +45,9 @@ BEDS = {
     "touching half-discs": HalfDiscs(0.5, 1.0, 0.1, 0.2),
     "spaced half-discs": HalfDiscs(0.2, 0.7),
     "polyline": Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (1, 0), (6, 0.2)], 0.1),
+    "smooth curve": Curved(
+        [(-6, 0.2), (-2, 0.2), (-0.5, 0.3), (0.1, 0.6), (0.8, 0.1), (1.5, 0), (6, 0)], 0.1
+    ),
 }
 S = np.linspace(0.0, 1.0, 401)
 grains = pytest.mark.parametrize("grain", GRAINS.values(), ids=GRAINS.keys())
@@ -343,6 +347,23 @@ class TestLifted:
     def test_bad_gap_is_refused(self):
         with pytest.raises(SceneError, match="gap"):
             lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1)
+
+
+def test_a_smooth_curve_through_points_of_a_circle_is_that_circle():
+    """Radius 2 between two level stretches: as high as the circle to 1e-4, and its radius found from the points."""
+    x = np.linspace(-1.0, 1.0, 41)
+    arc = np.column_stack([x, np.sqrt(4.0 - x**2) - np.sqrt(3.0)])
+    bed = Curved([(-4.0, 0.0), *arc, (4.0, 0.0)])
+    within = np.linspace(-0.9, 0.9, 301)
+    assert bed.height(within) == pytest.approx(np.sqrt(4.0 - within**2) - np.sqrt(3.0), abs=1e-4)
+    assert bed.nearest([[0.5, 1.0]]) == pytest.approx(
+        np.array([[0.5, 1.0 + 3.0**0.5]]) * 2.0 / np.hypot(0.5, 1.0 + 3.0**0.5) - [0.0, 3.0**0.5], abs=2e-3
+    )
+    assert Curved(arc).feature == pytest.approx(2.0, rel=1e-3)
+    assert [type(one) for one in bed.curves(-3.0, 3.0)] == [Line, Spline, Line]
+    assert not np.isfinite(Curved([(0.0, 0.0), (1.0, 0.5), (3.0, 1.5)]).feature)
+    with pytest.raises(SceneError, match="a smooth bed has a step"):
+        Curved([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
 
 
 def test_a_polyline_may_step_vertically():
