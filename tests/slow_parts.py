@@ -113,6 +113,7 @@ PARTS = {
     ),
     "turbulence": (
         "end_to_end/test_flat_plate.py",
+        "end_to_end/test_hump.py",
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_turbulent_accuracy.py",
         "end_to_end/test_turbulent_channels.py",

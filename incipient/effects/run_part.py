@@ -110,6 +110,14 @@ class RunPart:
         """
         return False
 
+    @property
+    def coarser_first(self) -> bool:
+        """Whether the steady flow is to be found from that on a coarser mesh, see `start_from`."""
+        return False
+
+    def start_from(self, coarser: Self) -> None:
+        """Let the flow and the part's unknowns be those of a steady flow of the scene on another mesh."""
+
     def start(self, steady: Self) -> None:
         """Begin from the part of a steady flow on the mesh."""
 

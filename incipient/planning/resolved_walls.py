@@ -72,6 +72,7 @@ class ResolvedWalls:
     measured:       what enters in place of developed flow; None: that does
     stream:         that which passes a plate; None: there is none
     edge:           abscissa at which a plate begins; None: there is no plate
+    smooth:         whether the bed has forms without corners, and there is no grain
     """
 
     depth: float
@@ -89,6 +90,12 @@ class ResolvedWalls:
     measured: Entering | None = None
     stream: FreeStream | None = None
     edge: float | None = None
+    smooth: bool = False
+
+    @property
+    def layer_over_forms(self) -> bool:
+        """Whether a measured boundary layer, in a stream with hardly any k, goes over smooth forms of the bed."""
+        return self.measured is not None and self.smooth
 
     @property
     def sand(self) -> float:
@@ -316,4 +323,8 @@ def resolved_walls_of(
         upstream=upstream,
         stream=stream,
         edge=edge,
+        smooth=geometry.gdim == 2
+        and not plane
+        and geometry.grain is None
+        and not len(bed.corners(domain.left, domain.right)),
     )

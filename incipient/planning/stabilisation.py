@@ -46,12 +46,19 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         return Stabilisation(True, f"streamline upwinding of steady flow in space; {found}", number, True)
-    if asked == "auto" and setup.resolves_walls and setup.base_flow.flow.kind == "uniform":
-        return Stabilisation(False, f"cells are stretched along the plate; {found}", number)
+    if asked == "auto" and _stretches_cells(setup):
+        return Stabilisation(False, f"cells are stretched along a boundary layer; {found}", number)
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
     bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
+
+
+def _stretches_cells(setup: Setup) -> bool:
+    """Whether cells are so thin in a boundary layer that grad-div makes its pressure alternate along the wall."""
+    if not setup.resolves_walls:
+        return False
+    return setup.base_flow.flow.kind == "uniform" or setup.resolved_walls.layer_over_forms
 
 
 def upwinds(setup: Setup) -> bool:

@@ -20,10 +20,12 @@ from ...fluid.space import size_along
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
 from ...mesh.domain import Domain
+from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import cells_at, distances, nodes_of
 from ...planning.base_flow import Velocity
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import ResolvedWallReport
+from ..run_part import RunPart
 from .along_walls import AlongWall, along_resolved_wall
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .iteration import Round, solve_steadily
@@ -35,8 +37,9 @@ FAR = 1e9  # distance where there are no walls
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 75.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
-# k over V^2 that is added to k in its unknown past a plate, where the edge of the layer would be a front of ln k.
+# k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
+FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
@@ -287,6 +290,7 @@ class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
 
     fields: KOmegaSST
+    _started = False  # from a flow on another mesh
 
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
@@ -320,7 +324,8 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _added(self) -> float:
-        return 0.0 if self._walls.edge is None else ADDED * self._scene.reference_velocity**2
+        layer = self._walls.edge is not None or self._walls.layer_over_forms
+        return ADDED * self._scene.reference_velocity**2 if layer else 0.0
 
     @property
     def _walls(self) -> ResolvedWalls:
@@ -354,15 +359,34 @@ class KOmegaFlow(TurbulentFlow):
         if self._walls.plane and self._walls.edge is None:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        if self._scene.gdim == 2 and self._walls.edge is None:
+        if self._scene.gdim == 2 and self._walls.edge is None and not self._started:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
                 rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
             if not rounds:
                 self.enter(self._fluid)
         with self._timed():
-            first = NEAR if rounds else FIRST
-            return rounds + solve_together(self._fluid, self.fields, self._tolerance, watch, first)
+            first = NEAR if rounds else FROM_COARSER if self._started else FIRST
+            gently = self._walls.layer_over_forms and not rounds
+            return rounds + solve_together(
+                self._fluid, self.fields, self._tolerance, watch, first, gently=gently
+            )
+
+    @property
+    def coarser_first(self) -> bool:
+        """Where a boundary layer goes over forms: it may separate from them, far from what enters."""
+        return self._walls.layer_over_forms
+
+    def start_from(self, coarser: RunPart) -> None:
+        """Let velocity and turbulence be those of a steady flow on another mesh."""
+        assert isinstance(coarser, KOmegaFlow)
+        mine, theirs, mesh = self._fluid, coarser._fluid, coarser.fields.domain.mesh
+        places = mine.space.velocity.tabulate_dof_coordinates()
+        found = Transfer(mesh, places).values(theirs.velocity)
+        mine.state.x.array[mine.space.velocity_map] = found.ravel()
+        places = self.fields.space.tabulate_dof_coordinates()
+        self.fields.state.x.array[:] = Transfer(mesh, places).values(coarser.fields.state).ravel()
+        self._started = True
 
     def enter(self, fluid: Fluid) -> None:
         """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
