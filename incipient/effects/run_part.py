@@ -41,6 +41,10 @@ class Solving(Protocol):
         """The flow, on the newest mesh."""
 
     @property
+    def probe(self) -> TractionProbe | None:
+        """Reads the traction on the grain; None without a grain."""
+
+    @property
     def time_stepper(self) -> Transient | None:
         """The steps in time; None for a steady flow, and before the first step."""
 

@@ -13,10 +13,12 @@ class ResolvedWallReport(WallReport):
 
     mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
     thickest: up to which cells at walls resolve them, in nu/u*
+    spread: of the loads on the grain, over their size, in the last steps of a flow that still changes; 0: it is steady
     """
 
     mesh_size: float = 1.0
     thickest: float = 2.5
+    spread: float = 0.0
 
     @property
     def model(self) -> str:
@@ -47,7 +49,10 @@ class ResolvedWallReport(WallReport):
         return ""
 
     def _judged(self) -> list[str]:
-        told = f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
+        told = ""
+        if self.spread:
+            told = f"NOT QUITE STEADY: the loads on the grain still change by {100 * self.spread:.2g}%; "
+        told += f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
         if self.outside:
             told += f", along {100 * self.outside:.3g}% of the walls more than {self.thickest:.3g}"
         if self.applicable:

@@ -165,3 +165,17 @@ def test_slow_flow_is_laminar():
     assert found.is_laminar
     assert found.re_tau == pytest.approx(np.sqrt(60.0), rel=1e-4)
     assert found.speed[-1] / found.mean == pytest.approx(1.5, rel=1e-3)
+
+
+def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
+    """By how much ten sets of loads differ from the last one, over its size; none of short steps, or too few."""
+    from incipient.effects.turbulence.iteration import Round
+    from incipient.effects.turbulence.pseudo_time import LINGERING, SWEEPING, spread_of
+
+    def rounds(courant, number=LINGERING):
+        return [Round(i, courant, 0.1, 0.1, (3.0, 4.0 + 0.1 * (i % 2), 0.0)) for i in range(number)]
+
+    assert spread_of(rounds(SWEEPING)) == pytest.approx(0.1 / np.hypot(3.0, 4.1))
+    assert spread_of([Round(0, 1.0, 9.0, 9.0, (9.0, 9.0, 9.0)), *rounds(SWEEPING)]) < 0.02
+    assert spread_of(rounds(0.9 * SWEEPING)) == spread_of(rounds(SWEEPING, LINGERING - 1)) == np.inf
+    assert spread_of([Round(i, SWEEPING, 0.1, 0.1) for i in range(LINGERING)]) == np.inf

@@ -32,12 +32,18 @@ NO_FLOW = "the flow with the eddy viscosity as it is does not converge: use a sm
 
 @dataclass(frozen=True)
 class Round:
-    """One solution of the flow and one step of pseudo-time of its turbulence, and how much they changed."""
+    """One solution of the flow and one step of pseudo-time of its turbulence, and how much they changed.
+
+    loads: on the grain after it, where they are asked for; spread: by how much the last ones differ, over their size,
+    where a flow is taken that still changes
+    """
 
     number: int
     step: float
     of_flow: float
     of_turbulence: float
+    loads: tuple[float, ...] = ()
+    spread: float = 0.0
 
 
 def solve_steadily(

@@ -291,6 +291,7 @@ class KOmegaFlow(TurbulentFlow):
 
     fields: KOmegaSST
     _started = False  # from a flow on another mesh
+    _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
@@ -354,7 +355,9 @@ class KOmegaFlow(TurbulentFlow):
         number = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
         return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
 
-    def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
+    def _steady(
+        self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
+    ) -> tuple[Round, ...]:
         """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""
         if self._walls.plane and self._walls.edge is None:
             return super()._steady(watch)
@@ -368,9 +371,11 @@ class KOmegaFlow(TurbulentFlow):
         with self._timed():
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
-            return rounds + solve_together(
-                self._fluid, self.fields, self._tolerance, watch, first, gently=gently
+            rounds += solve_together(
+                self._fluid, self.fields, self._tolerance, watch, first, gently=gently, loads=loads
             )
+            self._spread = rounds[-1].spread
+            return rounds
 
     @property
     def coarser_first(self) -> bool:
@@ -387,6 +392,18 @@ class KOmegaFlow(TurbulentFlow):
         places = self.fields.space.tabulate_dof_coordinates()
         self.fields.state.x.array[:] = Transfer(mesh, places).values(coarser.fields.state).ravel()
         self._started = True
+
+    def _loads(self, run: Solving) -> Callable[[], Floats] | None:
+        """A function that returns force and couple over the grain's size, (6,); in the plane None."""
+        probe, grain = run.probe, self._of_run.geometry.grain
+        if probe is None or grain is None or self._scene.gdim == 2:
+            return None
+
+        def found() -> Floats:
+            resultant = probe.resultant()
+            return np.concatenate([resultant.force, resultant.couple / grain.size])
+
+        return found
 
     def enter(self, fluid: Fluid) -> None:
         """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
@@ -424,6 +441,7 @@ class KOmegaFlow(TurbulentFlow):
             along={name: self._told(one) for name, one in along.items()} if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
             thickest=walls.thickest,
+            spread=self._spread,
         )
 
     def _thickness(self, walls: Sequence[AlongWall]) -> tuple[Floats, Floats]:

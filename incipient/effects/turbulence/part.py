@@ -12,6 +12,7 @@ import dolfinx
 import ufl
 
 from ... import compat
+from ...arrays import Floats
 from ...fluid import FlowModel, Fluid
 from ...fluid.transient import Interface, TimeStep, Transient
 from ...mesh.domain import Domain
@@ -105,12 +106,19 @@ class TurbulentFlow(RunPart):
         if not onwards:
             self.enter(fluid)
         with run.stage("flow"):
-            rounds = self._steady(lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence))
+            rounds = self._steady(
+                lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence), self._loads(run)
+            )
         run.count(turbulence=len(rounds))
         return True
 
-    def _steady(self, watch: Callable[[Round], None]) -> tuple[Round, ...]:
-        """Find the steady flow with its turbulence from the state at hand."""
+    def _loads(self, run: Solving) -> Callable[[], Floats] | None:
+        """A function that returns force and couple over the grain's size, (6,); None: they are not looked at."""
+
+    def _steady(
+        self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
+    ) -> tuple[Round, ...]:
+        """Find the steady flow with its turbulence from the state at hand, with the loads on a grain if these count."""
         time = self._depth / self._scene.reference_velocity
         return solve_steadily(self._fluid, self.fields, time, self._tolerance, watch, self._timed)
 
