@@ -5,8 +5,8 @@ touch, in water. Its velocity is that of the stream which enters at the height o
 Shreve (2007, J. Geophys. Res. 112, F02003) measured the drag on a sphere near a gravel bed.
 
 Cost:    five to fifteen minutes of one core for each row
-Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 2600:1.5], Reynolds numbers by mean speed and diameter with
-         mesh sizes, to compute
+Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 1300:2.2:1 2600:1.5], Reynolds numbers by mean speed and
+         diameter with mesh sizes, and the sand roughness of the bed upstream [d] if it is rough, to compute
 Results: benchmarks/bead_in_turbulence.json, a row for each; the table in docs/beads.md; quartiles of the measured drag
 """
 
@@ -64,6 +64,7 @@ acceleration = {gravity}
 turbulence = true
 [turbulence]
 model = "k-omega-sst"
+upstream_roughness = {upstream}
 [contact]
 friction = 0.5
 gap = {gap}
@@ -74,12 +75,15 @@ error_bars = false
 """
 
 
-def computed(reynolds: float, size: float, gap: float = 0.05) -> dict[str, Any]:
-    """Loads on the bead and its verdict in a stream of a Reynolds number by mean speed and diameter."""
+def computed(reynolds: float, size: float, upstream: float = 0.0, gap: float = 0.05) -> dict[str, Any]:
+    """Loads on the bead and its verdict in a stream of a Reynolds number by mean speed and diameter.
+
+    upstream: equivalent sand roughness of the bed upstream [d]
+    """
     speed = reynolds * VISCOSITY / DIAMETER  # mean speed [m/s]
     gravity = GRAVITY * DIAMETER / speed**2
-    text = SCENE.format(reynolds=reynolds, density=DENSITY, gravity=gravity, size=size, gap=gap)
-    scene = incipient.scene.loads(text)
+    given = {"reynolds": reynolds, "size": size, "upstream": upstream, "gap": gap}
+    scene = incipient.scene.loads(SCENE.format(density=DENSITY, gravity=gravity, **given))
     result = incipient.run(scene)
     setup = Setup(scene)
     walls = setup.resolved_walls
@@ -91,6 +95,7 @@ def computed(reynolds: float, size: float, gap: float = 0.05) -> dict[str, Any]:
     return {
         "reynolds": reynolds,
         "mesh_size": size,
+        "upstream": upstream,
         "gap": gap,
         "shear_reynolds": walls.shear_velocity * reynolds,
         "centre": centre,
@@ -133,18 +138,20 @@ def table(rows: list[dict[str, Any]]) -> str:
     head = (
         "u* d/ν",
         "mesh_size",
+        "bed upstream",
         "speed at the centre",
         "C_D",
         "C_L",
         "S",
         "leaves at",
-        "Shields number of the smooth stream",
+        "Shields number of the mean stream",
     )
     lines = [f"| {' | '.join(head)} |", "|" + " --- |" * len(head)]
     for row in rows:
         cells = (
             f"{row['shear_reynolds']:.0f}",
             f"{row['mesh_size']:g}",
+            f"rough, k_s = {row['upstream']:g} d" if row["upstream"] else "smooth",
             f"{row['at_centre']:.3f} m/s",
             *(f"{row[name]:.3f}" for name in ("drag", "lift")),
             f"{row['safety_factor']:.3f}",
@@ -158,10 +165,10 @@ def table(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     """Compute the rows asked for, and write the page's table."""
     known = json.loads(STORE.read_text()) if STORE.exists() else []
-    rows = {(row["reynolds"], -row["mesh_size"]): row for row in known}
+    rows = {(row["upstream"], row["reynolds"], -row["mesh_size"]): row for row in known}
     for word in sys.argv[1:]:
-        reynolds, size = map(float, word.split(":"))
-        rows[reynolds, -size] = computed(reynolds, size)
+        reynolds, size, upstream = (*map(float, word.split(":")), 0.0)[:3]
+        rows[upstream, reynolds, -size] = computed(reynolds, size, upstream)
         STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
     before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
     PAGE.write_text(f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}")

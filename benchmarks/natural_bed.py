@@ -6,8 +6,8 @@ Loads:    full runs past grains of the first bed that are far from one another i
           creeping shear, and with inertia below the mean profile of a turbulent stream (`flow.kind = "log-law"`), at
           several u* d/nu; `--turbulent`: by the k-omega SST model. Force over bed stress and d^2, couple and d^3: these
           do not depend on the grain's weight, so that a run holds for all Shields numbers at its u* d/nu.
-Cost:     half an hour of one core, with --turbulent not known yet; what is in the results is not computed again:
-          delete them for that.
+Cost:     half an hour of one core, with --turbulent three to four minutes for each grain at u* d/nu = 30, more at
+          larger ones; what is in the results is not computed again: delete them for that.
 Run:      python benchmarks/natural_bed.py [--turbulent] [--jobs N] [--executor dask://HOST:PORT] [--wall 2h]
 Results:  results/natural_bed.sqlite, a sweep's file (docs/sweeps.md), and benchmarks/natural_bed.csv
 """
@@ -221,13 +221,32 @@ def top_speed(height: float, shear_reynolds: float) -> float:
 def stored() -> list[dict[str, Any]]:
     """Rows of benchmarks/natural_bed.csv; none without it."""
     words = ("model", "check")
+    return [{name: text if name in words else float(text) for name, text in row.items()} for row in _texts()]
+
+
+def _texts() -> list[dict[str, Any]]:
+    """The same as they are written."""
     if not STORE.exists():
         return []
     with STORE.open() as file:
-        return [
-            {name: text if name in words else float(text) for name, text in row.items()}
-            for row in csv.DictReader(file)
-        ]
+        return list(csv.DictReader(file))
+
+
+def turbulent_over_laminar(shear_reynolds: float) -> dict[int, Floats]:
+    """Force along the flow and up, and couple about y (3,), by the k-omega model over those of the laminar runs.
+
+    By pocket, at the same velocity at the grain's top.
+    """
+    by_model: dict[str, dict[int, dict[str, Any]]] = {"laminar": {}, "k-omega-sst": {}}
+    for row in stored():
+        if row["shear_reynolds"] == shear_reynolds and not row["check"]:
+            by_model[row["model"]][int(row["pocket"])] = row
+    names, found = ("force_x", "force_z", "couple_y"), {}
+    for number, row in by_model["k-omega-sst"].items():
+        if (other := by_model["laminar"].get(number)) is not None:
+            loads, laminar = (np.array([one[name] for name in names]) for one in (row, other))
+            found[number] = loads / laminar * (other["speed"] / row["speed"]) ** 2
+    return found
 
 
 def store(rows: Sequence[dict[str, Any]]) -> None:
@@ -236,7 +255,7 @@ def store(rows: Sequence[dict[str, Any]]) -> None:
     def key(row: dict[str, Any]) -> tuple[str, str, float, int]:
         return str(row["model"]), str(row["check"]), float(row["shear_reynolds"]), int(row["pocket"])
 
-    known = {key(row): row for row in stored()}
+    known = {key(row): row for row in _texts()}
     known |= {key(row): dict(row) for row in rows}
     STORE.write_text(csv_text(COLUMNS, [known[one] for one in sorted(known)]))
 
@@ -253,6 +272,13 @@ def main() -> None:
     means = {name: getattr(asked, name) for name in ("jobs", "executor", "wall", "limit")}
     for scenes in turbulent_scenes() if asked.turbulent else laminar_scenes():
         compute(scenes, means)
+    for level in TURBULENT:
+        if ratios := [*turbulent_over_laminar(level).values()]:
+            median, least, most = np.median(ratios, axis=0), np.min(ratios, axis=0), np.max(ratios, axis=0)
+            print(
+                f"u* d/nu = {level:g}, drag, lift, couple over laminar ones, {len(ratios)} grains:", end=" "
+            )
+            print(*(f"{a:.2f} ({b:.2f} to {c:.2f})" for a, b, c in zip(median, least, most, strict=True)))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ EVEN, ODD = [0, 2, 4], [1, 3, 5]  # force along the flow and up, couple about y;
 DISC, AHEAD, REACH = 24, 2.0, 0.6  # points across the disc, and lengths over which neighbours shelter [d]
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
+TURBULENT = "k-omega-sst"  # model of runs with turbulence
 FASTEST = 5000.0  # u* d/nu up to which mean flows are tabulated
 LOWEST = 0.1  # height of a top below which the velocity there is that at this height [d]
 INTENSITY_OF_WALLS = 0.49  # u'/u next to walls, the limit of the law used
@@ -138,18 +139,18 @@ def askew(pocket: Pocket) -> float:
 
 
 def flow_loads() -> list[FlowLoads]:
-    """Loads at all u* d/nu with enough runs, ascending; with turbulence where that was computed.
+    """Loads at all u* d/nu with enough runs, ascending; with turbulence where that was computed past as many grains.
 
-    Runs with turbulence have the profile of a smooth bed: their loads are taken over the velocity at the grain's top,
-    and this over the bed stress as the mean profile of the natural bed has it.
+    Loads of runs with turbulence are taken over the velocity at the grain's top, and this over the bed stress as the
+    mean profile of the natural bed has it, as in the others.
     """
     by_level: dict[tuple[float, str], list[dict[str, float]]] = {}
     for row in natural_bed.stored():
         if not row["check"]:
             by_level.setdefault((row["shear_reynolds"], row["model"]), []).append(row)
     found: dict[float, FlowLoads] = {}
-    for (level, model), rows in sorted(by_level.items()):
-        if len(rows) < FEWEST or (level in found and model != "k-omega-sst"):
+    for (level, model), rows in sorted(by_level.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)):
+        if len(rows) < max(FEWEST, len(found[level].numbers) if level in found else 0):
             continue
         numbers = tuple(int(row["pocket"]) for row in rows)
         own = [natural_bed.top_speed(natural_bed.protrusion_of(one), level) for one in numbers]

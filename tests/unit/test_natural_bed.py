@@ -170,20 +170,24 @@ def test_runs_are_stored_once(
     assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [(7, "", 2.0), (7, "gap", 1.0)]
 
 
-@pytest.mark.parametrize(("turbulent", "model", "share"), [(8, "k-omega-sst", 0.25), (7, "laminar", 1.0)])
+@pytest.mark.parametrize(
+    ("turbulent", "laminar", "model", "share"),
+    [(8, 8, "k-omega-sst", 0.25), (7, 8, "laminar", 1.0), (8, 9, "laminar", 1.0)],
+)
 def test_turbulent_runs_take_over_once_there_are_enough(
     curve: ModuleType,
     natural_bed: ModuleType,
     monkeypatch: pytest.MonkeyPatch,
     turbulent: int,
+    laminar: int,
     model: str,
     share: float,
 ) -> None:
     """A flow that enters twice as fast at the top has a quarter of its loads over the bed's own stress."""
     speed = natural_bed.top_speed(0.6, 30.0)
     made = [
-        ("creeping", 0.0, 8, 0.6),
-        ("laminar", 30.0, 8, speed),
+        ("creeping", 0.0, 9, 0.6),
+        ("laminar", 30.0, laminar, speed),
         ("k-omega-sst", 30.0, turbulent, 2.0 * speed),
     ]
     loads = dict.fromkeys(natural_bed.COMPONENTS, 3.0)
@@ -196,7 +200,22 @@ def test_turbulent_runs_take_over_once_there_are_enough(
     monkeypatch.setattr(natural_bed, "protrusion_of", lambda number: 0.6)
     creeping, fast = curve.flow_loads()
     assert fast.model == model and fast.below is creeping and creeping.below is None
-    assert fast.values == pytest.approx(3.0 * share * np.ones((8, 6)))
+    assert fast.values == pytest.approx(3.0 * share * np.ones((max(turbulent, laminar), 6)))
+
+
+def test_turbulent_loads_are_compared_at_one_speed_at_the_top(
+    natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three times the load at twice the speed is 3/4; grains that have one run only are left out."""
+    made = [("laminar", 7, 2.0, 1.0), ("k-omega-sst", 7, 6.0, 2.0), ("k-omega-sst", 8, 1.0, 1.0)]
+    rows = [
+        {"pocket": number, "shear_reynolds": 30.0, "model": model, "check": "", "speed": speed}
+        | dict.fromkeys(natural_bed.COMPONENTS, load)
+        for model, number, load, speed in made
+    ]
+    monkeypatch.setattr(natural_bed, "stored", lambda: rows)
+    found = natural_bed.turbulent_over_laminar(30.0)
+    assert list(found) == [7] and found[7] == pytest.approx(0.75 * np.ones(3))
 
 
 def test_a_run_begins_at_the_mean_level_of_its_bed(
