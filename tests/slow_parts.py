@@ -38,6 +38,10 @@ PARTS = {
         "unit/test_settle.py",
     ),
     "motion": (
+        # The longest first: each file is one process, and the other would wait for it.
+        "stability/test_random_releases_with_flow.py",
+        "stability/test_random_releases.py",
+        "end_to_end/test_released_sphere.py",
         "convergence/test_contact_motion.py",
         "convergence/test_coupling.py",
         "convergence/test_released_steps.py",
@@ -49,10 +53,7 @@ PARTS = {
         "end_to_end/test_moving_grain.py",
         "end_to_end/test_moving_pictures.py",
         "end_to_end/test_released.py",
-        "end_to_end/test_released_sphere.py",
         "stability/test_moving_mesh.py",
-        "stability/test_random_releases.py",
-        "stability/test_random_releases_with_flow.py",
         "unit/test_integrator.py",
         "unit/test_rigidbody.py",
     ),
