@@ -349,6 +349,15 @@ class TestLifted:
             lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1)
 
 
+def test_the_nearest_place_on_a_long_smooth_curve_is_found():
+    """Two hundred waves, for which its lines are long: distances as from four million points on it."""
+    x = np.linspace(0.0, 400.0, 1601)
+    bed = Curved(np.column_stack([x, 0.1 * np.cos(np.pi * x)]))
+    above, dense = np.array([[150.3, 0.35], [201.12, 0.02]]), np.linspace(149.0, 203.0, 4_000_001)
+    away = [np.hypot(dense - one[0], bed.height(dense) - one[1]).min() for one in above]
+    assert np.linalg.norm(above - bed.nearest(above), axis=1) == pytest.approx(away, abs=1e-9)
+
+
 def test_a_smooth_curve_through_points_of_a_circle_is_that_circle():
     """Radius 2 between two level stretches: as high as the circle to 1e-4, and its radius found from the points."""
     x = np.linspace(-1.0, 1.0, 41)

@@ -56,11 +56,17 @@ class Curved(Polyline):
 
     def _on_curve(self, a: float, b: float, bends: bool) -> Floats:
         """Points (n, 2) above y = 0 of a stretch from a to b, evenly spaced."""
-        number = (
-            int(np.clip(LINES_PER_RADIUS * (b - a) / self.feature, FEWEST_LINES, MOST_LINES)) if bends else 1
-        )
-        x = np.linspace(a, b, number + 1)
+        x = np.linspace(a, b, self._lines(b - a) + 1 if bends else 2)
         return np.column_stack([x, self._curve(x)])
+
+    def _lines(self, length: float) -> int:
+        """Of how many lines a stretch of a length that bends is made."""
+        return int(np.clip(LINES_PER_RADIUS * length / self.feature, FEWEST_LINES, MOST_LINES))
+
+    @cached_property
+    def _longest(self) -> float:
+        """The longest of the lines where the bed bends, along x."""
+        return max((b - a) / self._lines(b - a) for a, b, bends in self._stretches() if bends)
 
     @cached_property
     def _radii(self) -> Floats:
@@ -101,7 +107,7 @@ class Curved(Polyline):
         """The nearest points (n, 2), those of the lines moved on to the curve; of two alike either."""
         if not len(points) or not np.isfinite(self.feature):
             return super()._nearest(points)
-        x, reach = super()._nearest(points)[:, 0], self.feature / LINES_PER_RADIUS
+        x, reach = super()._nearest(points)[:, 0], self._longest
         low, high = x - reach, x + reach
         for _ in range(BISECTIONS):
             x = 0.5 * (low + high)
