@@ -1,11 +1,9 @@
 """Sand that moves in a turbulent open channel by k-omega SST: paths, new meshes, resumed runs, ranks."""
 
-import csv
-import textwrap
-
 import numpy as np
 import pytest
 from scipy.special import k0, k1
+from turbulent import column, ends_on_ranks, resumed_as_whole
 
 import incipient
 from incipient.planning.developed_channel import developed
@@ -51,11 +49,6 @@ def moving(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size
     )
 
 
-def column(directory, name):
-    with (directory / "history.csv").open(newline="") as file:
-        return np.array([float(row[name]) for row in csv.DictReader(file)])
-
-
 def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
     """On a mesh that may move, but does not; also what both say of the walls."""
     held, still = (
@@ -69,36 +62,17 @@ def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
 @pytest.mark.slow
 def test_a_run_with_new_meshes_goes_on_where_it_was_kept(tmp_path):
     """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does."""
-    whole = incipient.run(moving(0.1, 0.02, "rest", 0.9995, 3), tmp_path / "whole")
-    incipient.run(moving(0.06, 0.02, "rest", 0.9995, 3), tmp_path / "cut")
-    resumed = incipient.resume(tmp_path / "cut", ["time.end=0.1"])
-    assert len(whole.trajectory["remeshings"]) >= 3
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    for name in ("x", "couple", "y_plus_max", "mesh_quality"):
-        assert column(tmp_path / "cut", name) == pytest.approx(column(tmp_path / "whole", name), rel=1e-10)
+    names = ("x", "couple", "y_plus_max", "mesh_quality")
+    resumed_as_whole(lambda end: moving(end, 0.02, "rest", 0.9995, 3), (0.06, 0.1), tmp_path, names)
 
 
 @pytest.mark.slow
 def test_moving_sand_on_two_ranks(mpirun, tmp_path):
     """With a new mesh after each step, load and velocity of a free grain are those of one rank."""
-    script = """
-        import incipient
-        from mpi4py import MPI
-        from incipient.scene.file import loads
-
-        found = incipient.run(loads(open(NAME).read()))
-        if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, [*found.force.flow[:2].tolist(), *found.trajectory["velocity"].tolist()]))
-            print(len(found.trajectory["remeshings"]))
-    """
     path = tmp_path / "scene.toml"
     scene = moving(0.1, 0.02, "rest", 0.99995, motion="free", density=0.5)
     path.write_text(dumps(scene), encoding="utf-8")
-    found = []
-    for ranks in (1, 2):
-        done = mpirun(ranks, textwrap.dedent(script).replace("NAME", repr(str(path))))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
+    found = ends_on_ranks(mpirun, path)
     assert found[0][-1] >= 3
     assert found[1] == pytest.approx(found[0], rel=1e-5)
 

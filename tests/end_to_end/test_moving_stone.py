@@ -1,7 +1,5 @@
 """A large grain that moves in a turbulent open channel: its momentum and the stream's, new meshes, going on."""
 
-import csv
-import textwrap
 from functools import partial
 
 import numpy as np
@@ -10,6 +8,7 @@ import ufl
 from mpi4py import MPI
 from test_large_grain import integral, stone
 from test_large_grain_in_space import stone as solid_stone
+from turbulent import column, ends_on_ranks, resumed_as_whole
 
 import incipient
 from incipient.geometry.placement import Placement
@@ -30,11 +29,6 @@ def moving(end, step, density=2.65, remesh_below=0.35, output=None, mesh_size=4.
         "output": output or Output(fields=False),
     }
     return stone(**{**sections, **changes})
-
-
-def column(directory, name):
-    with (directory / "history.csv").open(newline="") as file:
-        return np.array([float(row[name]) for row in csv.DictReader(file)])
 
 
 def ball(end, step, **changes):
@@ -96,34 +90,15 @@ def test_a_run_with_new_meshes_goes_on_where_it_was_kept(made, tmp_path):
     def until(end):
         return made(end, 1e-3, output=Output(fields=False, checkpoint=3))
 
-    whole = incipient.run(until(5e-3), tmp_path / "whole")
-    incipient.run(until(3e-3), tmp_path / "cut")
-    resumed = incipient.resume(tmp_path / "cut", ["time.end=5e-3"])
-    assert len(whole.trajectory["remeshings"]) >= 3
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    for name in ("x", "velocity_x", "y_plus_max", "mesh_quality"):
-        assert column(tmp_path / "cut", name) == pytest.approx(column(tmp_path / "whole", name), rel=1e-10)
+    resumed_as_whole(until, (3e-3, 5e-3), tmp_path, ("x", "velocity_x", "y_plus_max", "mesh_quality"))
 
 
 @pytest.mark.slow
 def test_a_moving_stone_on_two_ranks(mpirun, tmp_path):
     """With a new mesh after each step, place and load are those of one rank."""
-    script = """
-        import incipient
-        from mpi4py import MPI
-        from incipient.scene.file import loads
-
-        found = incipient.run(loads(open(NAME).read()))
-        if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, [*found.force.flow[:2].tolist(), *found.trajectory["velocity"].tolist()]))
-    """
     path = tmp_path / "scene.toml"
     path.write_text(dumps(moving(5e-3, 1e-3, remesh_below=0.998)), encoding="utf-8")
-    found = []
-    for ranks in (1, 2):
-        done = mpirun(ranks, textwrap.dedent(script).replace("NAME", repr(str(path))))
-        assert done.returncode == 0, done.stderr
-        found.append([float(word) for word in done.stdout.split()])
+    found = ends_on_ranks(mpirun, path)
     assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
