@@ -88,11 +88,9 @@ class Turbulence(Section):
                 'is for smooth walls, but wall is "rough"',
                 "leave it out: what enters developed over these walls",
             )
-        return (
-            None
-            if self.inflow == "developed"
-            else (f'is not read with inflow = "{self.inflow}"', "leave it out")
-        )
+        if self.inflow != "developed":
+            return f'is not read with inflow = "{self.inflow}"', "leave it out"
+        return None
 
     def _wrong_profile(self) -> tuple[str, str] | None:
         """What is wrong with the profile, and the remedy; None: nothing."""
