@@ -134,6 +134,8 @@ def in_words(row: Mapping[str, Any]) -> str:
     if "friction" not in row:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
+    if row.get("load_spread"):
+        words += ", NOT QUITE STEADY"
     return words if row["applicable"] else f"{words}, law of the wall NOT APPLICABLE"
 
 

@@ -19,11 +19,13 @@ from incipient.cost.ladder import ladder
 from incipient.cost.measurement import Variant
 from incipient.cost.quantities import ComparedNumbers
 from incipient.effects import known
+from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.order import order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import Loads
+from incipient.results.resolved_wall_report import ResolvedWallReport
 from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
     Contact,
@@ -51,6 +53,23 @@ def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
     wider = [one for one in coarse_scenes(scene) if one.numerics.mesh_size == pytest.approx(2**0.5)]
     assert len(wider) == 1 and not wider[0].numerics.error_bars
     assert make_plan(scene).datum is None
+
+
+@pytest.mark.parametrize(("spread", "told"), [(0.0, False), (0.012, True)])
+def test_a_flow_that_still_changes_is_told_everywhere(spread, told):
+    """In the run's text, its report, and a sweep's table and words."""
+    walls = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, spread=spread)
+    found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
+    assert found["load_spread"] == spread
+    row = {"status": "done", "task": "run", **found}
+    report = TurbulenceEffect().findings({"turbulence": walls.to_dict()})
+    texts = ("\n".join(walls.lines()), in_words(row), report.sentence)
+    words = (
+        "NOT QUITE STEADY: the loads on the grain still change by 1.2%",
+        "NOT QUITE STEADY",
+        "not quite steady",
+    )
+    assert [one in text for one, text in zip(words, texts, strict=True)] == [told] * 3
 
 
 def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():

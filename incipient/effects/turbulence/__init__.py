@@ -75,6 +75,7 @@ class TurbulenceEffect(Effect):
             for key, words, column, error, ends in AT_WALLS
         ),
         OutputQuantity("turbulence.applicable", "the walls are as the model asks", column="applicable"),
+        OutputQuantity("turbulence.spread", "what loads on the grain still change by", column="load_spread"),
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
@@ -158,6 +159,8 @@ class TurbulenceEffect(Effect):
             rows.insert(0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"]))
         rows += [("shorter places where it does", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
+        if spread := found.get("spread"):
+            sentence += f" Warning: not quite steady; loads on the grain still change by {100 * spread:.2g}%."
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def kind_of_cost(self, setup: Setup) -> str:

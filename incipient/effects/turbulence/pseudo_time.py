@@ -253,7 +253,10 @@ def solve_together(
 
 
 def spread_of(rounds: Sequence[Round]) -> float:
-    """By how much the loads of the last rounds differ from the last ones, over their size; infinite if too few do."""
+    """By how much the loads of the last rounds differ from the last ones, over their size.
+
+    It is infinite where there are too few rounds with loads and long steps.
+    """
     last = rounds[-LINGERING:]
     if len(last) < LINGERING or not last[0].loads or min(one.step for one in last) < SWEEPING:
         return float("inf")
