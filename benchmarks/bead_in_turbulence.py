@@ -106,6 +106,7 @@ def computed(reynolds: float, size: float, upstream: float = 0.0, gap: float = 0
         "leaves_at": at_centre * speed * math.sqrt(factor),
         "shields": factor * walls.shear_velocity**2 / ((DENSITY - 1.0) * gravity),
         "resolved": bool(result.turbulence.applicable),
+        "spread": result.turbulence.spread,
     }
 
 
@@ -145,6 +146,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         "S",
         "leaves at",
         "Shields number of the mean stream",
+        "loads still change by",
     )
     lines = [f"| {' | '.join(head)} |", "|" + " --- |" * len(head)]
     for row in rows:
@@ -157,6 +159,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"{row['safety_factor']:.3f}",
             f"{row['leaves_at']:.3f} m/s",
             f"{row['shields']:.4f}",
+            f"{100 * row['spread']:.2g}%",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -35,8 +35,8 @@ PROJECTION = 1e-2  # Courant number of a step that does little but make the star
 # beyond which it is half as long; by dimension. With half of these bounds a disc at u* d/nu = 102 takes more steps,
 # with twice them its wake is lost (tests/end_to_end/test_resolved_channels.py, slow). In space logarithms are judged
 # by their root mean square. Where k still grows, implicit steps longer than the time in which it does go the wrong way:
-# with the bounds of the plane a sphere among others at u* d/nu = 30 has no steady flow in 20 steps, with tighter ones
-# in 23.
+# with the bounds of the plane a sphere among others at u* d/nu = 30 has no steady flow in 20 steps, with these one
+# that is not quite steady in 19, with half of them one in 23.
 LONGER = {
     2: ((6.0, 0.1, 0.01), (2.0, 1.0, 0.06), (1.3, 4.0, 0.1)),
     3: ((6.0, 0.05, 0.003), (2.0, 0.3, 0.03), (1.3, 0.7, 0.08)),
