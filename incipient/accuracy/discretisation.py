@@ -44,12 +44,16 @@ SETTLED = 0.5
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 # The same where walls are resolved, measured in channels (tests/end_to_end/test_resolved_channels.py).
 TO_THE_WALL = 1.5
+# Past grains and forms in space larger cells than these hardly have a steady flow, and tell nothing of finer ones: they
+# are far from resolving the walls (measured on a sphere by tests/end_to_end/test_sand_in_space.py).
+COARSEST_IN_SPACE = 3.2
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 UNSETTLED = (
     "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
 )
 NOT_COARSER = "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
+NOT_RESOLVED = "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 
 
@@ -82,17 +86,21 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of a steady flow with wall layers: by runs on two coarser meshes.
 
+    Past a grain in space that is resolved to the walls loads scatter from mesh to mesh, and one component may change
+    little by chance: each is taken to err by as much as force or couple do, unless it vanishes by symmetry.
+
     A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
     differ by is not believed to fall at an order above two.
 
     Raises:
-        ConvergenceError: a coarser mesh has as few rows or columns of cells.
+        ConvergenceError: a coarser mesh has as few rows or columns of cells, or does not resolve the walls in space.
     """
     _require_coarser(scene)
     scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if scatters else FASTEST
-    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
+    found = _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
+    return found.with_components_alike() if scene.resolves_walls and scene.gdim == 3 else found
 
 
 def _slowest(resolved: bool) -> float:
@@ -129,6 +137,10 @@ def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
     if scene.has_wall_layer and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most / COARSER_MESH) / 100.0))
+    most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
+    no_plane = scene.body is not None or (scene.bed is not None and scene.bed.kind != "flat")
+    if scene.resolves_walls and scene.gdim == 3 and no_plane and scene.numerics.mesh_size > most:
+        raise ConvergenceError(NOT_RESOLVED.format(most))
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:

@@ -12,6 +12,7 @@ Each source of error is a term of its own:
 - pocket: what is enclosed between two contacts may have the pressure on either side of them;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
 - datum: over a bed with forms a coarse run whose stream starts where it may as well shows what the scene's changes;
+- not steady: by how much the loads change in the last steps of a mean flow in space that changes for ever;
 - scan: how coarser copies of a grain or a bed from a file hold the load (`scans`);
 - level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
 
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 # Error of loads over what their elements change in those of order two on the same mesh (docs/space.md).
 LEFT = 0.35
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
-POCKET, INTERACTION = "pocket", "interaction"
+POCKET, INTERACTION, UNSTEADY = "pocket", "interaction", "not steady"
 OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
 
 
@@ -91,6 +92,9 @@ def error_terms(
         found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=known))
     found.left_out |= not_there(scene)
     at_hand = None if force is None else _computed(run, force, couple)
+    if at_hand is not None and at_hand.unsteady.any():
+        errors = at_hand.unsteady[:3], at_hand.unsteady[3:]
+        found.add(UNSTEADY, lambda _: Term(UNSTEADY, *errors, "by how much loads change in the last steps"))
     for name, estimate in of_the_model(scene, speed, at_hand).items():
         found.add(name, estimate)
     if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
@@ -135,10 +139,12 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
         place = np.concatenate([state.place, state.orientation])
     from ..mesh.sampling import centrelines
 
-    walls = run.wall_report() if force is None else None
+    grain = run.scene.grain
     found = centrelines(run.scene.domain, run.fluid) if run.scene.has_centrelines else None
     lines = centreline_velocities(found)
-    return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
+    size = 1.0 if grain is None else grain.size
+    loads = Loads.at_the_end(force, couple, place, run.elevations, run.wall_report(), size)
+    return replace(loads, centreline=lines)
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:

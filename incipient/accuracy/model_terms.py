@@ -60,8 +60,11 @@ def of_gap(scene: Scene, solve: Solve, computed: Loads | None = None) -> Term:
     told = "1/4, 1/2 and 1" if wide else "1, 2 and 4"
     how = f"coarse runs with {told} times the gap, extrapolated to none"
     near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
-    errors = np.abs(by_power) + np.abs(way)
-    term = Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
+    errors, order = np.abs(by_power) + np.abs(way), _order_in_gap(near, far)
+    # What the runs themselves still change by is extrapolated with them.
+    errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
+    errors += (loads[0].unsteady + loads[2].unsteady) * wide
+    term = Term("gap", errors[:3], errors[3:], how, power=order)
     if not is_corrected(scene):
         return term
     by_parabola = np.asarray(PARABOLA) @ values - values[0]

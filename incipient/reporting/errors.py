@@ -26,6 +26,7 @@ REMEDIES = {
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
     "scan": "a finer scan of grain or bed",
     "level ground": "a larger numerics.meshed_bed",
+    "not steady": "another numerics.mesh_size: the wake changes for ever",
     "interaction": "a smaller contact.gap, larger domain.length and domain.height",
     "search": "nothing: steady flows near the threshold were not found",
 }

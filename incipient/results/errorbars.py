@@ -35,6 +35,8 @@ class Loads:
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
     moved: bool = False  # whether they were computed on the mesh of another run, moved
+    # (6,) by how much force and couple still change in the last steps of a flow that is not quite steady
+    unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
     def at_the_end(
@@ -44,11 +46,20 @@ class Loads:
         place: Floats | None,
         elevations: Elevations | None,
         walls: WallReport | None = None,
+        size: float = 1.0,
     ) -> Loads:
-        """The loads of the flow, with what else there is; without a grain none, but u* at walls."""
+        """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls."""
         of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
-        return cls(of_force, of_couple, place, elevations, shear)
+        found = cls(of_force, of_couple, place, elevations, shear)
+        spread = 0.0 if walls is None or force is None else walls.spread
+        return replace(found, unsteady=found.part(spread, size)) if spread else found
+
+    def part(self, share: float, size: float) -> Floats:
+        """(6,) a share of the loads on a grain of a size, in each component that does not vanish by symmetry."""
+        whole = float(np.linalg.norm([*self.force, *(self.couple / size)]))
+        units = np.repeat([1.0, size], 3)
+        return np.asarray(share * whole * units * (np.concatenate([self.force, self.couple]) != 0.0))
 
 
 @dataclass(frozen=True)
@@ -124,7 +135,7 @@ class Term:
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
-        """The error that is a share of what two runs differ by."""
+        """The error that is a share of what two runs differ by, and of what each of them still changes by."""
         place = elevation = level = shear = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
@@ -137,11 +148,18 @@ class Term:
             # A single one of them may be the same on two meshes by chance.
             apart = np.abs(one.centreline - other.centreline)
             centreline = np.full(len(apart), share * apart.max())
-        force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
+        number, still = len(one.force), one.unsteady + other.unsteady
+        force = np.abs(one.force - other.force) + still[:number]
+        couple = np.abs(one.couple - other.couple) + still[3 : 3 + number]
         of_loads = share * force, share * couple
         return cls(
             name, *of_loads, how, place, elevation=elevation, level=level, shear=shear, centreline=centreline
         )
+
+    def with_components_alike(self) -> Term:
+        """The term with errors of components, unless they vanish, that are as large as those of force and couple."""
+        force, couple = (float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple))
+        return replace(self, force=force, couple=couple)
 
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""

@@ -13,12 +13,10 @@ class ResolvedWallReport(WallReport):
 
     mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
     thickest: up to which cells at walls resolve them, in nu/u*
-    spread: of the loads on the grain, over their size, in the last steps of a flow that still changes; 0: it is steady
     """
 
     mesh_size: float = 1.0
     thickest: float = 2.5
-    spread: float = 0.0
 
     @property
     def model(self) -> str:

@@ -163,7 +163,8 @@ class Result:
         if path is not None:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
-        found = Loads.at_the_end(self.force, self.couple, place, self.elevations, self.turbulence)
+        size = 1.0 if self.grain is None else self.grain["size"]
+        found = Loads.at_the_end(self.force, self.couple, place, self.elevations, self.turbulence, size)
         return replace(found, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:

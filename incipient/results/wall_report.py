@@ -38,6 +38,8 @@ class WallReport:
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
     reach: float = math.inf  # depth over which a wall is felt
+    # Of the loads on the grain, over their size, in the last steps of a flow that still changes; 0: it is steady
+    spread: float = 0.0
 
     @property
     def model(self) -> str:

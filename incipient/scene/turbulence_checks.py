@@ -92,9 +92,6 @@ def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time |
         yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
     if numerics.accuracy is not None:
         yield problem("numerics.accuracy", f"in space {_NOT_TO_THE_WALL}", f"leave it out, {_OTHER}")
-    if numerics.error_bars:
-        why = f"is true, but in space an estimate of errors {_NOT_TO_THE_WALL}"
-        yield problem("numerics.error_bars", why, f"set it to false and compare two mesh sizes, {_OTHER}")
 
 
 def _of_plate(bed: Any, domain: Domain, asked: Turbulence | None) -> Iterator[Problem]:

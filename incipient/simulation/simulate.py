@@ -84,7 +84,8 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
         return simulate(scene, comm, follows=False).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
         force, couple = loads_at(run, speed)
-        return Loads(force.flow, couple.flow)
+        assert run.scene.grain is not None
+        return Loads.at_the_end(force, couple, None, None, run.wall_report(), run.scene.grain.size)
 
 
 def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:

@@ -22,7 +22,6 @@ from incipient.scene import (
     OpenChannel,
     Output,
     Poiseuille,
-    RidgeBed,
     Scene,
     Sinusoidal,
     Sphere,
@@ -282,14 +281,6 @@ def test_ranks_agree(mpirun):
         ({"domain": IN_SPACE, "time": Time(step=0.1, end=1.0)}, "time"),
         ({"domain": IN_SPACE, "numerics": Numerics(order=2, accuracy=0.01)}, "numerics.accuracy"),
         ({"domain": IN_SPACE, "turbulence": ROUGH}, "turbulence.wall"),
-        (
-            {
-                "domain": IN_SPACE,
-                "bed": RidgeBed(amplitude=0.1, wavelength=1.0),
-                "numerics": Numerics(order=2),
-            },
-            "numerics.error_bars",
-        ),
         ({"turbulence": ROUGH, "bed": Sinusoidal(amplitude=0.1, wavelength=1.0)}, "turbulence.wall"),
         (
             {"turbulence": ROUGH, "bed": Flat(), "body": Disc(diameter=0.2, x=3.0, density=2.0)},

@@ -37,9 +37,13 @@ from incipient.scene import (
     Numerics,
     Poiseuille,
     Sinusoidal,
+    Sphere,
     Time,
+    Turbulence,
 )
 from incipient.sweep.table import in_words, quantities
+
+NOTHING = Loads(np.zeros(3), np.zeros(3))
 
 
 def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
@@ -230,6 +234,36 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
         "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places" + error
     )
     assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01" + error)
+
+
+def in_space(mesh_size):
+    """A sphere on a level bed in a flow that its mesh resolves to the walls."""
+    return channel(
+        domain=Domain(length=8.0, width=6.0, height=5.0),
+        body=Sphere(diameter=1.0, x=3.0),
+        bed=Flat(),
+        contact=Contact(friction=0.5, gap=0.05),
+        turbulence=Turbulence(model="k-omega-sst"),
+        numerics=Numerics(mesh_size=mesh_size),
+    )
+
+
+def test_components_of_loads_in_space_err_alike():
+    """Errors of 0.3 and 0.4 that go with the cells' size to the power 1.5 are 0.5 each."""
+
+    def solved(one):
+        off = one.numerics.mesh_size**1.5
+        return Loads(np.array([2.0 + 0.3 * off, 0.0, 0.4 * off]), np.array([0.0, 1.0 + 0.2 * off, 0.0]))
+
+    term = by_coarser_mesh(in_space(1.0), solved(in_space(1.0)), solved)
+    assert term.force == pytest.approx([0.5, 0.0, 0.5])
+    assert term.couple == pytest.approx([0.0, 0.2, 0.0])
+
+
+def test_cells_in_space_that_tell_nothing_are_not_compared_with():
+    by_coarser_mesh(in_space(1.6), NOTHING, lambda one: NOTHING)
+    with pytest.raises(ConvergenceError, match=r"use numerics.mesh_size = 1.6 or less"):
+        by_coarser_mesh(in_space(1.61), NOTHING, lambda one: NOTHING)
 
 
 @pytest.mark.parametrize(("mesh_size", "order", "same"), [(2.0, 2, True), (1.0, 2, False), (2.0, 3, False)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ from incipient.planning.flow_setup import Setup
 from incipient.planning.meshed_bed import resolved_bed
 from incipient.planning.order import order_of
 from incipient.results.errorbars import Loads, Term
+from incipient.results.loads import Couples, Forces
+from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
 from incipient.simulation import simulate as simulation
@@ -228,6 +231,21 @@ def test_the_highest_order_is_compared_on_a_coarser_mesh() -> None:
 
     of_step, of_mesh = by_coarser_runs(scene, exact(scene), exact).parts
     assert (of_step.force[0], of_mesh.force[0]) == (0.0, pytest.approx(0.01))
+
+
+def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
+    """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
+    walls = WallReport(0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, 0.09, spread=0.01)
+    flow, nothing = np.array([4.0, 0.0, 0.0]), np.zeros(3)
+    force = Forces(flow, flow, nothing, nothing)
+    couple = Couples(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)
+    changing = Loads.at_the_end(force, couple, None, None, walls, size=2.0)
+    assert changing.unsteady == pytest.approx([0.05, 0.0, 0.0, 0.0, 0.1, 0.0])
+    steady = Loads.at_the_end(force, couple, None, None, replace(walls, spread=0.0), size=2.0)
+    assert not steady.unsteady.any()
+    for one, other, times in ((steady, changing, 3.0), (changing, changing, 6.0)):
+        term = Term.of_difference("discretisation", one, other, 3.0, "")
+        assert np.concatenate([term.force, term.couple]) == pytest.approx(times * changing.unsteady)
 
 
 @pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1)])

@@ -75,7 +75,7 @@ class KOmegaModel(TurbulenceModel):
         return f"k-omega SST model; {setup.resolved_walls.text()}"
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Flows that are laminar by the model, fine sand; coarse sand, and laminar flow past grains in space, raise."""
+        """Flows that are laminar by the model, fine sand; coarse sand raises."""
         walls = setup.resolved_walls
         for why in limits.rows_beyond(setup, walls.number, walls.depth):
             raise SceneError(why)
@@ -96,11 +96,6 @@ class KOmegaModel(TurbulenceModel):
                 "behind it the layer is that of a plate turbulent from its edge on"
             )
         elif (found := walls.developed).is_laminar:
-            if setup.geometry.gdim == 3 and not walls.plane:
-                raise SceneError(
-                    f"effects.turbulence: what enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}, "
-                    "and past a grain in space no steady k is found then; leave turbulence out"
-                )
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"

@@ -1,0 +1,73 @@
+"""A small grain on a level bed in space by k-omega SST: how sure its loads are, and what slow streams do."""
+
+import pytest
+
+import incipient
+from incipient.accuracy.discretisation import by_coarser_mesh
+from incipient.scene import (
+    Contact,
+    Domain,
+    Effects,
+    Flat,
+    Fluid,
+    Gravity,
+    Numerics,
+    OpenChannel,
+    Output,
+    Scene,
+    Sphere,
+    Turbulence,
+)
+
+SAND = {
+    "domain": Domain(length=8.0, width=6.0, height=5.0),
+    "flow": OpenChannel(),
+    "body": Sphere(diameter=1.0, x=3.0, density=2.65),
+    "bed": Flat(),
+    "gravity": Gravity(acceleration=10.0),
+    "contact": Contact(friction=0.5, gap=0.05),
+    "effects": Effects(turbulence=True),
+    "turbulence": Turbulence(model="k-omega-sst"),
+    "output": Output(fields=False),
+}
+
+
+def sand(reynolds, mesh_size, error_bars=False, **changes):
+    """The sphere in a stream of a Reynolds number by mean speed and depth."""
+    numerics = Numerics(mesh_size=mesh_size, order=2, error_bars=error_bars)
+    return Scene(**{**SAND, "fluid": Fluid(reynolds=reynolds, scale="flow"), "numerics": numerics, **changes})
+
+
+@pytest.mark.slow
+def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
+    """Re 100 by the depth, u* d/nu = 3.5, where k of what enters dies out: beside a run without turbulence."""
+    laminar = incipient.run(sand(100.0, 1.0, effects=Effects(turbulence=False), turbulence=None))
+    found = incipient.run(sand(100.0, 1.5))
+    assert any("laminar by the k-omega model" in one for one in found.plan.warnings)
+    assert found.force.flow == pytest.approx(laminar.force.flow, rel=0.01, abs=1e-6)
+    assert found.couple.flow == pytest.approx(laminar.couple.flow, rel=0.01, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
+    """u* d/nu = 22, on cells 1.4 times as large as those of a mesh that is compared with."""
+    scene = sand(1500.0, 1.1 * 2**0.5)
+
+    def loads(one):
+        return incipient.run(one).loads_at_end()
+
+    found, finer = loads(scene), loads(sand(1500.0, 1.1))
+    term = by_coarser_mesh(scene, found, loads)
+    assert (abs(found.force - finer.force) <= term.force).all()
+    assert (abs(found.couple - finer.couple) <= term.couple).all()
+
+
+@pytest.mark.slow
+def test_error_bars_say_which_of_them_cells_are_too_large_for():
+    """u* d/nu = 22: gap and domain by coarse runs on these cells; no verdict is certain of the model."""
+    bars = incipient.run(sand(1500.0, 3.0, True)).error_bars
+    assert bars is not None and bars.failed.keys() == {"discretisation"}
+    assert bars.failed["discretisation"].endswith("use numerics.mesh_size = 1.6 or less")
+    assert [term.name for term in bars.terms] == ["gap", "domain"]
+    assert all((term.force[[0, 2]] > 0.0).all() and term.force[1] == 0.0 for term in bars.terms)
+    assert bars.safety is not None and not bars.safety.certain
