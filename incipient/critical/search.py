@@ -35,10 +35,17 @@ Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
-GROWTH = 4.0  # from one flow to the next faster one, at most
+GROWTH, LEAST_GROWTH = (
+    4.0,
+    1.1,
+)  # from one flow to the next faster one, at most, and from the slowest at least
+BEYOND_SQUARE = (
+    1.05  # over the flow in which a load that goes with its square moves the grain: loads grow less
+)
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
 MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
 NEAR = 3e-3  # relative: a flow solved so near the critical one is taken for it, with the load interpolated
+NEAR_IN_SPACE = 0.01  # the same of mean flows in space, whose wakes may change for ever, and loads with them
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6
@@ -175,9 +182,11 @@ class CriticalSearch:
         return found
 
     def _from_slowest(self, bound: SlowestFlow) -> Found:
-        """Search from the slowest flow upwards that can be simulated: none below is known."""
+        """Search upwards from the flow to start with, if it holds the grain, or else from the slowest one."""
+        if bound.start > bound.factor and self._try(bound.start) and self.trials[0].safety_factor >= 1.0:
+            return self._upwards(bound.start)
         self._solve(bound.factor)
-        if self.trials[0].safety_factor < 1.0:
+        if self.trials[-1].safety_factor < 1.0:
             slowest = f"the slowest flow {bound.why}, {bound.factor:.3g} times the scene's"
             raise ConvergenceError(f"the grain moves in {slowest}: use a heavier grain, or {bound.remedy}")
         return self._upwards(bound.factor)
@@ -221,12 +230,18 @@ class CriticalSearch:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            first = GROWTH * slow if self.run.setup.is_averaged else FIRST / self._reynolds
+            first = self._second(slow) if self.run.setup.is_averaged else FIRST / self._reynolds
             following = inside or self._beyond(path, top, first if top == slow else largest)
             if isinstance(following, Found):
                 return following
             self._try(following)
         return self._ended(np.inf, self._sure, f"not found within {MOST_FLOWS} flows")
+
+    def _second(self, slow: float) -> float:
+        """The flow after the slowest one of a mean flow: where a load that goes with its square moves the grain."""
+        return slow * float(
+            np.clip(BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5, LEAST_GROWTH, GROWTH)
+        )
 
     def _inside(self, path: LoadPath) -> float | Found | None:
         """The next flow among those solved, or the critical one; nothing: the grain is held in all of them."""
@@ -268,7 +283,11 @@ class CriticalSearch:
         return self._ended(np.inf, top, f"the grain is held, and beyond no steady flow was found{guess}")
 
     def _is_near(self, factor: float) -> bool:
-        return any(abs(one / factor - 1.0) < NEAR for one in self._states)
+        near = NEAR_IN_SPACE if self._is_mean_in_space() else NEAR
+        return any(abs(one / factor - 1.0) < near for one in self._states)
+
+    def _is_mean_in_space(self) -> bool:
+        return self.run.setup.is_averaged and self.run.setup.geometry.gdim == 3
 
     def _may_be_solved(self, factor: float) -> bool:
         """Whether no flow as fast has failed."""
@@ -288,17 +307,23 @@ class CriticalSearch:
         return True
 
     def _solve(self, factor: float, here: bool = False) -> None:
-        """Solve from the next slower flow, or from the present state, which is nearly that flow."""
-        slower = max((one for one in self._states if one < factor), default=0.0)
-        if slower and not here:
-            self._start_from(slower)
+        """Solve from another flow, or from the present state, which is nearly that flow."""
+        start = self._start(factor)
+        if start and not here:
+            self._start_from(start)
         run = self.run
-        force, couple = self._loads_at(run, factor, factor if here else slower)
+        force, couple = self._loads_at(run, factor, factor if here else start)
         self._solved[factor] = force, couple
         self._states[factor] = [one.x.array.copy() for one in run.states]
         value = safety_factor(self._load(factor), self._contacts, self._friction).value
         self.trials.append(SolvedFlow(factor, value))
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
+
+    def _start(self, factor: float) -> float:
+        """The flow that another one is solved from, the next slower or in a mean flow in space the nearest; 0: none."""
+        if self._states and self._is_mean_in_space():
+            return min(self._states, key=lambda one: abs(np.log(one / factor)))
+        return max((one for one in self._states if one < factor), default=0.0)
 
     def _start_from(self, factor: float) -> None:
         for one, values in zip(self.run.states, self._states[factor], strict=True):

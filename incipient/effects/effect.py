@@ -37,11 +37,13 @@ class SlowestFlow:
     """The slowest flow in which an effect can be simulated in a scene.
 
     factor: of the scene's flow; why: what makes it the slowest, after its name; remedy: where a slower one is needed
+    start: factor of the flow that a search begins with where it holds the grain; 0: with the slowest one
     """
 
     factor: float
     why: str
     remedy: str
+    start: float = 0.0
 
 
 @dataclass(frozen=True)

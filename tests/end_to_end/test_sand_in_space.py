@@ -5,6 +5,7 @@ import pytest
 import incipient
 from incipient.accuracy.discretisation import by_coarser_mesh
 from incipient.scene import (
+    Box,
     Contact,
     Domain,
     Effects,
@@ -71,3 +72,20 @@ def test_error_bars_say_which_of_them_cells_are_too_large_for():
     assert [term.name for term in bars.terms] == ["gap", "domain"]
     assert all((term.force[[0, 2]] > 0.0).all() and term.force[1] == 0.0 for term in bars.terms)
     assert bars.safety is not None and not bars.safety.certain
+
+
+@pytest.mark.slow
+def test_a_cube_begins_to_slide_where_friction_no_longer_holds_it():
+    """Drag is friction times the weight under water less lift; a run at that speed from the start says the same."""
+
+    def cube(reynolds, acceleration):
+        body = Box(sides=(1.0, 1.0, 1.0), x=3.0, density=2.65)
+        return sand(reynolds, 3.0, body=body, gravity=Gravity(acceleration=acceleration))
+
+    found = incipient.threshold(cube(1500.0, 0.3))
+    drag, across, lift = found.load.flow_force
+    assert found.mode == "sliding" and len(found.trials) <= 8
+    assert across == 0.0 and 0.0 < lift < drag
+    assert drag == pytest.approx(0.5 * (1.65 * 0.3 - lift), rel=1e-3)
+    there = incipient.run(cube(1500.0 * found.factor, 0.3 / found.factor**2))
+    assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.01)

@@ -18,6 +18,7 @@ from incipient.critical.loadpath import LoadPath
 from incipient.critical.outcome import with_error
 from incipient.critical.search import CriticalSearch, Found
 from incipient.critical.threshold import find_threshold
+from incipient.effects.effect import SlowestFlow
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.placement import Placement
@@ -105,6 +106,22 @@ def test_threshold_of_a_load_that_turns_slowly() -> None:
     found = pretended.from_rest()
     assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-5)
     assert len(found.trials) <= 8
+
+
+@pytest.mark.parametrize(("start", "first"), [(0.2, [0.2]), (20.0, [20.0, 1e-3])])
+def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
+    monkeypatch: pytest.MonkeyPatch, start: float, first: list[float]
+) -> None:
+    """Where it is not held in the flow to start with the search begins with the slowest one."""
+    bound = SlowestFlow(1e-3, "looked at", "", start)
+    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
+    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    pretended = Pretended(lambda f: DRAG * (0.3 + f))
+    pretended.setup.is_averaged, pretended.setup.geometry = True, SimpleNamespace(gdim=3)
+    found = pretended.from_rest()
+    assert [trial.factor for trial in found.trials[: len(first)]] == first
+    assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
+    assert found.is_critical and len(found.trials) <= 4 + len(first)
 
 
 def test_slow_flows_that_press_are_no_proof() -> None:

@@ -290,7 +290,7 @@ class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
 
     fields: KOmegaSST
-    _started = False  # from a flow on another mesh
+    _started = False  # from a flow on another mesh, in space also from a slower or faster one
     _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
@@ -338,6 +338,8 @@ class KOmegaFlow(TurbulentFlow):
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones."""
+        if self._scene.gdim == 3:
+            self._started = onwards
         slower = () if onwards or self._walls.plane or self._scene.gdim == 2 else self._slower(factor)
         for number, one in enumerate(slower):
             self._take(self._fluid, one)

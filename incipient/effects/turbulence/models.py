@@ -13,6 +13,7 @@ from ..run_part import RunPart
 from . import limits
 
 COARSEST = 0.2  # sand roughness over the depth
+HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
 Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
@@ -107,20 +108,14 @@ class KOmegaModel(TurbulenceModel):
 
         return KOmegaFlow
 
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """No accuracy, and the plane: in space each of a search's flows would take minutes."""
-        if setup.geometry.gdim == 3:
-            yield (
-                'turbulence.model = "k-epsilon" or the plane: with "k-omega-sst" in space run some flows and see their '
-                "safety factors"
-            )
-        yield from super().threshold_needs(setup)
-
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """A slow laminar flow."""
+        """A slow laminar flow; in space, where flows take minutes, a search begins at a low Shields number."""
         walls = setup.resolved_walls
         slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
-        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence')
+        start = 0.0
+        if setup.geometry.gdim == 3:
+            start = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5
+        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start)
 
 
 # Each model by its name in the section [turbulence].
