@@ -45,7 +45,9 @@ BEYOND_SQUARE = (
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
 MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
 NEAR = 3e-3  # relative: a flow solved so near the critical one is taken for it, with the load interpolated
-NEAR_IN_SPACE = 0.01  # the same of mean flows in space, whose wakes may change for ever, and loads with them
+NEAR_IN_SPACE = (
+    0.01  # the same in space where walls are resolved: wakes may change for ever, and loads with them
+)
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6
@@ -283,11 +285,13 @@ class CriticalSearch:
         return self._ended(np.inf, top, f"the grain is held, and beyond no steady flow was found{guess}")
 
     def _is_near(self, factor: float) -> bool:
-        near = NEAR_IN_SPACE if self._is_mean_in_space() else NEAR
+        near = NEAR_IN_SPACE if self._lingers() else NEAR
         return any(abs(one / factor - 1.0) < near for one in self._states)
 
-    def _is_mean_in_space(self) -> bool:
-        return self.run.setup.is_averaged and self.run.setup.geometry.gdim == 3
+    def _lingers(self) -> bool:
+        """Whether wakes may change for ever: in space, where walls of a mean flow are resolved."""
+        setup = self.run.setup
+        return setup.is_averaged and setup.resolves_walls and setup.geometry.gdim == 3
 
     def _may_be_solved(self, factor: float) -> bool:
         """Whether no flow as fast has failed."""
@@ -320,8 +324,8 @@ class CriticalSearch:
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start(self, factor: float) -> float:
-        """The flow that another one is solved from, the next slower or in a mean flow in space the nearest; 0: none."""
-        if self._states and self._is_mean_in_space():
+        """The flow that another one is solved from, the next slower or, where wakes linger, the nearest; 0: none."""
+        if self._states and self._lingers():
             return min(self._states, key=lambda one: abs(np.log(one / factor)))
         return max((one for one in self._states if one < factor), default=0.0)
 

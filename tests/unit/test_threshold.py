@@ -117,7 +117,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
     monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
-    pretended.setup.is_averaged, pretended.setup.geometry = True, SimpleNamespace(gdim=3)
+    pretended.setup = SimpleNamespace(is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3))
     found = pretended.from_rest()
     assert [trial.factor for trial in found.trials[: len(first)]] == first
     assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)

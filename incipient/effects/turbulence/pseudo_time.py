@@ -60,6 +60,7 @@ SPREAD, LARGEST_SEEN = 5.0, 10.0
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
 # they then differ by is told: past a sphere in its pocket at u* d/nu = 75 1% (docs/turbulence.md).
 LINGERING, SWEEPING, NEARLY = 10, 16.0, 0.03
+NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
 
 
@@ -219,6 +220,9 @@ def solve_together(
             wary = turbulence.stretched and (bool(rounds) or not gently)
             harmful = wary and any(a > b for a, b in zip(sizes, harmed, strict=True))
             too_large = sizes[1] > (FAILED if rounds else FAILED_AT_FIRST)
+            if fluid.domain.gdim == 3 and not rounds and courant > FIRST and sizes[1] > NEARBY:
+                courant = FIRST
+                continue
             if not np.isfinite(sum(sizes)) or too_large or harmful:
                 courant *= CUT
                 if courant < LEAST:
