@@ -35,6 +35,7 @@ NEAR_GRAIN, AWAY_GROWTH = (
     0.1,
     0.05,
 )  # of a grain's size: those next to it; and how they grow along walls away from it
+IN_STREAM = 0.02  # likewise at a grain in a uniform stream, whose boundary layer begins at a point
 GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
@@ -96,6 +97,11 @@ class ResolvedWalls:
     def layer_over_forms(self) -> bool:
         """Whether a measured boundary layer, in a stream with hardly any k, goes over smooth forms of the bed."""
         return self.measured is not None and self.smooth
+
+    @property
+    def around_grain(self) -> bool:
+        """Whether the only wall is that of a grain in a uniform stream."""
+        return self.stream is not None and self.edge is None
 
     @property
     def sand(self) -> float:
@@ -203,12 +209,13 @@ class ResolvedWalls:
         It is the developed flow; over a plate that within its boundary layer, and the stream outside. Not collective.
         """
         velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
-        if self.edge is None or self.stream is None:
+        if self.stream is None:
             return velocity, logarithms
-        along = np.maximum(places[:, 0] - self.edge, 0.0)
-        layer = np.zeros_like(along)
-        behind = along > 0.0
-        layer[behind] = along[behind] * thickness(self.mean * along[behind] / self.viscosity)
+        layer = np.full(len(away), self.depth)
+        if self.edge is not None:
+            along = np.maximum(places[:, 0] - self.edge, 0.0)
+            layer, behind = np.zeros_like(along), along > 0.0
+            layer[behind] = along[behind] * thickness(self.mean * along[behind] / self.viscosity)
         outside = np.minimum(away / np.maximum(layer, 1e-300), 1.0)
         velocity[0] *= self.stream.speed / np.maximum(self.velocity_at(layer)[0], 1e-300)
         velocity[0, outside >= 1.0] = self.stream.speed
@@ -255,6 +262,8 @@ class ResolvedWalls:
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
+        if self.around_grain:
+            return (Near(IN_STREAM * grain, CELL_GROWTH, boundary="body"),)
         largest = self.along
         size = min(largest, NEAR_GRAIN * grain)
         far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
@@ -301,8 +310,11 @@ def resolved_walls_of(
     ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     number = 2 if two else 1
     depth, mean, viscosity = (domain.ceiling - ground) / number, base_flow.reference, base_flow.viscosity
-    edge = None
-    if base_flow.flow.kind == "uniform":
+    edge, in_stream = None, stream is not None and bed is None
+    if in_stream:
+        along = geometry.grain.size
+        depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
+    elif base_flow.flow.kind == "uniform":
         edge = domain.left if leading_edge is None else leading_edge
         along = domain.right - edge
         depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
@@ -316,7 +328,7 @@ def resolved_walls_of(
         mean=mean,
         viscosity=viscosity,
         plane=plane,
-        names=(names.bottom, *((names.top,) if two else ()), *body),
+        names=body if in_stream else (names.bottom, *((names.top,) if two else ()), *body),
         up=geometry.up,
         developed=developed,
         roughness=roughness,

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..arrays import Floats
 from .wall_report import MOST_OUTSIDE, WallReport
+
+SEPARATIONS = "separation_above", "separation_below"  # columns of the history
 
 
 @dataclass(frozen=True)
@@ -13,10 +16,13 @@ class ResolvedWallReport(WallReport):
 
     mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
     thickest: up to which cells at walls resolve them, in nu/u*
+    separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
+    below; u* and friction then are those in the mean along the grain
     """
 
     mesh_size: float = 1.0
     thickest: float = 2.5
+    separates: tuple[float, ...] = ()
 
     @property
     def model(self) -> str:
@@ -43,8 +49,21 @@ class ResolvedWallReport(WallReport):
         """What to do where walls are not resolved."""
         return f"set numerics.mesh_size = {0.9 * self.thickest / self.largest * self.mesh_size:.2g}"
 
+    def columns(self) -> dict[str, float]:
+        """Columns of the history."""
+        return super().columns() | dict(zip(SEPARATIONS, self.separates, strict=False))
+
     def _of_model(self) -> str:
         return ""
+
+    def _friction(self, errors: Floats | None) -> str:
+        if not self.separates:
+            return super()._friction(errors)
+        above, below = self.separates
+        return (
+            f"u* {self.shear_velocity:.5g} in the mean along the grain, which the flow leaves {above:.3g} degrees from "
+            f"its front above and {below:.3g} below"
+        )
 
     def _judged(self) -> list[str]:
         told = ""

@@ -39,15 +39,20 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
     if scene.flow.kind == "uniform" and scene.resolves_walls:
-        yield from _of_plate(scene.bed, scene.domain, scene.turbulence)
         if scene.body is not None:
-            why = f"a grain in a uniform turbulent stream {_NOT_TO_THE_WALL}"
-            yield problem("body", why, f"leave it out, or use flow.kind = {either(FLOWS)}")
-        for key, value in (("time", time), ("numerics.accuracy", numerics.accuracy)):
-            if value is not None:
-                yield problem(key, f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
+            motion = scene.body.motion if scene.moves else ""
+            yield from _of_grain_in_stream(scene.bed is not None, motion, scene.domain)
+        else:
+            yield from _of_plate(scene.bed, scene.domain)
+            if time is not None:
+                yield problem("time", f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
+        yield from _of_stream(scene.turbulence)
+        if numerics.accuracy is not None:
+            yield problem("numerics.accuracy", f"in a uniform stream {_NOT_TO_THE_WALL}", "leave it out")
         if scene.top not in ("stream", "slip"):
-            yield problem("domain.top", f'"{scene.top}" contradicts a plate', 'use "stream" or "slip"')
+            yield problem(
+                "domain.top", f'"{scene.top}" contradicts a uniform stream', 'use "stream" or "slip"'
+            )
         if getattr(scene.flow, "gust", None) is not None:
             yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     else:
@@ -94,7 +99,30 @@ def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time |
         yield problem("numerics.accuracy", f"in space {_NOT_TO_THE_WALL}", f"leave it out, {_OTHER}")
 
 
-def _of_plate(bed: Any, domain: Domain, asked: Turbulence | None) -> Iterator[Problem]:
+def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:
+    """What a grain in a uniform stream is not simulated with; an empty `motion`: it is held."""
+    if on_bed:
+        why = f"below a grain in a uniform turbulent stream {_NOT_TO_THE_WALL}"
+        yield problem("bed", why, f"leave it out, or use flow.kind = {either(FLOWS)}")
+    if motion:
+        why = f'"{motion}" in a uniform turbulent stream {_NOT_TO_THE_WALL}'
+        yield problem("body.motion", why, f'use "fixed", or flow.kind = {either(FLOWS)}')
+    if domain.width is not None:
+        why = f"a grain in a uniform turbulent stream in space {_NOT_TO_THE_WALL}"
+        yield problem("domain.width", why, "leave it out")
+
+
+def _of_stream(asked: Turbulence | None) -> Iterator[Problem]:
+    """What of turbulence a uniform stream cannot have."""
+    if asked is None or asked.inflow != "given":
+        yield problem("turbulence.inflow", "developed flow is no uniform stream", 'use "given"')
+    elif asked.roughness:
+        yield problem(
+            "turbulence.wall", f'"rough" in a uniform stream {_NOT_TO_THE_WALL}', "use smooth walls"
+        )
+
+
+def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
     """What a plate in a uniform stream is not simulated with."""
     if bed is None or bed.kind != "flat":
         why = (
@@ -104,10 +132,6 @@ def _of_plate(bed: Any, domain: Domain, asked: Turbulence | None) -> Iterator[Pr
         return
     if domain.width is not None:
         yield problem("domain.width", f"a plate in space {_NOT_TO_THE_WALL}", "leave it out")
-    if asked is None or asked.inflow != "given":
-        yield problem("turbulence.inflow", "developed flow is no uniform stream", 'use "given"')
-    elif asked.roughness:
-        yield problem("turbulence.wall", f'a plate that is "rough" {_NOT_TO_THE_WALL}', "use smooth walls")
     edge = bed.leading_edge
     if edge is not None and not domain.left < edge < domain.right:
         why = f"is {edge:g}, not within the domain from {domain.left:g} to {domain.right:g}"

@@ -86,7 +86,7 @@ def test_a_plate_is_that_of_two_programs():
         ({"bed": Flat(leading_edge=3.0)}, "bed.leading_edge: is 3, not within the domain from -0.333 to 2"),
         (
             {"body": Disc(diameter=0.1, centre=(1.0, 1.0))},
-            "body: a grain in a uniform turbulent stream is not",
+            "bed: below a grain in a uniform turbulent stream is not",
         ),
         (
             {"turbulence": Turbulence(model="k-omega-sst")},
@@ -94,13 +94,13 @@ def test_a_plate_is_that_of_two_programs():
         ),
         (
             {"domain": Domain(length=2.0, height=1.0, origin=(-0.5, 0.0), top="wall")},
-            'domain.top: "wall" contradicts a plate',
+            'domain.top: "wall" contradicts a uniform stream',
         ),
         ({"flow": OpenChannel(), "bed": Flat()}, 'turbulence.inflow: "given" in a channel is not simulated'),
         ({"time": Time(end=1.0, step=0.1)}, "time: along a plate is not simulated by this version"),
         (
             {"numerics": Numerics(accuracy=0.01)},
-            "numerics.accuracy: along a plate is not simulated by this version",
+            "numerics.accuracy: in a uniform stream is not simulated by this version",
         ),
         (
             {"flow": OpenChannel(), "turbulence": Turbulence(model="k-omega-sst")},

@@ -184,6 +184,7 @@ class TurbulenceFields(ABC):
             self.rate[0],
             self._reach,
             self.stretched,
+            self._across,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = form = self._equations(rate, tests, stream)
@@ -201,6 +202,11 @@ class TurbulenceFields(ABC):
     @property
     def _reach(self) -> Any:
         """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along the streams."""
+        return None
+
+    @property
+    def _across(self) -> Any:
+        """Square of the change from node to node by a slope, for `forms.turbulence.Stream`; None: any may be."""
         return None
 
     def _equations(self, rate: Any, tests: Any, stream: forms.Stream) -> Any:

@@ -61,6 +61,7 @@ class KOmegaSST(TurbulenceFields):
         stress: typical shear stress at rough walls.
         in_layers: whether layers of thin cells lie along walls that are no planes.
         added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
+        in_stream: whether the only wall is that of a grain in a uniform stream, where k has peaks.
     """
 
     second = "omega"
@@ -77,6 +78,7 @@ class KOmegaSST(TurbulenceFields):
         stress: float = 0.0,
         in_layers: bool = False,
         added: float = 0.0,
+        in_stream: bool = False,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -87,7 +89,7 @@ class KOmegaSST(TurbulenceFields):
         self._fluid: Fluid | None = None
         self.stretched = added > 0.0
         self._molecules, self._least, self._roughness = viscosity, least, roughness
-        self._in_layers = in_layers
+        self._in_layers, self._in_stream = in_layers, in_stream
         self._stress, self._little = self.constant(stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
@@ -210,6 +212,19 @@ class KOmegaSST(TurbulenceFields):
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
+    @property
+    def _across(self) -> Any:
+        """Around a grain in a uniform stream, by the slope in the reference cell."""
+        if not self._in_stream:
+            return None
+        jacobian = ufl.Jacobian(self.domain.mesh)
+
+        def square(slope: Any) -> Any:
+            change = ufl.dot(slope, jacobian)
+            return ufl.inner(change, change) / self.order**2
+
+        return square
+
     # -- equations ----------------------------------------------------------------------------------
 
     def viscosity(self, of_molecules: Any) -> Any:
@@ -298,8 +313,11 @@ class KOmegaFlow(TurbulentFlow):
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
         in_layers = not walls.plane or self._scene.gdim == 3
-        kinds = walls.roughness, walls.shear_velocity**2, in_layers, self._added
-        return KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
+        kinds = walls.roughness, walls.shear_velocity**2, in_layers, self._added, walls.around_grain
+        fields = KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
+        if walls.around_grain:
+            fields.begin(self._at_start)
+        return fields
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
@@ -413,7 +431,11 @@ class KOmegaFlow(TurbulentFlow):
         places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
         away = distances(fluid.domain, walls.names, places)
         fluid.state.x.array[fluid.space.velocity_map] = walls.start(places, away)[0].T.ravel()
-        self.fields.begin(lambda places, away: self._floored(walls.start(places, away)[1]))
+        self.fields.begin(self._at_start)
+
+    def _at_start(self, places: Floats, away: Floats) -> Floats:
+        """(2, n) of a first guess at places (n, gdim) and distances (n,) from walls."""
+        return self._floored(self._walls.start(places, away)[1])
 
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
@@ -425,13 +447,14 @@ class KOmegaFlow(TurbulentFlow):
         )
         y_plus, weights = self._thickness(list(along.values()))
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
-        last = bottom.at_outflow()
+        mean, around = float(found @ shares / shares.sum()), walls.around_grain
+        last = mean if around else bottom.at_outflow()
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),
             least=float(y_plus.min()),
             largest=float(y_plus.max()),
-            shear_velocity=float(found @ shares / shares.sum()),
+            shear_velocity=mean,
             at_outflow=last,
             friction=2.0 * (last / scene.reference_velocity) ** 2,
             viscosity=scene.viscosity,
@@ -439,12 +462,20 @@ class KOmegaFlow(TurbulentFlow):
             outside=float(np.average(y_plus > walls.thickest, weights=weights)),
             plane=walls.plane,
             reach=walls.depth,
-            backward=bottom.backward() if in_plane else (),
+            backward=bottom.backward() if in_plane and not around else (),
             along={name: self._told(one) for name, one in along.items()} if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
             thickest=walls.thickest,
             spread=self._spread,
+            separates=bottom.separates(self._centre) if around else (),
         )
+
+    @property
+    def _centre(self) -> Floats:
+        """Centre (2,) of the grain."""
+        placement = self._of_run.geometry.placement
+        assert placement is not None
+        return np.asarray(placement.centre[:2], dtype=float)
 
     def _thickness(self, walls: Sequence[AlongWall]) -> tuple[Floats, Floats]:
         """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.

@@ -96,6 +96,11 @@ class KOmegaModel(TurbulenceModel):
                 "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
                 "behind it the layer is that of a plate turbulent from its edge on"
             )
+        elif walls.around_grain:
+            yield (
+                "the k-omega model makes the boundary layer of the grain turbulent from its front on: that of a smooth "
+                "cylinder is laminar below a Reynolds number of 200,000 and separates sooner, with twice the drag"
+            )
         elif (found := walls.developed).is_laminar:
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {found.re_tau:.3g}: it decays to "
