@@ -56,6 +56,18 @@ def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
         solve_steadily(run, fluid)
 
 
+def solve_from(run: Run, known: Run) -> None:
+    """Find the steady flow of a run with parts from that of another on other cells. Collective.
+
+    Raises:
+        ConvergenceError: there is none that could be found.
+    """
+    for part, other in zip(run.parts, known.parts, strict=True):
+        part.start_from(other)
+    for part in run.parts:
+        part.solve(run, onwards=True)
+
+
 def _started_from_coarser(run: Run, parts: Sequence[RunPart]) -> bool:
     """Start from the flow on a coarser mesh, if there is one. Collective."""
     numerics = run.scene.numerics

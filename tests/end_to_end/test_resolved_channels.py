@@ -4,6 +4,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from one_dimensional import k_omega_channel
 
 import incipient
@@ -209,6 +210,37 @@ def test_a_large_wake_is_found():
         loads.append([*found.force.flow[:2], found.couple.flow[2]])
     assert loads[0] == pytest.approx(loads[1], rel=5e-3)
     assert loads[1] == pytest.approx([0.639798, 0.387428, -0.0088965], rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_wake_is_the_same_whatever_mesh_it_is_found_from(monkeypatch):
+    """u* d/nu = 102: from developed flow, from that on a coarser mesh, and on a coarser mesh from that on the finer."""
+    from incipient.effects.turbulence import k_omega_sst
+    from incipient.planning.developed_channel import developed
+    from incipient.simulation.build import prepared
+    from incipient.simulation.loads import loads
+    from incipient.simulation.simulate import loads_from, loads_of
+    from incipient.simulation.steady import solve_with_parts
+
+    grain = {
+        "bed": Flat(),
+        "body": Disc(diameter=1.0, x=0.0, density=2.65),
+        "contact": Contact(friction=0.5),
+        "domain": Domain(length=10.0, height=4.0, origin=(-4.0, 0.0)),
+    }
+    reynolds = 102.0 * 4.0 * developed(102.0 * 4.0).mean
+    coarse, fine = (channel(reynolds, mesh_size=size, **grain) for size in (2.0, 1.41))
+    monkeypatch.setattr(k_omega_sst, "COARSER_BEYOND", 75.0)
+    with prepared(fine, MPI.COMM_SELF) as run:
+        assert all(part.coarser_first for part in run.parts)
+        solve_with_parts(run, run.fluid, run.parts)
+        force, _ = loads(run, surface=False)
+        from_finer = loads_from(run, coarse, MPI.COMM_SELF)
+    monkeypatch.setattr(k_omega_sst, "COARSER_BEYOND", np.inf)
+    alone, on_coarse = (loads_of(one, MPI.COMM_SELF) for one in (fine, coarse))
+    print(force.flow, alone.force, from_finer.force, on_coarse.force)
+    assert force.flow == pytest.approx(alone.force, rel=1e-5, abs=1e-9)
+    assert from_finer.force == pytest.approx(on_coarse.force, rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -39,6 +39,8 @@ LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for eve
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 75.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
 # k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
+# u* d/nu beyond which a flow in the plane is found from that on a coarser mesh: that of slower ones is found by turns.
+COARSER_BEYOND = 100.0
 FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
@@ -399,8 +401,13 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def coarser_first(self) -> bool:
-        """Where a boundary layer goes over forms: it may separate from them, far from what enters."""
-        return self._walls.layer_over_forms
+        """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
+        if self._walls.layer_over_forms:
+            return True
+        grain = self._of_run.geometry.grain
+        if grain is None or self._scene.gdim == 3 or self._scene.time is not None or self._walls.around_grain:
+            return False
+        return bool(grain.size > COARSER_BEYOND * self._walls.unit)
 
     def start_from(self, coarser: RunPart) -> None:
         """Let velocity and turbulence be those of a steady flow on another mesh."""
