@@ -185,6 +185,8 @@ class CriticalSearch:
 
     def _from_slowest(self, bound: SlowestFlow) -> Found:
         """Search upwards from the flow to start with, if it holds the grain, or else from the slowest one."""
+        if bound.expected:
+            self.run.voice.say(bound.expected)
         if bound.start > bound.factor and self._try(bound.start) and self.trials[0].safety_factor >= 1.0:
             return self._upwards(bound.start)
         self._solve(bound.factor)

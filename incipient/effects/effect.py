@@ -38,12 +38,14 @@ class SlowestFlow:
 
     factor: of the scene's flow; why: what makes it the slowest, after its name; remedy: where a slower one is needed
     start: factor of the flow that a search begins with where it holds the grain; 0: with the slowest one
+    expected: what a search takes, said before it
     """
 
     factor: float
     why: str
     remedy: str
     start: float = 0.0
+    expected: str = ""
 
 
 @dataclass(frozen=True)

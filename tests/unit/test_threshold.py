@@ -113,12 +113,14 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     monkeypatch: pytest.MonkeyPatch, start: float, first: list[float]
 ) -> None:
     """Where it is not held in the flow to start with the search begins with the slowest one."""
-    bound = SlowestFlow(1e-3, "looked at", "", start)
+    bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
     monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3))
+    monkeypatch.setattr(pretended.voice, "say", said.append)
     found = pretended.from_rest()
+    assert said[0] == "five flows"
     assert [trial.factor for trial in found.trials[: len(first)]] == first
     assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
     assert found.is_critical and len(found.trials) <= 4 + len(first)

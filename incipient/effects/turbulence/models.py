@@ -14,6 +14,11 @@ from . import limits
 
 COARSEST = 0.2  # sand roughness over the depth
 HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
+# As measured (docs/turbulence.md, thresholds in space).
+EXPECTED = (
+    "a search takes five flows or more, of one or two minutes each; above u* d/nu = 75 of up to ten minutes, more than "
+    "half an hour in all"
+)
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
 Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
@@ -117,10 +122,10 @@ class KOmegaModel(TurbulenceModel):
         """A slow laminar flow; in space, where flows take minutes, a search begins at a low Shields number."""
         walls = setup.resolved_walls
         slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
-        start = 0.0
+        start, expected = 0.0, ""
         if setup.geometry.gdim == 3:
-            start = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5
-        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start)
+            start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
+        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start, expected)
 
 
 # Each model by its name in the section [turbulence].
