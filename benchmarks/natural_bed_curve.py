@@ -31,7 +31,7 @@ EVEN, ODD = [0, 2, 4], [1, 3, 5]  # force along the flow and up, couple about y;
 DISC, AHEAD, REACH = 24, 2.0, 0.6  # points across the disc, and lengths over which neighbours shelter [d]
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
-TURBULENT = "k-omega-sst"  # model of runs with turbulence
+TURBULENT, FEWEST_OF_FACTORS = "k-omega-sst", 5  # model of runs with turbulence, and how many tell factors
 FASTEST = 5000.0  # u* d/nu up to which mean flows are tabulated
 LOWEST = 0.1  # height of a top below which the velocity there is that at this height [d]
 INTENSITY_OF_WALLS = 0.49  # u'/u next to walls, the limit of the law used
@@ -46,11 +46,47 @@ def quantiles(values: Floats, weights: Floats, shares: Sequence[float] = SHARES)
 
 
 @dataclass(frozen=True, eq=False)
+class Factors:
+    """Load coefficients of grains by those of the same grains in another flow, each times a factor of its own.
+
+    What a factor misses is drawn over the size of the force, and of the couple. Loads by the costlier model follow so
+    from those by the cheaper one (Kennedy & O'Hagan 2000, Biometrika 87, 1), which few runs tell.
+
+    factors, spread: (6,) and the standard deviation of what is missed; errors: (n, 6) of the runs, each without itself
+    """
+
+    factors: Floats
+    spread: Floats
+    errors: Floats
+
+    @classmethod
+    def of(cls, lower: Floats, values: Floats) -> Factors:
+        """By the loads (n, 6) of n runs in both flows."""
+        size = sizes_of(lower)
+        both, own = lower * values / size**2, lower**2 / size**2
+        left_out = (both.sum(axis=0) - both) / (own.sum(axis=0) - own)
+        errors = left_out * lower - values
+        spread = np.sqrt(((errors / size) ** 2).mean(axis=0))
+        return cls(both.sum(axis=0) / own.sum(axis=0), spread, errors)
+
+    def drawn(self, lower: Floats, random: np.random.Generator) -> Floats:
+        """Coefficients (n, 6) by those in the other flow, with draws of what these cannot tell."""
+        return self.factors * lower + self.spread * sizes_of(lower) * random.standard_normal(lower.shape)
+
+
+def sizes_of(loads: Floats) -> Floats:
+    """(n, 6): the sizes of forces, and of couples, of loads (n, 6), for each of their components."""
+    sizes = [np.linalg.norm(loads[:, part], axis=1) for part in (slice(0, 3), slice(3, 6))]
+    return np.repeat(np.column_stack(sizes), 3, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
 class FlowLoads:
     """Load coefficients of grains at one u* d/nu, by runs past some of them.
 
     values: (k, 6) of the runs of pockets `numbers`
-    below: at the next lower u* d/nu with runs of the same pockets; None: there is none
+    below: by the flow before with runs of the same pockets, laminar at the same u* d/nu or at the next lower one;
+        None: there is none
     """
 
     shear_reynolds: float
@@ -59,25 +95,34 @@ class FlowLoads:
     values: Floats
     below: FlowLoads | None
 
-    def without(self, fold: int) -> FlowLoads:
-        """The same without about a fifth of the pockets."""
+    def without(self, fold: int, below: FlowLoads | None) -> FlowLoads:
+        """The same without about a fifth of the pockets, over a flow `below` without them."""
         kept = [place for place, number in enumerate(self.numbers) if number % FOLDS != fold]
         numbers = tuple(self.numbers[place] for place in kept)
-        below = self.below and self.below.without(fold)
         return FlowLoads(self.shear_reynolds, self.model, numbers, self.values[kept], below)
+
+    @property
+    def _lower(self) -> Floats | None:
+        """Loads (k, 6) of the same pockets in the flow below."""
+        if self.below is None:
+            return None
+        return self.below.values[[self.below.numbers.index(number) for number in self.numbers]]
+
+    @cached_property
+    def factors(self) -> Factors | None:
+        """From the flow below to this one with turbulence."""
+        lower = self._lower
+        return None if lower is None or self.model != TURBULENT else Factors.of(lower, self.values)
 
     @cached_property
     def emulators(self) -> tuple[Emulator, Emulator]:
         """Of the coefficients that a mirror leaves as they are, and of those that it turns round."""
         known = {one.number: one for one in natural_bed.first_bed()[1]}
-        lower = None
-        if self.below is not None:
-            lower = self.below.values[[self.below.numbers.index(number) for number in self.numbers]]
-        even, odd = self._inputs(features([known[number] for number in self.numbers]), lower)
+        even, odd = self._inputs(features([known[number] for number in self.numbers]), self._lower)
         return Emulator.of(even, self.values[:, EVEN]), Emulator.of(odd, self.values[:, ODD])
 
     def _inputs(self, known: tuple[Floats, Floats], lower: Floats | None) -> tuple[Floats, Floats]:
-        """What emulators go by: features and loads (n, 6) at a lower u* d/nu, above the viscous layer these alone.
+        """What emulators go by: features and loads (n, 6) in the flow below, above the viscous layer these alone.
 
         Of the ways tried it foretells best those runs that were left out.
         """
@@ -90,13 +135,15 @@ class FlowLoads:
     @property
     def error(self) -> float:
         """Root mean square error of the drag of runs, each foretold without a fifth of them, over the mean drag."""
-        wrong = self.emulators[0].errors[:, 0]
+        wrong = (self.factors or self.emulators[0]).errors[:, 0]
         return float(np.sqrt((wrong**2).mean()) / self.values[:, 0].mean())
 
     def drawn(
         self, known: tuple[Floats, Floats], lower: Floats | None, random: np.random.Generator
     ) -> Floats:
         """Coefficients (n, 6) by features and those below, with draws of what these cannot tell."""
+        if self.factors is not None and lower is not None:
+            return self.factors.drawn(lower, random)
         found = np.empty((len(known[0]), 6))
         for emulator, at, columns in zip(
             self.emulators, self._inputs(known, lower), (EVEN, ODD), strict=True
@@ -139,28 +186,26 @@ def askew(pocket: Pocket) -> float:
 
 
 def flow_loads() -> list[FlowLoads]:
-    """Loads at all u* d/nu with enough runs, ascending; with turbulence where that was computed past as many grains.
+    """Loads by all flows with enough runs: u* d/nu ascending, at each the laminar flow before the turbulent one.
 
     Loads of runs with turbulence are taken over the velocity at the grain's top, and this over the bed stress as the
     mean profile of the natural bed has it, as in the others.
     """
-    by_level: dict[tuple[float, str], list[dict[str, float]]] = {}
+    by_flow: dict[tuple[float, str], list[dict[str, float]]] = {}
     for row in natural_bed.stored():
         if not row["check"]:
-            by_level.setdefault((row["shear_reynolds"], row["model"]), []).append(row)
-    found: dict[float, FlowLoads] = {}
-    for (level, model), rows in sorted(by_level.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)):
-        if len(rows) < max(FEWEST, len(found[level].numbers) if level in found else 0):
+            by_flow.setdefault((row["shear_reynolds"], row["model"]), []).append(row)
+    found: list[FlowLoads] = []
+    for (level, model), rows in sorted(by_flow.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)):
+        if len(rows) < (FEWEST_OF_FACTORS if model == TURBULENT else FEWEST):
             continue
         numbers = tuple(int(row["pocket"]) for row in rows)
         own = [natural_bed.top_speed(natural_bed.protrusion_of(one), level) for one in numbers]
         scale = (np.array(own) / [row["speed"] for row in rows]) ** 2 if level else np.ones(len(rows))
         values = np.array([[row[name] for name in COMPONENTS] for row in rows]) * scale[:, None]
-        lower = [
-            one for key, one in sorted(found.items()) if key < level and set(numbers) <= set(one.numbers)
-        ]
-        found[level] = FlowLoads(level, model, numbers, values, lower[-1] if lower else None)
-    return [found[level] for level in sorted(found)]
+        lower = [one for one in found if set(numbers) <= set(one.numbers)]
+        found.append(FlowLoads(level, model, numbers, values, lower[-1] if lower else None))
+    return found
 
 
 def critical(
@@ -287,16 +332,24 @@ def factor(intensity: Floats, probability: float, lognormal: bool = True) -> Flo
 class Sample:
     """The natural bed's grains with all that their Shields numbers come from.
 
-    beds: (n,) which bed each is of; loads: at all u* d/nu, ascending
+    beds: (n,) which bed each is of; loads: as `flow_loads` gives them
     """
 
     grains: list[Pocket]
     beds: Integers
     loads: list[FlowLoads]
 
+    @property
+    def levels(self) -> dict[float, FlowLoads]:
+        """Loads that count at each u* d/nu, ascending: with turbulence where there are such, laminar elsewhere."""
+        return {one.shear_reynolds: one for one in self.loads}
+
     def without(self, fold: int) -> Sample:
         """The same with loads by four fifths of the runs."""
-        return replace(self, loads=[one.without(fold) for one in self.loads])
+        fewer: dict[FlowLoads, FlowLoads] = {}
+        for one in self.loads:
+            fewer[one] = one.without(fold, one.below and fewer[one.below])
+        return replace(self, loads=[*fewer.values()])
 
     @cached_property
     def heights(self) -> Floats:
@@ -320,21 +373,19 @@ class Sample:
 
     def coefficients(self, seed: int) -> Floats:
         """Load coefficients (n, m, 6): of a grain with a run its own, of others with draws of what is not known."""
-        random, found = np.random.default_rng(seed), dict[float, Floats]()
+        random, found = np.random.default_rng(seed), dict[FlowLoads, Floats]()
         for loads in self.loads:
-            lower = loads.below and found[loads.below.shear_reynolds]
-            drawn = loads.drawn(self._features, lower, random)
+            drawn = loads.drawn(self._features, loads.below and found[loads.below], random)
             for place, number in self._own:
                 if number in loads.numbers:
                     drawn[place] = loads.values[loads.numbers.index(number)]
-            found[loads.shear_reynolds] = drawn
-        return np.stack(list(found.values()), axis=1)
+            found[loads] = drawn
+        return np.stack([found[one] for one in self.levels.values()], axis=1)
 
     def drawn(self, seed: int, friction: float = natural_bed.FRICTION) -> NaturalBed:
         """The bed by one draw of its loads."""
-        levels = np.array([one.shear_reynolds for one in self.loads])
         steady = critical(self.grains, self.coefficients(seed), friction)
-        return NaturalBed(self.flows, levels, steady)
+        return NaturalBed(self.flows, np.array([*self.levels]), steady)
 
 
 def worked(spheres: Spheres, loads: FlowLoads, rounds: int, seed: int = 0) -> Spheres:

@@ -170,37 +170,76 @@ def test_runs_are_stored_once(
     assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [(7, "", 2.0), (7, "gap", 1.0)]
 
 
-@pytest.mark.parametrize(
-    ("turbulent", "laminar", "model", "share"),
-    [(8, 8, "k-omega-sst", 0.25), (7, 8, "laminar", 1.0), (8, 9, "laminar", 1.0)],
-)
-def test_turbulent_runs_take_over_once_there_are_enough(
-    curve: ModuleType,
-    natural_bed: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-    turbulent: int,
-    laminar: int,
-    model: str,
-    share: float,
-) -> None:
-    """A flow that enters twice as fast at the top has a quarter of its loads over the bed's own stress."""
+def flows_by(
+    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch, turbulent: int
+) -> list[Any]:
+    """Flows past nine grains at u* d/nu = 30, and turbulent ones past some that enter twice as fast at the top."""
     speed = natural_bed.top_speed(0.6, 30.0)
     made = [
         ("creeping", 0.0, 9, 0.6),
-        ("laminar", 30.0, laminar, speed),
+        ("laminar", 30.0, 9, speed),
         ("k-omega-sst", 30.0, turbulent, 2.0 * speed),
     ]
-    loads = dict.fromkeys(natural_bed.COMPONENTS, 3.0)
+    loads = {name: 3.0 + place for place, name in enumerate(natural_bed.COMPONENTS)}
     rows = [
-        {"pocket": float(number), "shear_reynolds": level, "model": name, "check": "", "speed": top} | loads
+        {"pocket": float(number), "shear_reynolds": level, "model": name, "check": "", "speed": top}
+        | {name: value * (1.0 + 0.1 * number) for name, value in loads.items()}
         for name, level, count, top in made
         for number in range(count)
     ]
     monkeypatch.setattr(natural_bed, "stored", lambda: rows)
     monkeypatch.setattr(natural_bed, "protrusion_of", lambda number: 0.6)
-    creeping, fast = curve.flow_loads()
-    assert fast.model == model and fast.below is creeping and creeping.below is None
-    assert fast.values == pytest.approx(3.0 * share * np.ones((max(turbulent, laminar), 6)))
+    bead = next(natural_bed.free_grains(square_bed(), 0.0))
+    grains = [replace(bead, number=number) for number in range(9)]
+    monkeypatch.setattr(natural_bed, "first_bed", lambda: (square_bed(), grains))
+    found: list[Any] = curve.flow_loads()
+    return found
+
+
+def test_turbulent_loads_follow_from_laminar_ones(
+    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A flow that enters twice as fast at the top has a quarter of its loads over the bed's own stress."""
+    creeping, laminar, fast = flows_by(curve, natural_bed, monkeypatch, 8)
+    assert (laminar.below, fast.below, creeping.below) == (creeping, laminar, None)
+    assert fast.model == "k-omega-sst" and fast.values == pytest.approx(0.25 * laminar.values[:8])
+    known = np.zeros((1, 4)), np.zeros((1, 1))
+    drawn = fast.drawn(known, laminar.values[-1:], np.random.default_rng(0))
+    # The ninth grain has no run with turbulence: a quarter of its laminar load, as those of the others are.
+    assert drawn == pytest.approx(0.25 * laminar.values[-1:])
+    assert fast.error == pytest.approx(0.0, abs=1e-12)
+    levels = curve.Sample([], np.empty(0, dtype=int), [creeping, laminar, fast]).levels
+    assert levels == {0.0: creeping, 30.0: fast}
+
+
+def test_what_factors_miss_is_drawn_over_the_size_of_the_force(curve: ModuleType) -> None:
+    """Two forces along x, of 1 and 3, times 1.1 and 1.3: 1.2, each missed by 0.2 of itself without itself."""
+    lower = np.array([[1.0, 0, 0, 0, 2.0, 0], [3.0, 0, 0, 0, 1.0, 0]])
+    values = lower * np.array([[1.1], [1.3]])
+    # A component that is nothing in all grains has no factor.
+    lower[:, [1, 2, 3, 5]] = values[:, [1, 2, 3, 5]] = 1e-9
+    found = curve.Factors.of(lower, values)
+    assert found.factors[[0, 4]] == pytest.approx([1.2, 1.2])
+    assert found.errors[:, 0] == pytest.approx([0.2, -0.6]) and found.spread[[0, 4]] == pytest.approx(
+        [0.2, 0.2]
+    )
+    drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
+    assert drawn.mean() == pytest.approx(3.6, abs=0.03) and drawn.std() == pytest.approx(0.6, abs=0.03)
+
+
+def test_few_turbulent_runs_are_not_taken(
+    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert [one.model for one in flows_by(curve, natural_bed, monkeypatch, 4)] == ["creeping", "laminar"]
+
+
+def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
+    curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sample = curve.Sample([], np.empty(0, dtype=int), flows_by(curve, natural_bed, monkeypatch, 8))
+    creeping, laminar, fast = sample.without(3).loads
+    assert creeping.numbers == laminar.numbers == (0, 1, 2, 4, 5, 6, 7) and fast.numbers == laminar.numbers
+    assert fast.below is laminar and laminar.below is creeping
 
 
 def test_turbulent_loads_are_compared_at_one_speed_at_the_top(
