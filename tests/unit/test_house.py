@@ -226,7 +226,7 @@ BOUNDS = {
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
     "files that name turbulence": 34,
-    "lines": 67422,
+    "lines": 67436,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)

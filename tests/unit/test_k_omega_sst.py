@@ -179,3 +179,6 @@ def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
     assert spread_of([Round(0, 1.0, 9.0, 9.0, (9.0, 9.0, 9.0)), *rounds(SWEEPING)]) < 0.02
     assert spread_of(rounds(0.9 * SWEEPING)) == spread_of(rounds(SWEEPING, LINGERING - 1)) == np.inf
     assert spread_of([Round(i, SWEEPING, 0.1, 0.1) for i in range(LINGERING)]) == np.inf
+    # Fewer steps do where all are longer.
+    assert spread_of(rounds(100.0, 4), 4, 100.0) == spread_of(rounds(SWEEPING))
+    assert spread_of(rounds(99.0, 4), 4, 100.0) == spread_of(rounds(100.0, 3), 4, 100.0) == np.inf

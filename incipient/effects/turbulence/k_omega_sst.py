@@ -216,8 +216,8 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _across(self) -> Any:
-        """Around a grain in a uniform stream, by the slope in the reference cell."""
-        if not self._in_stream:
+        """In wakes, around a grain in a uniform stream and in space, by the slope in the reference cell."""
+        if not self._in_stream and self.domain.gdim == 2:
             return None
         jacobian = ufl.Jacobian(self.domain.mesh)
 
