@@ -36,7 +36,7 @@ ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, 
 FAR = 1e9  # distance where there are no walls
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
-FOUND_AT_ONCE, FASTER, SLIGHTLY = 75.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
+FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
 # k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
 # u* d/nu beyond which a flow in the plane is found from that on a coarser mesh: that of slower ones is found by turns.
