@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-PAGE, SCENE = ROOT / "docs/turbulence.md", ROOT / "demos/scenes/turbulent_cylinder.toml"
+PAGE, SCENE = ROOT / "docs/turbulence.md", ROOT / "benchmarks/scenes/turbulent_cylinder.toml"
 BEGIN, END = "<!-- cylinder: begin -->", "<!-- cylinder: end -->"
 PERIODIC = 20.0  # time from which means are taken
 CASES = ((1e5, 2.0),)  # Reynolds number and mesh_size
