@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 Row = dict[str, Any]
@@ -12,6 +13,13 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table whose first column is text and the others numbers."""
     rule = [":--", *["--:"] * (len(heads) - 1)]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows))
+
+
+def put(page: Path, text: str, begin: str, end: str) -> None:
+    """Write a table into a page, between two marks."""
+    before, rest = page.read_text(encoding="utf-8").split(begin)
+    _, after = rest.split(end)
+    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
 def small(number: float) -> str:

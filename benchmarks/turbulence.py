@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import put
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -112,9 +113,7 @@ def main() -> None:
     """Run, draw, write."""
     runs = [measured(re_tau, y_plus) for re_tau in DIRECT for y_plus in FIRST_PLACES]
     draw(runs)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(runs)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(runs), BEGIN, END)
 
 
 if __name__ == "__main__":

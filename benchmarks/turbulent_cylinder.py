@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from tables import put
 
 ROOT = Path(__file__).parents[1]
 PAGE, SCENE = ROOT / "docs/turbulence.md", ROOT / "benchmarks/scenes/turbulent_cylinder.toml"
@@ -111,9 +112,7 @@ def main() -> None:
     for reynolds, mesh_size in CASES:
         found.append(computed(reynolds, mesh_size))
         print(found[-1], flush=True)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(found), BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 from mpi4py import MPI
+from tables import put
 
 from incipient import scene as of
 from incipient.simulation.build import prepared
@@ -200,13 +201,6 @@ def draw(found: Pressures, others: Pressures, measured: Pressures) -> None:
         one.set(xlim=(-0.5, 1.6), xlabel="x over the chord", ylabel=label)
     axes[0].legend(frameon=False)
     figure.savefig(FIGURE, dpi=130)
-
-
-def put(page: Path, text: str, begin: str, end: str) -> None:
-    """Write a table into a page, between two marks."""
-    before, rest = page.read_text(encoding="utf-8").split(begin)
-    _, after = rest.split(end)
-    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
 def main() -> None:

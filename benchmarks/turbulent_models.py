@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from tables import put
 from turbulent_step import extrapolated
 from turbulent_stone import DIAMETER, PAGE, scene
 
@@ -85,9 +86,7 @@ def main() -> None:
             if (one := computed(model, mesh_size)) is not None:
                 found.append(one)
             print(model, mesh_size, one, flush=True)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(found), BEGIN, END)
 
 
 if __name__ == "__main__":

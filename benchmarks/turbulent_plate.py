@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import put
 
 ROOT = Path(__file__).parents[1]
 PAGE, FIGURE = ROOT / "docs/turbulence.md", ROOT / "docs/figures/turbulent_plate.png"
@@ -95,9 +96,7 @@ def main() -> None:
     layer = of_layer(1.0 / REYNOLDS, 2.0, *STREAM)
     at_place = float(np.interp(PLACE, *layer))
     draw(x, values, layer, 0.00269085)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found, at_place)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(found, at_place), BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import put
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/turbulence.md"
@@ -96,13 +97,6 @@ def table_to_the_wall(found: list[Found]) -> str:
         for size, one in zip(MESH_SIZES, found, strict=True)
     ]
     return "\n".join(lines)
-
-
-def put(text: str, begin: str, end: str) -> None:
-    """Write a table into the page, between two marks."""
-    before, rest = PAGE.read_text(encoding="utf-8").split(begin)
-    _, after = rest.split(end)
-    PAGE.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
 def by_openfoam(size: float) -> Found:
@@ -187,7 +181,7 @@ def main() -> None:
     for mesh_size in MESH_SIZES:
         walls.append(to_the_wall(mesh_size))
         print(walls[-1], flush=True)
-    put(table_to_the_wall(walls), BEGIN_TO_WALL, END_TO_WALL)
+    put(PAGE, table_to_the_wall(walls), BEGIN_TO_WALL, END_TO_WALL)
     there, found = openfoam_step.is_installed(), []
     for mesh_size, size in zip(MESH_SIZES, WALL_CELLS, strict=True):
         found.append(by_incipient(mesh_size))
@@ -197,7 +191,7 @@ def main() -> None:
             print(found[-1], flush=True)
     if not there:
         sys.exit("OpenFOAM is not installed: the table stays as it is")
-    put(table(found), BEGIN, END)
+    put(PAGE, table(found), BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import put
 from turbulent_step import extrapolated
 
 ROOT = Path(__file__).parents[1]
@@ -214,9 +215,7 @@ def main() -> None:
     for mesh_size, size in zip(MESH_SIZES, CELLS, strict=True):
         found += [by_incipient(mesh_size), *(by_openfoam(size, name) for name in CONVECTION)]
         print(*found[-3:], sep="\n", flush=True)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(found), BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from programs import openfoam, openfoam_stone
+from tables import put
 from turbulent_stone import PAGE, inflow_of
 
 BEGIN, END = "<!-- waves: begin -->", "<!-- waves: end -->"
@@ -147,9 +148,7 @@ def main() -> None:
     for name in CONVECTION:
         found.append(by_openfoam(name))
         print(found[-1], flush=True)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n{END}{after}", encoding="utf-8")
+    put(PAGE, table(found), BEGIN, END)
 
 
 if __name__ == "__main__":
