@@ -35,19 +35,14 @@ Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
-GROWTH, LEAST_GROWTH = (
-    4.0,
-    1.1,
-)  # from one flow to the next faster one, at most, and from the slowest at least
-BEYOND_SQUARE = (
-    1.05  # over the flow in which a load that goes with its square moves the grain: loads grow less
-)
+GROWTH, LEAST_GROWTH = 4.0, 1.1  # from a flow to the next faster one, at most, and from the slowest at least
+# Over the flow in which a load that goes with its square moves the grain: loads grow less.
+BEYOND_SQUARE = 1.05
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
 MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
 NEAR = 3e-3  # relative: a flow solved so near the critical one is taken for it, with the load interpolated
-NEAR_IN_SPACE = (
-    0.01  # the same in space where walls are resolved: wakes may change for ever, and loads with them
-)
+# Likewise in space where walls are resolved: wakes may change for ever, and loads with them.
+NEAR_IN_SPACE = 0.01
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6

@@ -60,7 +60,7 @@ class Curved(Polyline):
         return np.column_stack([x, self._curve(x)])
 
     def _lines(self, length: float) -> int:
-        """Of how many lines a stretch of a length that bends is made."""
+        """The number of lines that make up a bent stretch of a length along x."""
         return int(np.clip(LINES_PER_RADIUS * length / self.feature, FEWEST_LINES, MOST_LINES))
 
     @cached_property
