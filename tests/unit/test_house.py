@@ -225,8 +225,8 @@ BOUNDS = {
     "imports for type hints": 96,
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
-    "files that name turbulence": 34,
-    "lines": 67436,
+    "files beyond its folder that name turbulence": 23,
+    "lines": 67445,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
@@ -248,7 +248,11 @@ def measures() -> dict[str, int]:
         "imports for type hints": sum(len(_import_nodes(one)) for one in hinting),
         "circles with type hints": len(circles),
         "files in the largest circle with type hints": max(map(len, circles), default=0),
-        "files that name turbulence": sum(bool(NAMES_TURBULENCE.search(text)) for text in texts),
+        "files beyond its folder that name turbulence": sum(
+            bool(NAMES_TURBULENCE.search(text))
+            for path, text in zip(own, texts, strict=True)
+            if path.parent != PACKAGE / "effects/turbulence"
+        ),
         "lines": sum(len(text.splitlines()) for text in texts),
     }
 

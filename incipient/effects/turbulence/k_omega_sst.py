@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from typing import Any
 
 import dolfinx
@@ -14,35 +12,16 @@ from scipy.spatial import cKDTree
 
 from ... import compat
 from ...arrays import Floats, Integers
-from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.space import size_along
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
 from ...mesh.domain import Domain
-from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import cells_at, distances, nodes_of
-from ...planning.base_flow import Velocity
-from ...planning.resolved_walls import ResolvedWalls
-from ...results.resolved_wall_report import ResolvedWallReport
-from ..run_part import RunPart
-from .along_walls import AlongWall, along_resolved_wall
-from .fields import TurbulenceConditions, TurbulenceFields, Values
-from .iteration import Round, solve_steadily
-from .part import ORDER, Solving, TurbulentFlow
-from .pseudo_time import FIRST, NEAR, solve_together
+from .fields import TurbulenceConditions, TurbulenceFields
 
 ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
-LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
-# u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
-FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5  # and of a factor, what is not worth a slower flow
-# k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
-ADDED = 1e-4
-# u* d/nu beyond which a flow in the plane is found from that on a coarser mesh: that of slower ones is found by turns.
-COARSER_BEYOND = 100.0
-FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
-BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
@@ -301,211 +280,3 @@ class KOmegaSST(TurbulenceFields):
         owned = near[near < mesh.topology.index_map(gdim - 1).size_local].astype(np.int32)
         found = np.array([one for one in owned if inside[cells.links(one)].sum() == 1.0], dtype=np.int32)
         return dolfinx.mesh.meshtags(mesh, gdim - 1, found, np.ones(len(found), dtype=np.int32))
-
-
-class KOmegaFlow(TurbulentFlow):
-    """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
-
-    fields: KOmegaSST
-    _started = False  # from a flow on another mesh, in space also from a slower or faster one
-    _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
-
-    def _made(self, domain: Domain) -> KOmegaSST:
-        walls, left = self._walls, self._setup.sides.left
-        given = TurbulenceConditions((left,), self._logarithms, walls.names)
-        order = self._setup.order.number
-        in_layers = not walls.plane or self._scene.gdim == 3
-        kinds = walls.roughness, walls.shear_velocity**2, in_layers, self._added, walls.around_grain
-        fields = KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
-        if walls.around_grain:
-            fields.begin(self._at_start)
-        return fields
-
-    def _entering(self) -> tuple[Velocity, Values]:
-        return self._walls.velocity, self._logarithms
-
-    def _logarithms(self, x: Floats) -> Floats:
-        """(2, n) of what enters at places (3, n)."""
-        return self._floored(self._walls.logarithms(x))
-
-    def _floored(self, logarithms: Floats) -> Floats:
-        """(2, n) with k at least what is not destroyed, and what is added to it."""
-        log_k, log_omega = logarithms
-        k = np.maximum(np.exp(log_k), self._least) if not self._added else np.exp(log_k) + self._added
-        return np.array([np.log(k), log_omega])
-
-    def _give(self, fluid: Fluid) -> None:
-        """Let inflow and walls be those of the setup as it is now."""
-        super()._give(fluid)
-        self.fields.stand(self._scene.viscosity, self._walls.shear_velocity**2)
-
-    @property
-    def _least(self) -> float:
-        return float(LEAST * self._walls.shear_velocity**2)
-
-    @property
-    def _added(self) -> float:
-        layer = self._walls.edge is not None or self._walls.layer_over_forms
-        return ADDED * self._scene.reference_velocity**2 if layer else 0.0
-
-    @property
-    def _walls(self) -> ResolvedWalls:
-        return self._setup.resolved_walls
-
-    @property
-    def _depth(self) -> float:
-        return self._walls.depth
-
-    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones."""
-        if self._scene.gdim == 3:
-            self._started = onwards
-        slower = () if onwards or self._walls.plane or self._scene.gdim == 2 else self._slower(factor)
-        for number, one in enumerate(slower):
-            self._take(self._fluid, one)
-            if not number:
-                self.enter(self._fluid)
-            with run.stage("flow"), self._timed():
-                solve_together(self._fluid, self.fields, self._tolerance, nearly=True)
-        return super().solve(run, factor, onwards or bool(slower))
-
-    def _slower(self, factor: float) -> tuple[float, ...]:
-        """Factors of flows that lead to the scene's times a factor, ascending, without it."""
-        geometry, walls = self._of_run.geometry, self._of_run.faster(factor).resolved_walls
-        size = geometry.bed.feature if geometry.grain is None else geometry.grain.size
-        apart = math.log(max(size / walls.unit / FOUND_AT_ONCE, 1.0))
-        number = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
-        return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
-
-    def _steady(
-        self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
-    ) -> tuple[Round, ...]:
-        """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""
-        if self._walls.plane and self._walls.edge is None:
-            return super()._steady(watch)
-        rounds: tuple[Round, ...] = ()
-        if self._scene.gdim == 2 and self._walls.edge is None and not self._started:
-            time = self._depth / self._scene.reference_velocity
-            with suppress(ConvergenceError):
-                rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
-            if not rounds:
-                self.enter(self._fluid)
-        with self._timed():
-            first = NEAR if rounds else FROM_COARSER if self._started else FIRST
-            gently = self._walls.layer_over_forms and not rounds
-            rounds += solve_together(
-                self._fluid, self.fields, self._tolerance, watch, first, gently=gently, loads=loads
-            )
-            self._spread = rounds[-1].spread
-            return rounds
-
-    @property
-    def coarser_first(self) -> bool:
-        """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
-        if self._walls.layer_over_forms:
-            return True
-        grain = self._of_run.geometry.grain
-        if grain is None or self._scene.gdim == 3 or self._scene.time is not None or self._walls.around_grain:
-            return False
-        return bool(grain.size > COARSER_BEYOND * self._walls.unit)
-
-    def start_from(self, coarser: RunPart) -> None:
-        """Let velocity and turbulence be those of a steady flow on another mesh."""
-        assert isinstance(coarser, KOmegaFlow)
-        mine, theirs, mesh = self._fluid, coarser._fluid, coarser.fields.domain.mesh
-        places = mine.space.velocity.tabulate_dof_coordinates()
-        found = Transfer(mesh, places).values(theirs.velocity)
-        mine.state.x.array[mine.space.velocity_map] = found.ravel()
-        places = self.fields.space.tabulate_dof_coordinates()
-        self.fields.state.x.array[:] = Transfer(mesh, places).values(coarser.fields.state).ravel()
-        self._started = True
-
-    def _loads(self, run: Solving) -> Callable[[], Floats] | None:
-        """A function that returns force and couple over the grain's size, (6,); in the plane None."""
-        probe, grain = run.probe, self._of_run.geometry.grain
-        if probe is None or grain is None or self._scene.gdim == 2:
-            return None
-
-        def found() -> Floats:
-            resultant = probe.resultant()
-            return np.concatenate([resultant.force, resultant.couple / grain.size])
-
-        return found
-
-    def enter(self, fluid: Fluid) -> None:
-        """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
-        walls, space = self._walls, fluid.space.velocity
-        places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
-        away = distances(fluid.domain, walls.names, places)
-        fluid.state.x.array[fluid.space.velocity_map] = walls.start(places, away)[0].T.ravel()
-        self.fields.begin(self._at_start)
-
-    def _at_start(self, places: Floats, away: Floats) -> Floats:
-        """(2, n) of a first guess at places (n, gdim) and distances (n,) from walls."""
-        return self._floored(self._walls.start(places, away)[1])
-
-    def wall_report(self) -> ResolvedWallReport:
-        """u* along the walls, and how thick the cells at them are."""
-        scene, walls = self._scene, self._walls
-        along = {name: along_resolved_wall(self._fluid, name) for name in walls.names}
-        found, shares = (
-            np.concatenate(parts)
-            for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
-        )
-        y_plus, weights = self._thickness(list(along.values()))
-        bottom, in_plane = along[walls.names[0]], scene.gdim == 2
-        mean, around = float(found @ shares / shares.sum()), walls.around_grain
-        last = mean if around else bottom.at_outflow()
-        _, away = self.fields.at_edge()
-        return ResolvedWallReport(
-            distance=self.fields.largest(away),
-            least=float(y_plus.min()),
-            largest=float(y_plus.max()),
-            shear_velocity=mean,
-            at_outflow=last,
-            friction=2.0 * (last / scene.reference_velocity) ** 2,
-            viscosity=scene.viscosity,
-            c_mu=0.09,
-            outside=float(np.average(y_plus > walls.thickest, weights=weights)),
-            plane=walls.plane,
-            reach=walls.depth,
-            backward=bottom.backward() if in_plane and not around else (),
-            along={name: self._told(one) for name, one in along.items()} if in_plane else {},
-            mesh_size=scene.numerics.mesh_size,
-            thickest=walls.thickest,
-            spread=self._spread,
-            separates=bottom.separates(self._centre) if around else (),
-        )
-
-    @property
-    def _centre(self) -> Floats:
-        """Centre (2,) of the grain."""
-        placement = self._of_run.geometry.placement
-        assert placement is not None
-        return np.asarray(placement.centre[:2], dtype=float)
-
-    def _thickness(self, walls: Sequence[AlongWall]) -> tuple[Floats, Floats]:
-        """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.
-
-        And the lengths (n,) of wall, in space areas, that they stand for.
-        """
-        places, away = self.fields.at_edge()
-        at_walls, found, lengths = (
-            np.concatenate([getattr(one, name) for one in walls])
-            for name in ("places", "shear_velocities", "lengths")
-        )
-        nearest, mine = np.empty(0, dtype=np.int64), np.empty(0)
-        if len(places):
-            _, nearest = cKDTree(at_walls).query(places)
-            mine = away * found[nearest] / self._scene.viscosity
-        gathered = self.fields.domain.comm.allgather((mine, nearest))
-        thickness, nearest = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
-        return thickness, (lengths / np.maximum(np.bincount(nearest, minlength=len(lengths)), 1))[nearest]
-
-    def _told(self, along: AlongWall) -> dict[str, list[float]]:
-        """What is drawn of a wall, in six digits."""
-        found, scene = along.shear_velocities, self._scene
-        friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
-        y_plus = found * self.fields.largest(self.fields.at_edge()[1]) / scene.viscosity
-        columns = {"x": along.places[:, 0], "y_plus": y_plus, "friction": friction}
-        return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}

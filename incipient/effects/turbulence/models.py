@@ -114,7 +114,7 @@ class KOmegaModel(TurbulenceModel):
 
     def flow(self) -> Flow:
         """k and omega."""
-        from .k_omega_sst import KOmegaFlow
+        from .k_omega_flow import KOmegaFlow
 
         return KOmegaFlow
 
