@@ -45,6 +45,7 @@ OF_TURBULENCE = (
     "effects.turbulence.fields",
     "effects.turbulence.iteration",
     "effects.turbulence.k_epsilon",
+    "effects.turbulence.k_omega_flow",
     "effects.turbulence.k_omega_sst",
     "effects.turbulence.models",
     "effects.turbulence.part",

@@ -215,7 +215,7 @@ def test_a_large_wake_is_found():
 @pytest.mark.slow
 def test_a_wake_is_the_same_whatever_mesh_it_is_found_from(monkeypatch):
     """u* d/nu = 102: from developed flow, from that on a coarser mesh, and on a coarser mesh from that on the finer."""
-    from incipient.effects.turbulence import k_omega_sst
+    from incipient.effects.turbulence import k_omega_flow
     from incipient.planning.developed_channel import developed
     from incipient.simulation.build import prepared
     from incipient.simulation.loads import loads
@@ -230,13 +230,13 @@ def test_a_wake_is_the_same_whatever_mesh_it_is_found_from(monkeypatch):
     }
     reynolds = 102.0 * 4.0 * developed(102.0 * 4.0).mean
     coarse, fine = (channel(reynolds, mesh_size=size, **grain) for size in (2.0, 1.41))
-    monkeypatch.setattr(k_omega_sst, "COARSER_BEYOND", 75.0)
+    monkeypatch.setattr(k_omega_flow, "COARSER_BEYOND", 75.0)
     with prepared(fine, MPI.COMM_SELF) as run:
         assert all(part.coarser_first for part in run.parts)
         solve_with_parts(run, run.fluid, run.parts)
         force, _ = loads(run, surface=False)
         from_finer = loads_from(run, coarse, MPI.COMM_SELF)
-    monkeypatch.setattr(k_omega_sst, "COARSER_BEYOND", np.inf)
+    monkeypatch.setattr(k_omega_flow, "COARSER_BEYOND", np.inf)
     alone, on_coarse = (loads_of(one, MPI.COMM_SELF) for one in (fine, coarse))
     print(force.flow, alone.force, from_finer.force, on_coarse.force)
     assert force.flow == pytest.approx(alone.force, rel=1e-5, abs=1e-9)
