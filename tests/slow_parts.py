@@ -118,6 +118,7 @@ PARTS = {
         "end_to_end/test_flat_plate.py",
         "end_to_end/test_hump.py",
         "end_to_end/test_resolved_channels.py",
+        "end_to_end/test_rough_beds.py",
         "end_to_end/test_sand_in_space.py",
         "end_to_end/test_turbulent_accuracy.py",
         "end_to_end/test_turbulent_channels.py",

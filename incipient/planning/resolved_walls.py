@@ -68,7 +68,7 @@ class ResolvedWalls:
     plane:          whether all walls are planes: no bed forms, no grain
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
-    roughness:      equivalent sand roughness of all walls, 0: smooth
+    roughness:      equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
     upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
     measured:       what enters in place of developed flow; None: that does
     stream:         that which passes a plate; None: there is none
@@ -104,6 +104,11 @@ class ResolvedWalls:
         return self.stream is not None and self.edge is None
 
     @property
+    def rough(self) -> tuple[str, ...]:
+        """Names of the walls on which the sand is: all but the grain."""
+        return tuple(name for name in self.names if name != "body") if self.roughness else ()
+
+    @property
     def sand(self) -> float:
         """u* k_s/nu of what enters."""
         return self.roughness / self.unit
@@ -115,10 +120,9 @@ class ResolvedWalls:
             return FIRST_ROW * self.unit
         return ON_SAND * length_at_sand(self.sand) * self.roughness
 
-    @property
-    def thickest(self) -> float:
-        """Thickness of cells at walls [nu/u*] up to which they are resolved."""
-        return THICKEST if not self.roughness else THICKEST / FIRST_ROW * self.first / self.unit
+    def thickest(self, name: str) -> float:
+        """Thickness of cells at a wall [nu/u*] up to which it is resolved."""
+        return THICKEST if name not in self.rough else THICKEST / FIRST_ROW * self.first / self.unit
 
     @property
     def unit(self) -> float:
@@ -127,8 +131,10 @@ class ResolvedWalls:
 
     def text(self) -> str:
         """How walls are treated, in words."""
-        first = self.first / self.unit * (1.0 if self.plane else FIRST_CELL / FIRST_ROW)
+        first = self.first / self.unit * (1.0 if self.plane or self.roughness else FIRST_CELL / FIRST_ROW)
         kind = f"rough walls (u* k_s/nu about {self.sand:.3g})" if self.roughness else "walls"
+        if self.roughness and "body" in self.names:
+            kind += " and a smooth grain"
         told = (
             f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
             f"u* about {self.shear_velocity:.3g}{'' if self.edge is None else ' at the end of the plate'}"
@@ -285,8 +291,14 @@ class ResolvedWalls:
 
     def _first_cells(self, order: int) -> dict[str, float]:
         """How thick cells at each wall are."""
-        size = FIRST_CELL / FIRST_ROW * self.first * COARSENING.get(order, ORDER_THREE)
-        return {name: size * (AT_GRAIN if name == "body" else 1.0) for name in self.names}
+        coarse = COARSENING.get(order, ORDER_THREE)
+        found = {
+            name: coarse * (self.first if name in self.rough else FIRST_CELL * self.unit)
+            for name in self.names
+        }
+        if "body" in found:
+            found["body"] *= AT_GRAIN
+        return found
 
 
 def resolved_walls_of(

@@ -15,13 +15,17 @@ class ResolvedWallReport(WallReport):
     """The walls of a flow that its mesh resolves: y+ is the thickness of the cells at them, in nu/u*.
 
     mesh_size: the factor of all cells that the run had; distance: the thickest of the cells at walls
-    thickest: up to which cells at walls resolve them, in nu/u*
+    thickest, on_sand: up to which cells at smooth and at rough walls resolve them, in nu/u*; without smooth walls both
+    are that of rough ones, without rough ones the second is 0
+    excess: largest thickness of a cell over that up to which it resolves its wall
     separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
     below; u* and friction then are those in the mean along the grain
     """
 
     mesh_size: float = 1.0
     thickest: float = 2.5
+    on_sand: float = 0.0
+    excess: float = 1.0
     separates: tuple[float, ...] = ()
 
     @property
@@ -47,7 +51,7 @@ class ResolvedWallReport(WallReport):
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
-        return f"set numerics.mesh_size = {0.9 * self.thickest / self.largest * self.mesh_size:.2g}"
+        return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
@@ -72,6 +76,8 @@ class ResolvedWallReport(WallReport):
         told += f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
         if self.outside:
             told += f", along {100 * self.outside:.3g}% of the walls more than {self.thickest:.3g}"
+            if self.on_sand not in (0.0, self.thickest):
+                told += f", on sand than {self.on_sand:.3g}"
         if self.applicable:
             return [f"{told}: walls are resolved; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"

@@ -21,7 +21,10 @@ class Turbulence(Section):
         "Model: k-epsilon with wall functions, or k-omega SST to the wall", "k-epsilon"
     )
     wall: Literal["equilibrium", "rough"] = key("Law of the wall", "equilibrium")
-    roughness: NotNegative = key('Equivalent sand roughness of walls that are "rough" [length]', 0.0)
+    roughness: NotNegative = key(
+        'Equivalent sand roughness of walls that are "rough"; a grain is smooth with model = "k-omega-sst" [length]',
+        0.0,
+    )
     upstream_roughness: NotNegative = key(
         "Equivalent sand roughness of the bed upstream, over which what enters past smooth walls developed [length]",
         0.0,

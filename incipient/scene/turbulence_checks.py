@@ -12,6 +12,7 @@ from .surface import FREE
 from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
+LEVEL = ("flat", "inclined")  # kinds of beds without forms: a slope turns gravity
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
 _OTHER = 'or use turbulence.model = "k-epsilon"'
 _NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
@@ -30,9 +31,12 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
         motion = scene.body.motion if scene.body is not None and scene.moves else ""
-        level = scene.body is None and (scene.bed is None or scene.bed.kind == "flat")
-        in_space = scene.domain.width is not None
+        kind = "flat" if scene.bed is None else scene.bed.kind
+        in_space, level = scene.domain.width is not None, scene.body is None and kind == "flat"
         yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
+        if in_space and kind not in LEVEL and scene.turbulence is not None and scene.turbulence.roughness:
+            why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
+            yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
@@ -81,9 +85,6 @@ def _of_resolved_walls(
     if motion and in_space:
         remedy = f'set body.motion = "fixed", leave domain.width out, {_OTHER}'
         yield problem("body.motion", f'"{motion}" in space {_NOT_TO_THE_WALL}', remedy)
-    if turbulence is not None and turbulence.roughness and (in_space or not level):
-        why = f'is "rough", but past grains and bed forms, and in space, sand {_NOT_TO_THE_WALL}'
-        yield problem("turbulence.wall", why, f"use smooth walls, {_OTHER}")
     if turbulence is not None and turbulence.upstream_roughness and level:
         why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
         yield problem("turbulence.upstream_roughness", why, "leave it out")

@@ -64,7 +64,7 @@ def scene(**changes):
         ),
         (
             {"turbulence": Turbulence(**STREAM, wall="rough", roughness=0.01)},
-            'turbulence.wall: is "rough", but past grains and bed forms',
+            'turbulence.wall: "rough" in a uniform stream is not simulated by this version',
         ),
         ({"numerics": Numerics(accuracy=0.01)}, "numerics.accuracy: in a uniform stream is not simulated"),
         (

@@ -11,7 +11,7 @@ from test_turbulence import rectangle, steady, through_time, uniform
 from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.fluid.transient import backward_difference
-from incipient.forms.k_omega_sst import EXPONENT
+from incipient.forms.k_omega_sst import EXPONENT, LITTLE_K, SMOOTHEST_SAND
 from incipient.mesh.sampling import sample
 from incipient.mesh.wall_distance import distances
 from incipient.planning.developed_channel import developed, of_discharge
@@ -82,6 +82,49 @@ def test_next_to_a_smooth_wall_only_molecules_matter():
             places = np.column_stack([np.full(30, 0.45), np.linspace(1.3 / 8, 1.0, 30)])
             errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
     assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
+
+
+def test_next_to_sand_without_flow_only_molecules_matter():
+    """omega = 6 nu/(0.075 (y + y_0)^2) and k as (y + y_0)^n solve the equations at rest (exact), up to the wall.
+
+    y_0 is so that omega at the wall is 25,000 nu/k_s^2, what Aupoix (2015) has where u* k_s/nu is 4 or less: 4e5/4^2.
+    """
+    sand = 5.0
+    beyond = (6.0 / 0.075 / 25e3) ** 0.5 * sand
+
+    def exact(x):
+        away = (x[1] + beyond) / beyond
+        k = np.log(LITTLE_K * 1e-20 * (sand * 1e-10 / 0.01 / SMOOTHEST_SAND) ** 2) + EXPONENT * np.log(away)
+        return np.array([k, np.log(25e3 * 0.01 / sand**2) - 2.0 * np.log(away)])
+
+    errors = []
+    for cells in (8, 16):
+        domain = rectangle((0, 0), (1, 1), (3, cells))
+        given = TurbulenceConditions(("top", "left", "right"), exact, ("bottom",))
+        with KOmegaSST(domain, given, 2, 0.01, roughness=sand, rough=("bottom",), stress=1e-20) as fields:
+            fields.state.x.array[:] += 0.2 * np.sin(np.arange(len(fields.state.x.array)))
+            fields.carried_by(dolfinx.fem.Constant(domain.mesh, (0.0, 0.0)), 0.01)
+            steady(fields)
+            places = np.column_stack([np.full(30, 0.45), np.linspace(0.0, 1.0, 30)])
+            errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
+    print(errors)
+    assert errors[1] < 0.02 and errors[0] / errors[1] > 3.0
+
+
+@pytest.mark.parametrize("rows", [1, 8])
+def test_a_cell_at_walls_of_both_kinds_is_one_at_the_smooth_wall(rows):
+    """Sand below, a smooth wall on top: omega is given in the last row, by the distance from the top."""
+    domain = rectangle((0, 0), (1, 1), (3, rows))
+    given = TurbulenceConditions((), uniform(1.0, 1.0), ("bottom", "top"))
+    with KOmegaSST(domain, given, 2, 0.01, roughness=0.1, rough=("bottom",), stress=1e-2) as fields:
+        fields.impose()
+        places = fields.space.tabulate_dof_coordinates()[:, :2]
+        omega = np.exp(fields.state.x.array[1::2])
+    away = 1.0 - places[:, 1]
+    last, below = (away > 1e-9) & (away < 1.001 / rows), away > 1.001 / rows
+    assert omega[last] == pytest.approx(6 * 0.01 / 0.075 / away[last] ** 2)
+    assert omega[below] == pytest.approx(1.0)
+    assert below.any() == (rows > 1)
 
 
 def test_next_to_a_wall_that_moves_with_the_fluid_only_molecules_matter():

@@ -115,15 +115,16 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
 
 
-def along_resolved_wall(fluid: Fluid, boundary: str) -> AlongWall:
+def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> AlongWall:
     """Read the shear stress along a named wall, to which the fluid sticks. Collective.
 
     `velocities` stand for the direction, along the wall, in which the fluid pulls. In the plane stresses are the
     consistent tractions of the nodes, away from bodies means over two facets, since triangles lean to one side and the
-    other; the ends of the wall are left out. In space they are those of the velocity's slope at corners of cells.
+    other; the ends of the wall are left out. In space they are those of the velocity's slope at corners of cells; on
+    rough walls they are consistent tractions there, too, and the ends are left out.
     """
     if fluid.domain.gdim == 3:
-        return _along_wall_in_space(fluid, boundary)
+        return _along_wall_in_space(fluid, boundary, rough)
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
@@ -155,25 +156,36 @@ def along_resolved_wall(fluid: Fluid, boundary: str) -> AlongWall:
     return AlongWall(places, normals, lengths, along, np.sqrt(np.linalg.norm(along, axis=1)))
 
 
-def _along_wall_in_space(fluid: Fluid, boundary: str) -> AlongWall:
-    """The shear stress of molecules along a named wall in space, at corners of cells. Collective."""
+def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
+    """The shear stress along a named wall in space, at corners of cells. Collective."""
     domain = fluid.domain
     space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
     w, n, one = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh), ufl.as_vector([1.0, 0.0, 0.0])
     slope = ufl.dot(ufl.grad(ufl.split(fluid.state)[0]), n)
-    pull = ufl.dot(slope, n) * n - slope
-    areas, normals, pulls = fluid.kept(
-        f"pull along {boundary}",
-        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n, pull)],
-    )
+    known = one, n, ufl.dot(slope, n) * n - slope
+
+    def forms() -> list[Any]:
+        found = [compat.form(ufl.inner(value, w) * domain.measure(boundary)) for value in known]
+        # Within the cells at rough walls the viscosity of eddies changes, and the slope with it.
+        return [*found[:2], compat.form(-fluid.residual_form(w, ufl.as_ufl(0)))] if rough else found
+
+    areas, normals, pulls = fluid.kept(f"pull along {boundary}", forms)
     columns = [space.tabulate_dof_coordinates()[nodes], _at(areas, nodes, 3)[:, :1]]
     columns += [_at(form, nodes, 3) for form in (normals, pulls)]
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     whole = whole[np.lexsort(whole[:, :3].T[::-1])]
-    places, area, normal, along = np.split(whole, [3, 4, 7], axis=1)
-    along /= area * fluid.reynolds
+    if rough:
+        x = whole[:, 0]
+        whole = whole[~(np.isclose(x, x.min()) | np.isclose(x, x.max()))]
+    places, area, normal, pull = np.split(whole, [3, 4, 7], axis=1)
+    along = pull / area
+    if rough:
+        units = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        along -= (along * units).sum(axis=1, keepdims=True) * units
+    else:
+        along /= fluid.reynolds
     return AlongWall(places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1)))
 
 

@@ -58,6 +58,7 @@ class TurbulenceFields(ABC):
     Attributes:
         second: name of the second quantity.
         stretched: whether cells in the plane are so along boundary layers.
+        steep: whether both logarithms are solved for up to walls, next to which they are steep.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
@@ -65,6 +66,7 @@ class TurbulenceFields(ABC):
 
     second: str
     stretched = False
+    steep = False
     closure: Any
     form: Any
     of_molecules: Any
@@ -158,7 +160,7 @@ class TurbulenceFields(ABC):
         for one in self.rate:
             one.value = 0.0
         known = self._before.x.array
-        known += (HALF_WAY if self.stretched else 1.0) * (self.state.x.array - known)
+        known += (HALF_WAY if self.stretched or self.steep else 1.0) * (self.state.x.array - known)
         self._prepare()
 
     # -- its equations ------------------------------------------------------------------------------

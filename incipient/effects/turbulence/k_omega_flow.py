@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -49,7 +49,14 @@ class KOmegaFlow(TurbulentFlow):
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
         in_layers = not walls.plane or self._scene.gdim == 3
-        kinds = walls.roughness, walls.shear_velocity**2, in_layers, self._added, walls.around_grain
+        kinds = (
+            walls.roughness,
+            walls.rough,
+            walls.shear_velocity**2,
+            in_layers,
+            self._added,
+            walls.around_grain,
+        )
         fields = KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
         if walls.around_grain:
             fields.begin(self._at_start)
@@ -181,12 +188,12 @@ class KOmegaFlow(TurbulentFlow):
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
         scene, walls = self._scene, self._walls
-        along = {name: along_resolved_wall(self._fluid, name) for name in walls.names}
+        along = {name: along_resolved_wall(self._fluid, name, name in walls.rough) for name in walls.names}
         found, shares = (
             np.concatenate(parts)
             for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
         )
-        y_plus, weights = self._thickness(list(along.values()))
+        y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
         mean, around = float(found @ shares / shares.sum()), walls.around_grain
         last = mean if around else bottom.at_outflow()
@@ -200,13 +207,15 @@ class KOmegaFlow(TurbulentFlow):
             friction=2.0 * (last / scene.reference_velocity) ** 2,
             viscosity=scene.viscosity,
             c_mu=0.09,
-            outside=float(np.average(y_plus > walls.thickest, weights=weights)),
+            outside=float(np.average(y_plus > limits, weights=weights)),
             plane=walls.plane,
             reach=walls.depth,
             backward=bottom.backward() if in_plane and not around else (),
             along={name: self._told(one) for name, one in along.items()} if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
-            thickest=walls.thickest,
+            thickest=walls.thickest(walls.names[-1]),
+            on_sand=walls.thickest(walls.rough[0]) if walls.rough else 0.0,
+            excess=float((y_plus / limits).max()),
             spread=self._spread,
             separates=bottom.separates(self._centre) if around else (),
         )
@@ -218,15 +227,18 @@ class KOmegaFlow(TurbulentFlow):
         assert placement is not None
         return np.asarray(placement.centre[:2], dtype=float)
 
-    def _thickness(self, walls: Sequence[AlongWall]) -> tuple[Floats, Floats]:
+    def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
         """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.
 
-        And the lengths (n,) of wall, in space areas, that they stand for.
+        And up to which (n,) they resolve that wall, and the lengths (n,) of it, in space areas, that they stand for.
         """
         places, away = self.fields.at_edge()
         at_walls, found, lengths = (
-            np.concatenate([getattr(one, name) for one in walls])
+            np.concatenate([getattr(one, name) for one in walls.values()])
             for name in ("places", "shear_velocities", "lengths")
+        )
+        limits = np.repeat(
+            [self._walls.thickest(name) for name in walls], [len(one.lengths) for one in walls.values()]
         )
         nearest, mine = np.empty(0, dtype=np.int64), np.empty(0)
         if len(places):
@@ -234,7 +246,8 @@ class KOmegaFlow(TurbulentFlow):
             mine = away * found[nearest] / self._scene.viscosity
         gathered = self.fields.domain.comm.allgather((mine, nearest))
         thickness, nearest = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
-        return thickness, (lengths / np.maximum(np.bincount(nearest, minlength=len(lengths)), 1))[nearest]
+        shares = lengths / np.maximum(np.bincount(nearest, minlength=len(lengths)), 1)
+        return thickness, limits[nearest], shares[nearest]
 
     def _told(self, along: AlongWall) -> dict[str, list[float]]:
         """What is drawn of a wall, in six digits."""

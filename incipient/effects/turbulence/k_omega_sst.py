@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import dolfinx
@@ -28,17 +29,19 @@ LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at poi
 
 
 class KOmegaSST(TurbulenceFields):
-    """ln k and ln omega on a mesh, with smooth or, in the plane, rough walls. Every method is collective.
+    """ln k and ln omega on a mesh, with smooth and rough walls. Every method is collective.
 
     In cells with a corner on a smooth wall only molecules are taken to matter: there omega = 6 nu/(beta_1 d^2), which
-    is given at all their nodes, and k goes as a power of the distance d, which is a flux of ln k into the cells beyond.
-    On rough walls both have values by u*, given weakly.
+    is given at all their nodes, and k goes as a power of the distance d from smooth walls, which is a flux of ln k
+    into the cells beyond. On rough walls both have values by u*, given weakly; a cell that touches walls of both kinds
+    is one at a smooth wall.
 
     Args:
         viscosity: of the molecules.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity.
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
-        roughness: equivalent sand roughness of the walls, 0: smooth.
+        roughness: equivalent sand roughness of the rough walls.
+        rough: names of the walls that are rough.
         stress: typical shear stress at rough walls.
         in_layers: whether layers of thin cells lie along walls that are no planes.
         added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
@@ -56,6 +59,7 @@ class KOmegaSST(TurbulenceFields):
         order_of_flow: int = 2,
         least: float = 0.0,
         roughness: float = 0.0,
+        rough: tuple[str, ...] = (),
         stress: float = 0.0,
         in_layers: bool = False,
         added: float = 0.0,
@@ -64,23 +68,27 @@ class KOmegaSST(TurbulenceFields):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
         scalar = compat.space(mesh, ("Lagrange", order))
+        self._rough = rough
+        self._smooth = tuple(name for name in surroundings.walls if name not in rough)
         self._distance = dolfinx.fem.Function(scalar)
+        # From smooth walls, where some are rough.
+        self._from_smooth = dolfinx.fem.Function(scalar) if rough and self._smooth else self._distance
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
-        self.stretched = added > 0.0
+        self.stretched, self.steep = added > 0.0, bool(rough)
         self._molecules, self._least, self._roughness = viscosity, least, roughness
         self._in_layers, self._in_stream = in_layers, in_stream
         self._stress, self._little = self.constant(stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
-        self._near, self._edge, self._within, self._source = np.empty((4, 0), dtype=np.int64)
+        self._near, self._edge, self._within, self._source, self._ends = np.empty((5, 0), dtype=np.int64)
         self._drop = np.empty(0)
         if surroundings.walls:
             self._stand_at_walls(scalar)
-        floor = LEAST_DISTANCE * self.largest(self._distance.x.array)
+        self._floor = self.constant(LEAST_DISTANCE * self.largest(self._distance.x.array))
         self.closure = forms.Closure(
-            ufl.max_value(self._distance, self.constant(floor)),
+            ufl.max_value(self._distance, self._floor),
             self.constant(least),
             self.constant(added) if added else None,
         )
@@ -89,18 +97,14 @@ class KOmegaSST(TurbulenceFields):
 
     def _stand_at_walls(self, scalar: Any) -> None:
         """Find distances and the cells at walls, and give omega there."""
-        walls = self.surroundings.walls
-        self._distance.x.array[:] = distances(self.domain, walls, self._places())
-        cells = cells_at(self.domain, walls)
-        if not self._roughness:
-            self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
-        near = nodes_of(scalar, cells)
-        outer = np.setdiff1d(np.arange(len(compat.cell_dofs(scalar))), cells)
-        free = nodes_of(scalar, outer)
-        self._edge = np.intersect1d(near, free)
-        if self._roughness:
+        self._measure()
+        self._ends = self._between(scalar, cells_at(self.domain, self.surroundings.walls))[1]
+        if not self._smooth:
             self.stand(self._molecules, float(self._stress.value))
             return
+        cells = cells_at(self.domain, self._smooth)
+        self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[cells, 0]] = 0.0
+        near, self._edge, free = self._between(scalar, cells)
         self._near, self._within = near, np.setdiff1d(near, np.union1d(free, self._entering()))
         self._find_sources()
         self._at_walls, self._inner = dolfinx.fem.Function(scalar), dolfinx.fem.Function(scalar)
@@ -110,13 +114,26 @@ class KOmegaSST(TurbulenceFields):
             self._given_of(self._inner, self._within, 0),
         ]
 
+    def _between(self, scalar: Any, cells: Integers) -> tuple[Integers, Integers, Integers]:
+        """Local nodes of cells, those that other cells have, too, and all that other cells have."""
+        outer = np.setdiff1d(np.arange(len(compat.cell_dofs(scalar))), cells)
+        near, free = nodes_of(scalar, cells), nodes_of(scalar, outer)
+        return near, np.intersect1d(near, free), free
+
+    def _measure(self) -> None:
+        """Find the distances of the nodes from the next wall, and from the next smooth one."""
+        places = self._places()
+        self._distance.x.array[:] = distances(self.domain, self.surroundings.walls, places)
+        if self._from_smooth is not self._distance:
+            self._from_smooth.x.array[:] = distances(self.domain, self._smooth, places)
+
     def stand(self, viscosity: float, stress: float) -> None:
         """Let the molecules at walls have another viscosity, and rough walls another typical shear stress."""
         self._molecules, self._stress.value = viscosity, stress
         self._little.value = stress * forms.little_k(self._roughness * stress**0.5 / viscosity)
-        if self._roughness or not self.surroundings.walls:
+        if not self._smooth:
             return
-        away = self._distance.x.array[self._near]
+        away = self._from_smooth.x.array[self._near]
         beside = away[away > LEAST_DISTANCE * self.largest(self._distance.x.array)]
         # Nothing is computed from omega on the wall itself: it need not be that of the cell there.
         least = ON_WALL / self.largest(1.0 / beside)
@@ -126,7 +143,7 @@ class KOmegaSST(TurbulenceFields):
         """Let distances from walls, and what is given by them, be those of the mesh where it is now."""
         if not self.surroundings.walls:
             return
-        self._distance.x.array[:] = distances(self.domain, self.surroundings.walls, self._places())
+        self._measure()
         self._drop = self._dropped()
         self.stand(self._molecules, float(self._stress.value))
 
@@ -165,7 +182,7 @@ class KOmegaSST(TurbulenceFields):
 
     def _dropped(self) -> Floats:
         """What ln k is less at nodes within the cells at walls than at the next node beyond."""
-        away = self._distance.x.array
+        away = self._from_smooth.x.array
         beyond = away[self._source]
         return np.asarray(forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond))
 
@@ -183,7 +200,7 @@ class KOmegaSST(TurbulenceFields):
 
     def at_edge(self) -> tuple[Floats, Floats]:
         """Places (n, gdim) of this rank's nodes between cells at walls and those beyond, and their distances (n,)."""
-        edge = self._edge[self._edge < self._distance.function_space.dofmap.index_map.size_local]
+        edge = self._ends[self._ends < self._distance.function_space.dofmap.index_map.size_local]
         return self._places()[edge], self._distance.x.array[edge]
 
     @property
@@ -250,23 +267,26 @@ class KOmegaSST(TurbulenceFields):
         """The residual of both equations in UFL, in the cells beyond those at walls."""
         inside = self._beyond
         form = super()._equations(rate, [inside * test for test in tests], stream)
-        mesh, unknowns = self.domain.mesh, ufl.split(self.state)
-        n = ufl.FacetNormal(mesh)
-        if not self.surroundings.walls:
+        if self._rough:
+            form += self._on_rough_walls([inside * test for test in tests], stream)
+        if not self._smooth:
             return form
-        if self._roughness:
-            across = ufl.dot(ufl.classes.ReferenceNormal(mesh), ufl.JacobianInverse(mesh))
-            penalty = PENALTY * self.order**2 * ufl.sqrt(ufl.inner(across, across))
-            wall = forms.RoughWall(
-                self.constant(self._roughness), n, penalty, CALM * self._stress, self._little
-            )
-            given = forms.on_rough_wall(unknowns, tests, wall, stream)
-            measure = self.domain.measure(*self.surroundings.walls)
-            return form + given * measure(metadata=stream.measure.metadata())
+        mesh = self.domain.mesh
         facets = self._interface()
-        flux = inside * forms.from_wall(unknowns, tests[0], n, stream, self.closure)
+        away = replace(self.closure, distance=ufl.max_value(self._from_smooth, self._floor))
+        flux = inside * forms.from_wall(ufl.split(self.state), tests[0], ufl.FacetNormal(mesh), stream, away)
         between = ufl.dS(1, domain=mesh, subdomain_data=facets, metadata=stream.measure.metadata())
         return form + (flux("+") + flux("-")) * between
+
+    def _on_rough_walls(self, tests: Any, stream: Stream) -> Any:
+        """The terms on rough walls in UFL, by which both quantities have their values there."""
+        mesh = self.domain.mesh
+        across = ufl.dot(ufl.classes.ReferenceNormal(mesh), ufl.JacobianInverse(mesh))
+        penalty = PENALTY * self.order**2 * ufl.sqrt(ufl.inner(across, across))
+        roughness, n = self.constant(self._roughness), ufl.FacetNormal(mesh)
+        wall = forms.RoughWall(roughness, n, penalty, CALM * self._stress, self._little)
+        given = forms.on_rough_wall(ufl.split(self.state), tests, wall, stream)
+        return given * self.domain.measure(*self._rough)(metadata=stream.measure.metadata())
 
     def _interface(self) -> Any:
         """Tags of the facets between cells at walls and those beyond."""

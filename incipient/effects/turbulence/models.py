@@ -12,7 +12,7 @@ from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
-COARSEST = 0.2  # sand roughness over the depth
+COARSEST = 0.2  # sand roughness over the depth, and over the size of a grain
 HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
 # As measured (docs/turbulence.md, thresholds in space).
 EXPECTED = (
@@ -96,6 +96,7 @@ class KOmegaModel(TurbulenceModel):
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
             )
+        yield from _of_sand_below_grain(setup)
         if walls.edge is not None:
             yield (
                 "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
@@ -126,6 +127,24 @@ class KOmegaModel(TurbulenceModel):
         if setup.geometry.gdim == 3:
             start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
         return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start, expected)
+
+
+def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
+    """That sand on the bed is as high as the gap below the grain; sand too high for the grain raises."""
+    walls, grain = setup.resolved_walls, setup.geometry.grain
+    if grain is None or not walls.roughness:
+        return
+    if (share := walls.roughness / grain.size) > COARSEST:
+        raise SceneError(
+            f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the grain, at most "
+            f"{limits.percent(COARSEST)}: among larger sand it does not stand on a level bed; use a smaller one, or "
+            "forms of the bed next to the grain and turbulence.upstream_roughness"
+        )
+    if walls.roughness > (gap := setup.geometry.stance.gap):
+        yield (
+            f"the sand of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: what "
+            "flows between them is no result of the model, for which sand is thin against all that the mesh resolves"
+        )
 
 
 # Each model by its name in the section [turbulence].

@@ -1,0 +1,227 @@
+"""Rough walls by k-omega SST: below a smooth grain, with forms, in space; beside developed flow and smooth walls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from one_dimensional import k_omega_channel
+from turbulent import column, resumed_as_whole
+
+import incipient
+from incipient.effects.plan import make_plan
+from incipient.errors import SceneError
+from incipient.planning.developed_channel import developed, of_discharge
+from incipient.planning.flow_setup import Setup
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Effects,
+    Flat,
+    Fluid,
+    Gravity,
+    Numerics,
+    OpenChannel,
+    Output,
+    Scene,
+    Sinusoidal,
+    Sphere,
+    Time,
+    Turbulence,
+)
+
+
+def over_sand(roughness, reynolds, mesh_size, domain, **changes):
+    """An open channel of mean velocity 1 over sand; none: over a smooth bed."""
+    wall = {"wall": "rough", "roughness": roughness} if roughness else {}
+    sections = {
+        "domain": domain,
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": OpenChannel(),
+        "effects": Effects(turbulence=True),
+        "turbulence": Turbulence(model="k-omega-sst", **wall),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**sections, **changes})
+
+
+def waves(roughness, amplitude=0.025, mesh_size=2.0):
+    """The walls of a wavy bed at the Reynolds number 22,000."""
+    bed = Sinusoidal(amplitude=amplitude, wavelength=1.0)
+    scene = over_sand(roughness, 22000.0, mesh_size, Domain(length=4.0, height=1.0), bed=bed)
+    return incipient.run(scene).turbulence
+
+
+def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0.0):
+    """A disc of diameter 1 in a stream that developed over sand, u* d/nu given; the sand is on the bed or upstream."""
+    mean = developed(number * depth, max(roughness, upstream) / depth).mean
+    found = over_sand(
+        roughness,
+        number * depth * mean,
+        mesh_size,
+        Domain(length=length, height=depth, origin=(-0.4 * length, 0.0)),
+        bed=Flat(),
+        body=Disc(diameter=1.0, x=0.0, density=2.65),
+        contact=Contact(friction=0.5),
+    )
+    upstream_sand = Turbulence(model="k-omega-sst", upstream_roughness=upstream)
+    return found.model_copy(update={"turbulence": upstream_sand}) if upstream else found
+
+
+def loads(scene):
+    """Drag, lift and couple."""
+    found = incipient.run(scene)
+    return np.array([*found.force.flow[:2], found.couple.flow[2]])
+
+
+def test_flow_over_sand_on_a_free_mesh_is_developed_flow():
+    """Waves of no height to speak of, with thin cells along them: u* within 0.5% of finite volumes in one dimension."""
+    walls = waves(0.02, 5e-4, 1.4)
+    depth = of_discharge(22000.0, 0.02).re_tau
+    assert walls.applicable
+    assert 1.0 / walls.shear_velocity == pytest.approx(k_omega_channel(depth, sand=0.02 * depth), rel=5e-3)
+
+
+@pytest.mark.slow
+def test_waves_with_ever_finer_sand_are_smooth_ones():
+    """u* k_s/nu of 11, 5 and 1.2 by the mean u*: the friction is ever nearer to that of smooth waves."""
+    smooth = waves(0.0).shear_velocity
+    away = np.array([waves(size).shear_velocity for size in (0.01, 0.005, 0.00125)]) / smooth - 1.0
+    print(away)
+    assert away[0] > 0.1 and (np.abs(away[1:]) < np.abs(away[:-1])).all()
+    assert abs(away[-1]) < 2e-3
+
+
+@pytest.mark.slow
+def test_a_grain_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_bed():
+    """u* d/nu = 20 and u* k_s/nu = 3: within 1% of the loads without sand."""
+    assert loads(on_sand(20.0, 0.15)) == pytest.approx(loads(on_sand(20.0, 0.0)), rel=0.01)
+
+
+@pytest.mark.slow
+def test_cells_that_are_finer_leave_loads_on_a_grain_on_sand_as_they_are():
+    """u* d/nu = 80, u* k_s/nu = 8: cells of three sizes, the finest half as large as the coarsest."""
+    found = np.array([loads(on_sand(80.0, 0.1, size)) for size in (2.0, 2.0**0.5, 1.0)])
+    print(found)
+    assert found[:, :2] == pytest.approx(found[-1:, :2].repeat(3, axis=0), rel=2e-3)
+    assert np.abs(found[:, 2] - found[-1, 2]).max() < 2e-3 * abs(found[-1, 0])
+
+
+@pytest.mark.slow
+def test_upstream_of_a_grain_the_stream_stays_developed_over_sand():
+    """u* d/nu = 60, u* k_s/nu = 12: u* of the bed over that of what enters, nine to seven diameters ahead of the grain.
+
+    The grain takes as much of it as over a smooth bed that a stream enters which developed over such a bed. Where the
+    sand is upstream only, the bed has less from the inflow on.
+    """
+
+    def ahead(roughness, upstream=0.0):
+        scene = on_sand(60.0, roughness, 2.0, 24.0, 8.0, upstream)
+        bed = incipient.run(scene).turbulence.along["bed"]
+        x, friction = np.array(bed["x"]), np.array(bed["friction"])
+        there = (x > -9.0) & (x < -7.0)
+        return np.sqrt(0.5 * friction[there]) / Setup(scene).resolved_walls.shear_velocity
+
+    smooth, rough, below = ahead(0.0), ahead(0.2), ahead(0.0, 0.2)
+    print(smooth, rough, below)
+    assert rough == pytest.approx(smooth, rel=0.02)
+    assert (below < 0.97 * rough).all()
+
+
+@pytest.mark.slow
+def test_a_steady_flow_past_a_grain_on_sand_stays_in_time():
+    """u* d/nu = 10, u* k_s/nu = 2: loads after two steps from the steady flow are those of that flow."""
+    scene = on_sand(10.0, 0.2)
+    later = scene.model_copy(update={"time": Time(step=0.5, end=1.0, start="steady")})
+    assert loads(later) == pytest.approx(loads(scene), rel=1e-5)
+
+
+def moving(motion, end, remesh_below=0.35, mesh_size=2.8, checkpoint=0, **body):
+    """A light disc above a wavy bed with sand, u* k_s/nu about 9, from the steady flow."""
+    return over_sand(
+        0.2,
+        3000.0,
+        mesh_size,
+        Domain(length=6.0, height=4.0),
+        bed=Sinusoidal(amplitude=0.08, wavelength=1.0),
+        body=Disc(diameter=1.0, centre=(3.0, 1.2), density=0.5, motion=motion, **body),
+        gravity=Gravity(acceleration=0.2),
+        contact=Contact(friction=0.6),
+        time=Time(end=end, step=0.05, start="steady"),
+        numerics=Numerics(order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below),
+        output=Output(fields=False, checkpoint=checkpoint),
+    )
+
+
+@pytest.mark.slow
+def test_a_grain_on_a_course_of_no_way_over_sand_is_one_that_is_held():
+    held = incipient.run(moving("fixed", 0.1))
+    still = incipient.run(moving("prescribed", 0.1, course=("0", "0", "0")))
+    assert still.force.flow == pytest.approx(held.force.flow, rel=1e-6)
+    assert still.turbulence.largest == pytest.approx(held.turbulence.largest, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
+    """Three meshes in eight steps, or one: loads and velocities change less than by what meshes err."""
+    ends = []
+    for below, finer in ((0.05, 1.0), (0.97, 1.0), (0.05, 0.5**0.5)):
+        directory = tmp_path / f"{below} {finer}"
+        incipient.run(moving("free", 0.4, below, 2.8 * finer), directory)
+        names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
+        ends.append([column(directory, name)[2:] for name in names])
+    (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
+    assert meshes[-1] >= 3
+    for both in (slice(0, 2), slice(2, 4)):
+        changed, wrong = (np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine))
+        print(meshes[-1], changed, wrong)
+        assert changed < wrong
+
+
+@pytest.mark.slow
+def test_a_run_over_sand_goes_on_where_it_was_kept(tmp_path):
+    """Kept after three steps, with a new mesh after each: it ends where the whole run does."""
+    names = ("x", "couple", "y_plus_max", "mesh_quality")
+    resumed_as_whole(lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names)
+
+
+@pytest.mark.slow
+def test_a_sphere_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_bed():
+    """In space, u* d/nu = 22 and u* k_s/nu = 4.4: within 1% of the loads without sand."""
+    domain = Domain(length=8.0, width=6.0, height=5.0)
+    sphere = {
+        "bed": Flat(),
+        "body": Sphere(diameter=1.0, x=3.0, density=2.65),
+        "contact": Contact(friction=0.5, gap=0.05),
+    }
+    rough, smooth = (incipient.run(over_sand(k, 1500.0, 3.0, domain, **sphere)) for k in (0.2, 0.0))
+    assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
+    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.05, pytest.param(0.02, marks=pytest.mark.slow)])
+def test_a_slice_of_a_rough_channel_is_the_plane_s(roughness):
+    """u* in space between sides without friction, in as many rows: within 0.5% of the plane's."""
+    plane, space = (
+        incipient.run(over_sand(roughness, 22000.0, 2.0, Domain(length=3.0, height=1.0, **across))).turbulence
+        for across in ({}, {"width": 0.3})
+    )
+    assert space.applicable and space.plane
+    assert space.at_outflow == pytest.approx(plane.at_outflow, rel=5e-3)
+    assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=5e-3)
+    assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.02)
+
+
+def test_sand_is_on_the_bed_and_small_beside_the_grain():
+    """Cells at both walls are as each asks; what enters is over the sand; sand over a fifth of a grain is refused."""
+    scene = on_sand(80.0, 0.1)
+    walls, plan = Setup(scene).resolved_walls, make_plan(scene)
+    assert walls.rough == ("bed",) and walls.names == ("bed", "body")
+    first, smooth = (one.thin_layers(2).first for one in (walls, replace(walls, roughness=0.0)))
+    assert first["body"] == smooth["body"] and first["bed"] == walls.first
+    assert walls.sand == pytest.approx(8.0, rel=1e-3)
+    assert "rough walls (u* k_s/nu about 8) and a smooth grain resolved" in str(plan)
+    assert any("higher than the gap below the grain, 0.01" in one for one in plan.warnings)
+    with pytest.raises(SceneError, match=r"turbulence\.roughness: is 0\.25, 25% of the grain, at most 20%"):
+        make_plan(on_sand(80.0, 0.25))
