@@ -225,3 +225,12 @@ def test_sand_is_on_the_bed_and_small_beside_the_grain():
     assert any("higher than the gap below the grain, 0.01" in one for one in plan.warnings)
     with pytest.raises(SceneError, match=r"turbulence\.roughness: is 0\.25, 25% of the grain, at most 20%"):
         make_plan(on_sand(80.0, 0.25))
+
+
+def test_sand_is_told_that_is_as_large_as_forms():
+    """Crests of waves 0.08 high and 1 long have the radius 1/(0.08 (2 pi)^2) = 0.317; sand of a fifth is 0.0633."""
+    waves = Sinusoidal(amplitude=0.08, wavelength=1.0)
+    channel = over_sand(0.065, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
+    assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(channel).warnings)
+    finer = over_sand(0.06, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
+    assert not any("forms" in one for one in make_plan(finer).warnings)

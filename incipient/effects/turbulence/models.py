@@ -12,7 +12,7 @@ from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
-COARSEST = 0.2  # sand roughness over the depth, and over the size of a grain
+COARSEST = 0.2  # sand roughness over the depth, the size of a grain and the forms of a bed
 HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
 # As measured (docs/turbulence.md, thresholds in space).
 EXPECTED = (
@@ -96,6 +96,7 @@ class KOmegaModel(TurbulenceModel):
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
             )
+        yield from _of_sand_on_forms(setup)
         yield from _of_sand_below_grain(setup)
         if walls.edge is not None:
             yield (
@@ -127,6 +128,19 @@ class KOmegaModel(TurbulenceModel):
         if setup.geometry.gdim == 3:
             start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
         return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start, expected)
+
+
+def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
+    """That sand is not small beside the forms of the bed, where these are not lines, which may be short."""
+    sand, bed, domain = setup.resolved_walls.roughness, setup.geometry.bed, setup.geometry.domain
+    if bed is None or sand <= COARSEST * bed.feature:
+        return
+    if not len(bed.corners(domain.left, domain.right)):
+        yield (
+            f"the sand of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of its "
+            f"forms, {bed.feature:.3g}: the model takes it as thin beside them, which it is up to "
+            f"{limits.percent(COARSEST)}"
+        )
 
 
 def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
