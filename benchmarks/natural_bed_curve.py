@@ -49,10 +49,12 @@ def quantiles(values: Floats, weights: Floats, shares: Sequence[float] = SHARES)
 class Factors:
     """Load coefficients of grains by those of the same grains in another flow, each times a factor of its own.
 
-    What a factor misses is drawn over the size of the force, and of the couple. Loads by the costlier model follow so
+    What a factor misses is drawn, its variance as large as the size of the force, or of the couple: runs past grains
+    that stand out and that hide differ by less than in proportion to their loads. Loads by the costlier model follow so
     from those by the cheaper one (Kennedy & O'Hagan 2000, Biometrika 87, 1), which few runs tell.
 
-    factors, spread: (6,) and the standard deviation of what is missed; errors: (n, 6) of the runs, each without itself
+    factors: (6,); spread: (6,) standard deviation of what is missed over the square root of that size; errors: (n, 6)
+    of the runs, each without itself
     """
 
     factors: Floats
@@ -63,15 +65,16 @@ class Factors:
     def of(cls, lower: Floats, values: Floats) -> Factors:
         """By the loads (n, 6) of n runs in both flows."""
         size = sizes_of(lower)
-        both, own = lower * values / size**2, lower**2 / size**2
+        both, own = lower * values / size, lower**2 / size
         left_out = (both.sum(axis=0) - both) / (own.sum(axis=0) - own)
         errors = left_out * lower - values
-        spread = np.sqrt(((errors / size) ** 2).mean(axis=0))
+        spread = np.sqrt((errors**2 / size).mean(axis=0))
         return cls(both.sum(axis=0) / own.sum(axis=0), spread, errors)
 
     def drawn(self, lower: Floats, random: np.random.Generator) -> Floats:
         """Coefficients (n, 6) by those in the other flow, with draws of what these cannot tell."""
-        return self.factors * lower + self.spread * sizes_of(lower) * random.standard_normal(lower.shape)
+        missed = self.spread * np.sqrt(sizes_of(lower))
+        return self.factors * lower + missed * random.standard_normal(lower.shape)
 
 
 def sizes_of(loads: Floats) -> Floats:

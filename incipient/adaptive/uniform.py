@@ -1,8 +1,8 @@
-"""Steady flow with wall layers to an accuracy: all cells become smaller alike, until coarser meshes differ by little.
+"""Steady mean flow to an accuracy: all cells become smaller alike, until coarser meshes differ by little.
 
-No dual solution of flow, k and epsilon is there to say which cells an error comes from. Each mesh has cells smaller by
-the root of two than the one before, and is compared with the two before it (`discretisation.by_coarser_mesh`), so
-that no run is made for an estimate alone.
+No dual solution of flow, k and epsilon or omega is there to say which cells an error comes from. Each mesh has cells
+smaller by the root of two than the one before, and is compared with the two before it
+(`discretisation.by_coarser_mesh`), so that no run is made for an estimate alone.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
-from ..accuracy.discretisation import by_coarser_mesh
+from ..accuracy.discretisation import COARSEST_IN_SPACE, by_coarser_mesh
 from ..accuracy.goal import LoadsOnMesh, relative
 from ..errors import MeshError
 from ..planning.flow_setup import Setup
@@ -40,7 +40,8 @@ class UniformRefinement(Refinement):
 
     def _first(self, part: float = 1.0) -> Attempt:
         self._seen = []
-        return self._on(self.scene, min(part * COARSEST * self.numerics.mesh_size, LARGEST))
+        most = COARSEST_IN_SPACE if self.scene.resolves_uneven_walls else LARGEST
+        return self._on(self.scene, min(part * COARSEST * self.numerics.mesh_size, most))
 
     def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0) -> Attempt:
         """An attempt with a `numerics.mesh_size`."""
@@ -54,7 +55,8 @@ class UniformRefinement(Refinement):
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
         walls = run.wall_report()
         found = LoadsOnMesh(force, couple, None, walls)
-        computed = Loads.at_the_end(force, couple, None, None, walls)
+        size = 1.0 if run.scene.grain is None else run.scene.grain.size
+        computed = Loads.at_the_end(force, couple, None, None, walls, size)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest(Setup(self.scene)):
@@ -65,7 +67,7 @@ class UniformRefinement(Refinement):
             if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
                 self.known.loads[coarser.model_dump_json()] = there
         term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, self.kept_runs())
-        return relative(self.goal, found, term), None
+        return relative(self.goal, found, term.with_changes(computed.unsteady)), None
 
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
         if error is not None and error <= self.asked:

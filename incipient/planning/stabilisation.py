@@ -47,7 +47,7 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     if upwinds(setup):
         return Stabilisation(True, f"streamline upwinding of steady flow in space; {found}", number, True)
     if asked == "auto" and _stretches_cells(setup):
-        return Stabilisation(False, f"cells are stretched along a boundary layer; {found}", number)
+        return Stabilisation(False, f"cells are stretched along walls; {found}", number)
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
     bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
@@ -55,10 +55,14 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
 
 
 def _stretches_cells(setup: Setup) -> bool:
-    """Whether cells are so thin in a boundary layer that grad-div makes its pressure alternate along the wall."""
+    """Whether cells are so thin along walls that grad-div makes the flow alternate from one to the next.
+
+    In channels what alternates grows down the stream, until there is no flow; along boundary layers it is the pressure.
+    """
     if not setup.resolves_walls:
         return False
-    return setup.base_flow.flow.kind == "uniform" or setup.resolved_walls.layer_over_forms
+    walls = setup.resolved_walls
+    return setup.base_flow.flow.kind == "uniform" or walls.layer_over_forms or walls.plane
 
 
 def upwinds(setup: Setup) -> bool:

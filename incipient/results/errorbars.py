@@ -161,6 +161,12 @@ class Term:
         force, couple = (float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple))
         return replace(self, force=force, couple=couple)
 
+    def with_changes(self, unsteady: Floats) -> Term:
+        """The term with errors larger by what loads (6,) of a flow that is not quite steady still change by."""
+        number = len(self.force)
+        couple = self.couple + unsteady[3 : 3 + number]
+        return replace(self, force=self.force + unsteady[:number], couple=couple)
+
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
         names = ("force", "couple", "place", "elevation", "level", "shear", "centreline")

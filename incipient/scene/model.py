@@ -236,6 +236,12 @@ class SceneSections(Section):
         """Whether a model of the mean flow reaches the walls, which the mesh resolves."""
         return self.is_averaged and not self.has_wall_layer
 
+    @property
+    def resolves_uneven_walls(self) -> bool:
+        """Whether in space walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
+        uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
+        return uneven and self.resolves_walls and self.domain.width is not None
+
     @cached_property
     def grain(self) -> Any:
         """The grain's shape in its body frame, a Grain of the plane or a Solid; None without a grain."""

@@ -38,7 +38,10 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
-            yield from _of_resolved_walls_in_space(scene.domain, numerics, time)
+            yield from _of_resolved_walls_in_space(scene.domain, time)
+            if numerics.accuracy is not None and level:
+                why = f"of a channel in space {_NOT_TO_THE_WALL}"
+                yield problem("numerics.accuracy", why, f"leave it or domain.width out, {_OTHER}")
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
@@ -90,14 +93,12 @@ def _of_resolved_walls(
         yield problem("turbulence.upstream_roughness", why, "leave it out")
 
 
-def _of_resolved_walls_in_space(domain: Domain, numerics: Numerics, time: Time | None) -> Iterator[Problem]:
+def _of_resolved_walls_in_space(domain: Domain, time: Time | None) -> Iterator[Problem]:
     """What the k-omega model serves in the plane only."""
     if domain.sides == "wall":
         yield problem("domain.sides", f'"wall" {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}')
     if time is not None:
         yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
-    if numerics.accuracy is not None:
-        yield problem("numerics.accuracy", f"in space {_NOT_TO_THE_WALL}", f"leave it out, {_OTHER}")
 
 
 def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:

@@ -21,7 +21,7 @@ def test_a_boundary_layer_over_a_smooth_bed_has_no_grad_div_and_a_smooth_unknown
     plan = make_plan(setup.scene)
     assert setup.resolved_walls.layer_over_forms
     assert not plan.stabilisation.present
-    assert "stretched along a boundary layer" in plan.stabilisation.text()
+    assert "stretched along walls" in plan.stabilisation.text()
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """A small grain on a level bed in space by k-omega SST: how sure its loads are, and what slow streams do."""
 
+import numpy as np
 import pytest
 
 import incipient
@@ -61,6 +62,19 @@ def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
     term = by_coarser_mesh(scene, found, loads)
     assert (abs(found.force - finer.force) <= term.force).all()
     assert (abs(found.couple - finer.couple) <= term.couple).all()
+
+
+@pytest.mark.slow
+def test_an_accuracy_is_reached_and_a_finer_mesh_agrees():
+    """u* d/nu = 22: the first three meshes give the first estimate; a run on cells of 0.78 is within it."""
+    numerics = Numerics(order=2, accuracy=0.12, accuracy_of="force", error_bars=False)
+    found = incipient.run(sand(1500.0, 1.0).model_copy(update={"numerics": numerics}))
+    assert found.adaptation is not None and found.adaptation.met
+    assert [trial.note for trial in found.adaptation.trials][:3] == [
+        f"mesh_size {size}" for size in ("3.2", "2.26", "1.6")
+    ]
+    finer, error = np.array([0.1781, 0.0, 0.0566]), found.adaptation.reached
+    assert np.linalg.norm(found.force.flow - finer) < error * np.linalg.norm(finer) < 0.12 * 0.187
 
 
 @pytest.mark.slow

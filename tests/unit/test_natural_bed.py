@@ -212,19 +212,19 @@ def test_turbulent_loads_follow_from_laminar_ones(
     assert levels == {0.0: creeping, 30.0: fast}
 
 
-def test_what_factors_miss_is_drawn_over_the_size_of_the_force(curve: ModuleType) -> None:
-    """Two forces along x, of 1 and 3, times 1.1 and 1.3: 1.2, each missed by 0.2 of itself without itself."""
+def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(curve: ModuleType) -> None:
+    """Two forces along x, of 1 and 3, times 1.1 and 1.3: 5 over 4; without itself each is missed by 0.2 of itself."""
     lower = np.array([[1.0, 0, 0, 0, 2.0, 0], [3.0, 0, 0, 0, 1.0, 0]])
     values = lower * np.array([[1.1], [1.3]])
     # A component that is nothing in all grains has no factor.
     lower[:, [1, 2, 3, 5]] = values[:, [1, 2, 3, 5]] = 1e-9
     found = curve.Factors.of(lower, values)
-    assert found.factors[[0, 4]] == pytest.approx([1.2, 1.2])
-    assert found.errors[:, 0] == pytest.approx([0.2, -0.6]) and found.spread[[0, 4]] == pytest.approx(
-        [0.2, 0.2]
-    )
+    assert found.factors[[0, 4]] == pytest.approx([5.0 / 4.0, 3.5 / 3.0])
+    assert found.errors[:, 0] == pytest.approx([0.2, -0.6])
+    assert found.spread[[0, 4]] ** 2 == pytest.approx([0.08, 0.06])
     drawn = found.drawn(np.tile(lower[1:], (4000, 1)), np.random.default_rng(1))[:, 0]
-    assert drawn.mean() == pytest.approx(3.6, abs=0.03) and drawn.std() == pytest.approx(0.6, abs=0.03)
+    assert drawn.mean() == pytest.approx(3.75, abs=0.03)
+    assert drawn.std() == pytest.approx((0.08 * 3.0) ** 0.5, abs=0.03)
 
 
 def test_few_turbulent_runs_are_not_taken(
