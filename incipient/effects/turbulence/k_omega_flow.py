@@ -211,7 +211,7 @@ class KOmegaFlow(TurbulentFlow):
             plane=walls.plane,
             reach=walls.depth,
             backward=bottom.backward() if in_plane and not around else (),
-            along={name: self._told(one) for name, one in along.items()} if in_plane else {},
+            along=self._told(along) if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
             thickest=walls.thickest(walls.names[-1]),
             on_sand=walls.thickest(walls.rough[0]) if walls.rough else 0.0,
@@ -249,10 +249,15 @@ class KOmegaFlow(TurbulentFlow):
         shares = lengths / np.maximum(np.bincount(nearest, minlength=len(lengths)), 1)
         return thickness, limits[nearest], shares[nearest]
 
-    def _told(self, along: AlongWall) -> dict[str, list[float]]:
-        """What is drawn of a wall, in six digits."""
-        found, scene = along.shear_velocities, self._scene
-        friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
-        y_plus = found * self.fields.largest(self.fields.at_edge()[1]) / scene.viscosity
-        columns = {"x": along.places[:, 0], "y_plus": y_plus, "friction": friction}
-        return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
+    def _told(self, walls: Mapping[str, AlongWall]) -> dict[str, dict[str, list[float]]]:
+        """What is drawn of each wall, in six digits; y+ is that of the cell next to each place."""
+        scene, gathered = self._scene, self.fields.domain.comm.allgather(self.fields.at_edge())
+        ends, away = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+        tree, drawn = cKDTree(ends), {}
+        for wall, along in walls.items():
+            found = along.shear_velocities
+            friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
+            y_plus = found * away[tree.query(along.places)[1]] / scene.viscosity
+            columns = {"x": along.places[:, 0], "y_plus": y_plus, "friction": friction}
+            drawn[wall] = {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
+        return drawn

@@ -31,6 +31,8 @@ def picture(run: StoredRun) -> Figure:
     bounds = (LEAST, walls.get("thickest", 2.5)) if resolved else _bounds(walls)
     label = "walls are resolved" if resolved else "the law of the wall holds"
     upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
+    if (sand := walls.get("on_sand")) and sand != bounds[1]:
+        upper.axhline(sand, color=GROUND, linestyle=":", label="up to which they are on sand")
     lower.axhline(0.0, color=GROUND)
     for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
