@@ -88,7 +88,8 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of a steady flow with wall layers: by runs on two coarser meshes.
 
     Past a grain in space that is resolved to the walls loads scatter from mesh to mesh, and one component may change
-    little by chance: each is taken to err by as much as force or couple do, unless it vanishes by symmetry.
+    little by chance: each is taken to err by as much as force or couple do, unless it vanishes by symmetry. So is u* at
+    the outflow and in the mean, each by as much as the other one.
 
     A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
@@ -101,7 +102,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
     found = _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
-    return found.with_components_alike() if scene.resolves_uneven_walls else found
+    return found.with_components_alike() if scene.resolves_walls and scene.gdim == 3 else found
 
 
 def _slowest(resolved: bool) -> float:

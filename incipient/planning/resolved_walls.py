@@ -12,13 +12,14 @@ from scipy.interpolate import PchipInterpolator
 
 from ..arrays import Floats, Point
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
-from ..meshes import Away, Grid, Near, SolidGrid, WallLayers
+from ..meshes import Away, BoxGrid, Grid, Near, SolidGrid, WallLayers
 from ..meshes.region import PART
 from ..meshes.solid_region import SYMMETRY
 from . import free_stream
 from .base_flow import BaseFlow
 from .cells import RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
+from .developed_duct import DevelopedDuct, developed_duct
 from .free_stream import FreeStream, thickness
 from .scene_geometry import Geometry
 from .sides import SideNames
@@ -39,6 +40,8 @@ IN_STREAM = 0.02  # likewise at a grain in a uniform stream, whose boundary laye
 GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
+# Likewise of a duct's, whose section takes nearly all cells and whose flow hardly changes along it.
+COLUMN_OF_DUCT, FEWEST_OF_DUCT = 2.0, 4
 ACROSS = 2  # layers of such a mesh in space, at the least
 LAYER_GROWTH = 1.5  # of layers along walls in space, by which as many are made as lead to the cells beyond
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
@@ -74,6 +77,8 @@ class ResolvedWalls:
     stream:         that which passes a plate; None: there is none
     edge:           abscissa at which a plate begins; None: there is no plate
     smooth:         whether the bed has forms without corners, and there is no grain
+    sides:          y of side walls with friction, none: there are none
+    duct:           what enters between these, in place of `developed`
     """
 
     depth: float
@@ -92,6 +97,18 @@ class ResolvedWalls:
     stream: FreeStream | None = None
     edge: float | None = None
     smooth: bool = False
+    sides: tuple[float, ...] = ()
+    duct: DevelopedDuct | None = None
+
+    @property
+    def is_laminar(self) -> bool:
+        """Whether what enters is laminar by the model."""
+        return self.developed.is_laminar if self.duct is None else self.duct.is_laminar
+
+    @property
+    def reach(self) -> float:
+        """Over which the next wall is felt: the depth, between sides that are nearer half of their distance."""
+        return min(self.depth, 0.5 * (self.sides[1] - self.sides[0])) if self.sides else self.depth
 
     @property
     def layer_over_forms(self) -> bool:
@@ -153,7 +170,7 @@ class ResolvedWalls:
     @property
     def largest_row(self) -> float:
         """Size of the largest cells that are fine enough next to the layers at a wall [length]."""
-        return LARGEST_ROW * self.depth
+        return LARGEST_ROW * self.reach
 
     def from_next(self, x: Floats) -> Floats:
         """Distances (n,) of places (3, n) of the inflow from the next wall, at least zero."""
@@ -169,9 +186,16 @@ class ResolvedWalls:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
         if self.stream is not None:
             return self._along(np.full(x.shape[1], self.stream.speed))
+        if self.duct is not None:
+            return self._along(self.mean * self.duct.speed(*self._in_duct(x)))
         if self.measured is None:
             return self.velocity_at(self.from_next(x))
         return self._along(self.measured.speed(np.maximum(x[self.up] - self.floor, 0.0)))
+
+    def _in_duct(self, x: Floats) -> tuple[Floats, Floats]:
+        """Distances (n,) of places (3, n) from the next side, and from floor or top, over the depth."""
+        away = np.minimum(x[1] - self.sides[0], self.sides[1] - x[1])
+        return np.maximum(away, 0.0) / self.depth, self.from_next(x) / self.depth
 
     def _along(self, speed: Floats) -> Floats:
         return np.vstack([speed, *np.zeros((self.up, len(speed)))])
@@ -186,6 +210,9 @@ class ResolvedWalls:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
         if self.stream is not None:
             return np.repeat(np.array([self.stream.logarithms]).T, x.shape[1], axis=1)
+        if self.duct is not None:
+            units = np.log([[self.mean**2], [self.mean / self.depth]])
+            return self.duct.logarithms(*self._in_duct(x)) + units
         if self.measured is None:
             return self.logarithms_at(self.from_next(x))
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
@@ -214,6 +241,8 @@ class ResolvedWalls:
 
         It is the developed flow; over a plate that within its boundary layer, and the stream outside. Not collective.
         """
+        if self.duct is not None:
+            return self.velocity(places.T, 0.0), self.logarithms(places.T)
         velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
         if self.stream is None:
             return velocity, logarithms
@@ -230,13 +259,15 @@ class ResolvedWalls:
 
     def channel_rows(
         self, geometry: Geometry, names: SideNames, order: int, mesh_size: float
-    ) -> Grid | SolidGrid:
+    ) -> Grid | SolidGrid | BoxGrid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
         coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), self.largest_row
         if self.edge is not None:
             return self._plate(self.edge, geometry, names, coarse)
         sizes = RowSizes(min(self.first, largest), GROWTH, largest)
+        if self.sides:
+            return self._duct(sizes, geometry, names, coarse)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         corner = (domain.left, domain.bottom)
@@ -247,6 +278,21 @@ class ResolvedWalls:
         across = max(ACROSS, round((high - low) / (2.0 * COLUMN * self.depth * coarse)))
         sides = SYMMETRY if geometry.symmetric else "right", "left"
         return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
+
+    def _duct(self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float) -> BoxGrid:
+        """The mesh of a duct: rows and layers grow with the distances from floor, top and sides."""
+        domain, (low, high), half = geometry.domain, geometry.half, geometry.symmetric
+        columns = max(FEWEST_OF_DUCT, round(domain.length / (COLUMN_OF_DUCT * self.depth * coarse)))
+        rows = growing_rows(sizes, domain.height, self.number, coarse)
+        layers = growing_rows(sizes, high - low, 1 if half else 2, coarse)
+        ends = (
+            layer_ends(columns, 1.0, False),
+            (*map(float, 1.0 - layers[-2::-1] if half else layers[:-1]), 1.0),
+            tuple(map(float, rows)),
+        )
+        extents = ((domain.left, domain.right), (low, high), (domain.bottom, domain.ceiling))
+        sides = (names.left, names.right, SYMMETRY if half else "right", "left", names.bottom, names.top)
+        return BoxGrid(extents, ends, sides, half)
 
     def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
         """The mesh over a plate: rows that grow with the distance from it, columns with that from its leading edge."""
@@ -332,15 +378,20 @@ def resolved_walls_of(
         depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
     developed = of_discharge(mean * depth / viscosity, (upstream or roughness) / depth)
     body = () if geometry.grain is None else ("body",)
+    duct, (low, high), walled = None, domain.across if geometry.walled else (0.0, 0.0), geometry.walled
+    if walled:
+        duct = developed_duct(mean * depth / viscosity, 0.5 * (high - low) / depth)
     return ResolvedWalls(
         depth=depth,
         number=number,
         floor=ground,
-        shear_velocity=mean / developed.mean,
+        shear_velocity=mean / developed.mean if duct is None else mean * duct.shear_velocity,
         mean=mean,
         viscosity=viscosity,
         plane=plane,
-        names=body if in_stream else (names.bottom, *((names.top,) if two else ()), *body),
+        names=body
+        if in_stream
+        else (names.bottom, *((names.top,) if two else ()), *(names.across if walled else ()), *body),
         up=geometry.up,
         developed=developed,
         roughness=roughness,
@@ -351,4 +402,6 @@ def resolved_walls_of(
         and not plane
         and geometry.grain is None
         and not len(bed.corners(domain.left, domain.right)),
+        sides=(low, high) if walled else (),
+        duct=duct,
     )

@@ -157,9 +157,10 @@ class Term:
         )
 
     def with_components_alike(self) -> Term:
-        """The term with errors of components, unless they vanish, that are as large as those of force and couple."""
+        """The term with errors of components, unless they vanish, as large as force's and couple's, and of both u*."""
         force, couple = (float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple))
-        return replace(self, force=force, couple=couple)
+        shear = None if self.shear is None else np.full_like(self.shear, np.max(self.shear))
+        return replace(self, force=force, couple=couple, shear=shear)
 
     def with_changes(self, unsteady: Floats) -> Term:
         """The term with errors larger by what loads (6,) of a flow that is not quite steady still change by."""

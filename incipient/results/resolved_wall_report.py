@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..arrays import Floats
 from .wall_report import MOST_OUTSIDE, WallReport
@@ -18,6 +18,8 @@ class ResolvedWallReport(WallReport):
     thickest, on_sand: up to which cells at smooth and at rough walls resolve them, in nu/u*; without smooth walls both
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
+    each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
+    stress in the mean along all walls
     separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
     below; u* and friction then are those in the mean along the grain
     """
@@ -27,6 +29,7 @@ class ResolvedWallReport(WallReport):
     on_sand: float = 0.0
     excess: float = 1.0
     separates: tuple[float, ...] = ()
+    each: dict[str, float] = field(default_factory=dict)
 
     @property
     def model(self) -> str:
@@ -61,6 +64,9 @@ class ResolvedWallReport(WallReport):
         return ""
 
     def _friction(self, errors: Floats | None) -> str:
+        if self.each:
+            told = ", ".join(f"{name} {found:.5g}" for name, found in self.each.items())
+            return f"{super()._friction(errors)}, in the mean along all walls ({told})"
         if not self.separates:
             return super()._friction(errors)
         above, below = self.separates

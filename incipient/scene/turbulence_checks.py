@@ -38,7 +38,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
-            yield from _of_resolved_walls_in_space(scene.domain, time)
+            yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence, time)
             if numerics.accuracy is not None and level:
                 why = f"of a channel in space {_NOT_TO_THE_WALL}"
                 yield problem("numerics.accuracy", why, f"leave it or domain.width out, {_OTHER}")
@@ -93,10 +93,16 @@ def _of_resolved_walls(
         yield problem("turbulence.upstream_roughness", why, "leave it out")
 
 
-def _of_resolved_walls_in_space(domain: Domain, time: Time | None) -> Iterator[Problem]:
-    """What the k-omega model serves in the plane only."""
-    if domain.sides == "wall":
-        yield problem("domain.sides", f'"wall" {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}')
+def _of_resolved_walls_in_space(
+    domain: Domain, level: bool, turbulence: Turbulence | None, time: Time | None
+) -> Iterator[Problem]:
+    """What the k-omega model serves in the plane only, or in a `level` channel without a grain."""
+    rough = turbulence is not None and turbulence.roughness > 0.0
+    if domain.sides == "wall" and (rough or not level):
+        what = "with rough walls" if level else "past grains and bed forms"
+        yield problem(
+            "domain.sides", f'"wall" {what} {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}'
+        )
     if time is not None:
         yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
 

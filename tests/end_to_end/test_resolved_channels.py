@@ -321,7 +321,25 @@ def test_ranks_agree(mpirun, wall):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"domain": IN_SPACE | {"sides": "wall"}}, "domain.sides"),
+        (
+            {"domain": IN_SPACE | {"sides": "wall"}, "turbulence": ROUGH},
+            'domain.sides: "wall" with rough walls is not simulated',
+        ),
+        (
+            {
+                "domain": IN_SPACE | {"sides": "wall"},
+                "bed": Flat(),
+                "body": Sphere(diameter=0.2, x=2.0, density=2.0),
+            },
+            'domain.sides: "wall" past grains and bed forms is not simulated',
+        ),
+        (
+            {
+                "domain": IN_SPACE | {"sides": "wall"},
+                "bed": {"kind": "ridges", "amplitude": 0.1, "wavelength": 1.0},
+            },
+            'domain.sides: "wall" past grains and bed forms is not simulated',
+        ),
         ({"domain": IN_SPACE, "time": Time(step=0.1, end=1.0)}, "time"),
         ({"domain": IN_SPACE, "numerics": Numerics(order=2, accuracy=0.01)}, "numerics.accuracy"),
         (

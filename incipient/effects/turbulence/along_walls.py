@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,8 +44,14 @@ class AlongWall:
 
     def at_outflow(self) -> float:
         """u* in the mean over the places farthest downstream."""
+        last = self.part_at_outflow()
+        return float(np.average(last.shear_velocities, weights=last.lengths))
+
+    def part_at_outflow(self) -> AlongWall:
+        """The places farthest downstream."""
         last = np.isclose(self.places[:, 0], self.places[:, 0].max())
-        return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
+        columns = self.places, self.normals, self.lengths, self.velocities, self.shear_velocities
+        return AlongWall(*(one[last] for one in columns))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
@@ -79,6 +87,12 @@ class AlongWall:
                 angle = float(np.interp(0.0, along[[i, i - 1]], angles[[i, i - 1]]))
             found.append(float(np.degrees(angle)))
         return found[0], found[1]
+
+
+def of_mean_stress(walls: Iterable[AlongWall]) -> float:
+    """u* of the shear stress in the mean along walls."""
+    stresses, lengths = zip(*((one.shear_velocities**2, one.lengths) for one in walls), strict=True)
+    return math.sqrt(np.average(np.concatenate(stresses), weights=np.concatenate(lengths)))
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:

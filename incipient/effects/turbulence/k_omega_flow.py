@@ -19,7 +19,7 @@ from ...planning.base_flow import Velocity
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import ResolvedWallReport
 from ..run_part import RunPart
-from .along_walls import AlongWall, along_resolved_wall
+from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
 from .iteration import Round, solve_steadily
 from .k_omega_sst import KOmegaSST
@@ -48,7 +48,7 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        in_layers = not walls.plane or self._scene.gdim == 3
+        in_layers = not walls.plane or (self._scene.gdim == 3 and not walls.sides)
         kinds = (
             walls.roughness,
             walls.rough,
@@ -196,7 +196,11 @@ class KOmegaFlow(TurbulentFlow):
         y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
         mean, around = float(found @ shares / shares.sum()), walls.around_grain
-        last = mean if around else bottom.at_outflow()
+        last, each = mean if around else bottom.at_outflow(), {}
+        if walls.sides:
+            ends = {name: one.part_at_outflow() for name, one in along.items()}
+            mean, last = of_mean_stress(along.values()), of_mean_stress(ends.values())
+            each = {name: of_mean_stress([one]) for name, one in ends.items()}
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),
@@ -218,6 +222,7 @@ class KOmegaFlow(TurbulentFlow):
             excess=float((y_plus / limits).max()),
             spread=self._spread,
             separates=bottom.separates(self._centre) if around else (),
+            each=each,
         )
 
     @property

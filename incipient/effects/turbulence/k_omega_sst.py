@@ -212,8 +212,11 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _across(self) -> Any:
-        """In wakes, around a grain in a uniform stream and in space, by the slope in the reference cell."""
-        if not self._in_stream and self.domain.gdim == 2:
+        """In wakes, around a grain in a uniform stream and in space, by the slope in the reference cell.
+
+        Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
+        """
+        if not self._in_stream and (self.domain.gdim == 2 or not self._in_layers):
             return None
         jacobian = ufl.Jacobian(self.domain.mesh)
 

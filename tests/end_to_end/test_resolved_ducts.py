@@ -1,0 +1,72 @@
+"""Ducts by k-omega SST: side walls to which the mesh reaches; the finite elements against finite volumes and series."""
+
+import numpy as np
+import pytest
+
+import incipient
+from incipient.planning.duct import duct_mean
+from incipient.planning.flow_setup import Setup
+from incipient.scene import (
+    Domain,
+    Effects,
+    Fluid,
+    Numerics,
+    OpenChannel,
+    Output,
+    Poiseuille,
+    Scene,
+    Turbulence,
+)
+
+
+def duct(reynolds, mesh_size, flow, error_bars=False, **domain):
+    """A duct of height one; Re by that and the mean velocity, both one."""
+    return Scene(
+        domain=Domain(height=1.0, sides="wall", **domain),
+        fluid=Fluid(reynolds=reynolds, scale="flow"),
+        flow=flow,
+        effects=Effects(turbulence=True),
+        turbulence=Turbulence(model="k-omega-sst"),
+        numerics=Numerics(mesh_size=mesh_size, order=2, error_bars=error_bars),
+        output=Output(fields=False),
+    )
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_slow_duct_is_laminar(symmetric):
+    """u*^2 times the length of the walls is the pressure's gradient times the area, by White's series (exact)."""
+    result = incipient.run(duct(20.0, 4.0, Poiseuille(), length=1.5, width=1.0, symmetric=symmetric))
+    exact = np.sqrt(0.25 / 20.0 / duct_mean(1.0, 1.0))
+    assert any("laminar by the k-omega model" in line for line in result.plan.warnings)
+    sides = {"left"} if symmetric else {"left", "right"}
+    assert set(result.turbulence.each) == {"bottom", "top"} | sides
+    assert result.turbulence.at_outflow == pytest.approx(exact, rel=5e-3)
+    for u in result.turbulence.each.values():
+        assert u == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("reynolds", "flow", "domain"),
+    [
+        (5e3, Poiseuille(), {"length": 3.0, "width": 1.0}),
+        (1.1e4, OpenChannel(), {"length": 6.0, "width": 2.0}),
+    ],
+)
+def test_a_duct_keeps_the_developed_flow(reynolds, flow, domain):
+    """u* of all walls along the duct, and of each at its end, within 0.5% of finite volumes in a section, which enter.
+
+    The error bar by two coarser meshes holds the difference, and is less than 3% of u*.
+    """
+    scene = duct(reynolds, 2.0, flow, error_bars=True, **domain)
+    walls = Setup(scene).resolved_walls
+    side, floor = (walls.mean * u for u in walls.duct.shear_velocities)
+    result = incipient.run(scene)
+    found, bars = result.turbulence, result.error_bars.shear
+    print(found.shear_velocities, walls.shear_velocity, found.each, floor, side, bars)
+    assert found.applicable and 1.0 < found.largest < 2.5
+    assert found.shear_velocities == pytest.approx([walls.shear_velocity] * 2, rel=5e-3)
+    assert (np.abs(found.shear_velocities - walls.shear_velocity) < bars).all()
+    assert (bars < 0.03 * walls.shear_velocity).all()
+    assert found.each["left"] == pytest.approx(side, rel=5e-3)
+    assert found.each["bottom"] == pytest.approx(floor, rel=5e-3)
