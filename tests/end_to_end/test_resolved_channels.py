@@ -411,15 +411,22 @@ def test_loads_below_a_rough_stream_follow_the_speed_that_enters():
 
 
 @pytest.mark.slow
-def test_the_grain_is_about_to_move_at_its_threshold():
+@pytest.mark.parametrize("sand", [0.0, 0.2])
+def test_the_grain_is_about_to_move_at_its_threshold(sand):
     """A run of the critical flow, on a mesh of its own, has the safety factor one within 2%; tau_b is what enters."""
-    found = incipient.threshold(on_waves(2600.0, 0.1))
+
+    def over_sand(reynolds, acceleration):
+        wall = {"wall": "rough", "roughness": sand} if sand else {}
+        model = Turbulence(model="k-omega-sst", **wall)
+        return on_waves(reynolds, acceleration).model_copy(update={"turbulence": model})
+
+    found = incipient.threshold(over_sand(2600.0, 0.1))
     assert 0.2 < found.factor < 0.8 and found.adaptation is None
-    critical = on_waves(2600.0 * found.factor, 0.1 / found.factor**2)
+    critical = over_sand(2600.0 * found.factor, 0.1 / found.factor**2)
     result = incipient.run(critical)
     assert result.turbulence.applicable
     assert result.verdict["safety_factor"] == pytest.approx(1.0, rel=0.02)
-    stress = of_discharge(2600.0 * found.factor)
+    stress = of_discharge(2600.0 * found.factor, sand / 8.0)
     weight = 1.65 * 0.1 / found.factor**2
     assert found.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
     assert found.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
