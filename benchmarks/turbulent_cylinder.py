@@ -1,10 +1,10 @@
-"""A smooth cylinder in a uniform turbulent stream by k-omega SST, Re 100,000, beside measurements.
+"""A smooth cylinder in a uniform turbulent stream by k-omega SST, Re 100,000 and 3.6 million, beside measurements.
 
 Measured from Re 3.5 million on: C_D 0.7, a Strouhal number of 0.27 (Roshko 1961, J. Fluid Mech. 10, 345, the abstract).
 The other numbers of Achenbach (1968), J. Fluid Mech. 34, 625, and the Strouhal number at Re 100,000 are as commonly
-quoted, not read off the papers. Re 3.6 million was not found by the model, docs/turbulence.md.
+quoted, not read off the papers.
 
-Cost:    ten minutes.
+Cost:    half an hour.
 Run:     python benchmarks/turbulent_cylinder.py
 Results: the table in docs/turbulence.md
 """
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, SCENE = ROOT / "docs/turbulence.md", ROOT / "benchmarks/scenes/turbulent_cylinder.toml"
 BEGIN, END = "<!-- cylinder: begin -->", "<!-- cylinder: end -->"
 PERIODIC = 20.0  # time from which means are taken
-CASES = ((1e5, 2.0),)  # Reynolds number and mesh_size
+CASES = ((1e5, "auto"), (3.6e6, "on"))  # Reynolds number and numerics.stabilisation
 MEASURED = (
     "| measured | 1e+05 |  |  | 1.2 | 0.18 to 0.2 |  | 80 |  |",
     "| measured | 3.6e+06 |  |  | 0.7 to 0.76 | 0.27 |  | 115 |  |",
@@ -45,15 +45,15 @@ class Found:
     seconds: float
 
 
-def computed(reynolds: float, mesh_size: float) -> Found:
-    """The scene at a Reynolds number."""
+def computed(reynolds: float, stabilisation: str) -> Found:
+    """The scene at a Reynolds number, its velocity upwinded or not."""
     import incipient
     from incipient.scene.file import load
 
     scene = load(SCENE)
     sections = {
         "fluid": scene.fluid.model_copy(update={"reynolds": reynolds}),
-        "numerics": scene.numerics.model_copy(update={"mesh_size": mesh_size}),
+        "numerics": scene.numerics.model_copy(update={"stabilisation": stabilisation}),
         "output": scene.output.model_copy(update={"fields": False}),
     }
     began = time.process_time()
@@ -109,8 +109,8 @@ def table(found: list[Found]) -> str:
 def main() -> None:
     """Run, write."""
     found = []
-    for reynolds, mesh_size in CASES:
-        found.append(computed(reynolds, mesh_size))
+    for case in CASES:
+        found.append(computed(*case))
         print(found[-1], flush=True)
     put(PAGE, table(found), BEGIN, END)
 

@@ -18,7 +18,15 @@ from ..mesh.domain import Domain
 from .conditions import Condition
 from .constraints import Constraints
 from .model import FlowModel
-from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
+from .space import (
+    TaylorHood,
+    cell_size,
+    geometry_function,
+    geometry_rows,
+    set_geometry_function,
+    size_along,
+    taylor_hood,
+)
 
 
 class FlowEquations:
@@ -133,7 +141,12 @@ class FlowEquations:
             yield forms.Convection(carrier, self.constraints.crossed() if model.energy_stable else None)
         if model.inertia and model.stabilisation:
             yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
-        if model.inertia and model.upwind and upwind:
+        upwind = model.inertia and model.upwind and upwind
+        if upwind and model.unsteady:
+            before = self._past()[0]
+            size = size_along(self.domain.mesh, before) / model.order
+            yield forms.UpwindInSteps(carrier, before, size, rate, self.rate[0], force)
+        elif upwind:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
             viscous = model.viscosity is None and not model.exact

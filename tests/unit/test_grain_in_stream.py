@@ -6,12 +6,19 @@ import pytest
 import ufl
 from mpi4py import MPI
 from scenes import message
+from scipy.linalg import solve_banded
+from test_turbulence import rectangle
 
 import incipient
 from incipient import compat, make_plan
 from incipient.compat import petsc
 from incipient.effects.turbulence.along_walls import AlongWall
+from incipient.effects.turbulence.fields import TurbulenceConditions
+from incipient.effects.turbulence.k_omega_sst import KOmegaSST
+from incipient.forms import terms
 from incipient.forms import turbulence as forms
+from incipient.forms.k_omega_sst import at_smooth_wall
+from incipient.mesh.sampling import sample
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Disc,
@@ -28,6 +35,7 @@ from incipient.scene import (
 )
 
 STREAM = {"model": "k-omega-sst", "inflow": "given", "intensity": 0.02, "length": 0.02}
+UPWINDED = Numerics(mesh_size=2.0, order=2, error_bars=False, stabilisation="on")
 
 
 def scene(**changes):
@@ -91,6 +99,23 @@ def test_the_only_wall_is_that_of_the_grain():
     assert any("turbulent from its front on" in one for one in make_plan(asked).warnings)
 
 
+@pytest.mark.parametrize(("per_step", "delta"), [(0.0, 0.125), (6.0, 0.1)])
+def test_upwinding_in_a_step_is_for_the_shorter_of_two_times(per_step, delta):
+    """By hand: |c| = 2 and cells 0.5 long are passed at the rate 8; r . (c . grad w) = 6 on a unit square."""
+    mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+    w, along = ufl.SpatialCoordinate(mesh), dolfinx.fem.Constant(mesh, (2.0, 0.0))
+    strong = dolfinx.fem.Constant(mesh, (3.0, 1.0))
+    term = terms.upwind_in_steps(strong, along, w, 0.5, dolfinx.fem.Constant(mesh, per_step))
+    assert dolfinx.fem.assemble_scalar(compat.form(term * ufl.dx)) == pytest.approx(6.0 * delta)
+
+
+def test_the_velocity_around_a_grain_may_be_upwinded_in_time():
+    """Where a user switches stabilisation on; steady flow of the same scene has grad-div then."""
+    in_time, on = {"time": Time(end=1.0, step=0.1)}, {"numerics": UPWINDED}
+    plans = [make_plan(scene(**one)).stabilisation for one in (in_time | on, on, in_time)]
+    assert [(one.present, one.upwind) for one in plans] == [(True, True), (True, False), (False, False)]
+
+
 def test_where_the_flow_leaves_a_grain_is_where_the_stress_first_turns():
     """Stress that goes as sin(a t) along the front, t the angle from it, turns at 180/a; above and below apart."""
     turns = {1.0: 100.0, -1.0: 85.0}
@@ -134,6 +159,50 @@ def test_a_peak_of_k_at_one_node_does_not_grow(gdim):
     assert made(across) < 0.0
 
 
+@pytest.mark.parametrize(("step", "error"), [(3.0, 0.07), (30.0, 0.005)])
+def test_k_that_enters_a_layer_without_any_is_that_of_its_own_equation(step, error):
+    """Next to a wall, in layers as on mesh_size = 2, k on top is suddenly a million times that below.
+
+    Without eddies the equation of k is linear: three implicit steps of it by differences on 4000 points, over k on top.
+    A front of ln k would let Newton's method go around, as at the wall of a cylinder at Re 3.6 million.
+    """
+    viscosity, small, added, before, count = 0.01, 1e-12, 2e-3, 1e-7, 8
+    ends = np.concatenate([[0.0], np.cumsum(1.82 ** np.arange(count))])
+    ends /= ends[-1]
+    domain = rectangle((0, 0), (1, 1), (3, count))
+    domain.mesh.geometry.x[:, 1] = np.interp(
+        domain.mesh.geometry.x[:, 1], np.linspace(0.0, 1.0, count + 1), ends
+    )
+
+    def logarithms(k, away):
+        log_omega = at_smooth_wall(viscosity, np.maximum(away, 0.3 * ends[1]), np)
+        return np.array([np.full(len(away), np.log(small * (k + added))), log_omega])
+
+    given = TurbulenceConditions(("top",), lambda x: logarithms(1.0, x[1]), ("bottom",))
+    kinds = {"in_layers": True, "in_stream": True, "added": small * added}
+    heights = np.sort(np.concatenate([ends[1:-1], 0.5 * (ends[1:-1] + ends[2:])]))
+    with KOmegaSST(domain, given, 2, viscosity, **kinds) as fields:
+        fields.begin(lambda places, away: logarithms(before, away))
+        fields.impose()
+        fields.carried_by(dolfinx.fem.Constant(domain.mesh, (0.0, 0.0)), viscosity)
+        for _ in range(3):
+            past = fields.state.x.array.copy()
+            assert fields.step((1.0 / step, -1.0 / step, 0.0), (past, past), 1e-8) <= 1e-8
+        places = np.column_stack([np.full(len(heights), 0.5), heights])
+        found = np.exp(sample(fields.state, places)[:, 0]) / small - added
+
+    fine = np.linspace(0.0, 1.0, 4001)[1:]
+    spread = viscosity * step / fine[0] ** 2
+    lost = 0.09 * 6.0 * viscosity / 0.075 / fine**2
+    bands = np.array([np.full(4000, -spread), 1.0 + 2.0 * spread + step * lost, np.full(4000, -spread)])
+    bands[1, -1], bands[2, -2] = 1.0, 0.0
+    k = np.full(4000, before)
+    k[-1] = 1.0
+    for _ in range(3):
+        k = solve_banded((1, 1), bands, k)
+    assert np.abs(found - np.interp(heights, fine, k)).max() < error
+
+
 @pytest.mark.slow
 def test_slow_flow_is_that_without_turbulence():
     """At Re 40 no k is left at the disc: its drag is that of laminar flow to 0.1%."""
@@ -146,3 +215,18 @@ def test_slow_flow_is_that_without_turbulence():
         incipient.run(scene(**slow, **sections)).force.flow[0] for sections in ({"turbulence": weak}, without)
     )
     assert drag == pytest.approx(laminar, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_thin_layer_becomes_turbulent_within_long_steps(tmp_path):
+    """Re 3.6 million, set off at once: nearly every step up to t = 0.1 is a quarter longer than the one before.
+
+    The flow then leaves the grain nowhere but at its rear: a laminar layer set off at once turns first there, at
+    t = 0.35 R/V (Blasius 1908, Z. Math. Phys. 56, 1), a turbulent one later. A speed that goes up and down from node to
+    node along the wall turned at 94 and 72 degrees.
+    """
+    fast = {"fluid": Fluid(reynolds=3.6e6, scale="grain"), "numerics": UPWINDED}
+    incipient.run(scene(**fast, time=Time(end=0.1, step=0.1, first_step=0.01)), tmp_path)
+    rows = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    assert len(rows) < 25
+    assert min(rows["separation_above"][-1], rows["separation_below"][-1]) > 170.0

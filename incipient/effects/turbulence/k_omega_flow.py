@@ -86,7 +86,8 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _added(self) -> float:
-        layer = self._walls.edge is not None or self._walls.layer_over_forms
+        walls = self._walls
+        layer = walls.edge is not None or walls.layer_over_forms or walls.around_grain
         return ADDED * self._scene.reference_velocity**2 if layer else 0.0
 
     @property

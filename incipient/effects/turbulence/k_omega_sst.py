@@ -25,6 +25,7 @@ ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, 
 FAR = 1e9  # distance where there are no walls
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
+LEAST_SHARE = 0.05  # of k in what its unknown holds, around a grain in a stream, by which the model blends
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
@@ -91,6 +92,7 @@ class KOmegaSST(TurbulenceFields):
             ufl.max_value(self._distance, self._floor),
             self.constant(least),
             self.constant(added) if added else None,
+            *((LEAST_SHARE,) if in_stream else ()),
         )
 
     # -- walls --------------------------------------------------------------------------------------
