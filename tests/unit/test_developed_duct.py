@@ -20,7 +20,9 @@ def prandtl(reynolds):
     return root / np.sqrt(8.0)
 
 
-@pytest.mark.parametrize(("reynolds", "half_width"), [(1.0, 1.0), (1.0, 0.3), (3500.0, 1.0), (9900.0, 2.5)])
+@pytest.mark.parametrize(
+    ("reynolds", "half_width"), [(1.0, 0.3), (3500.0, 1.0), (9900.0, 2.5), (1e4, 0.05), (1e4, 50.0)]
+)
 def test_walls_bear_what_the_pressure_does_and_the_discharge_is_that_asked_for(reynolds, half_width):
     """Momentum: the mean stress on the walls is the pressure's gradient times area over length of walls (exact)."""
     found = developed_duct(reynolds, half_width)
