@@ -102,7 +102,12 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
     found = _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
-    return found.with_components_alike() if scene.resolves_walls and scene.gdim == 3 else found
+    return _alike(found, scene.resolves_walls and scene.gdim == 3)
+
+
+def _alike(found: Term, scatters: bool) -> Term:
+    """The term of the mesh; where loads scatter from mesh to mesh each component errs by as much as all do."""
+    return found.with_components_alike() if scatters else found
 
 
 def _slowest(resolved: bool) -> float:
@@ -165,7 +170,8 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
-        of_mesh = enlarged(found, error_over_change(scene))
+        found = enlarged(found, error_over_change(scene))
+        of_mesh = _alike(found, scene.resolves_walls and scene.gdim == 3)
     together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
     return replace(enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene))
 

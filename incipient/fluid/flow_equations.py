@@ -142,7 +142,7 @@ class FlowEquations:
         if model.inertia and model.stabilisation:
             yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
         upwind = model.inertia and model.upwind and upwind
-        if upwind and model.unsteady:
+        if upwind and model.unsteady and self.domain.gdim == 2:
             before = self._past()[0]
             size = size_along(self.domain.mesh, before) / model.order
             yield forms.UpwindInSteps(carrier, before, size, rate, self.rate[0], force)

@@ -16,15 +16,22 @@ ROUGHEST = 1e-3
 MEASURED_EVERY = 8
 
 
-class System(Protocol):
+class ChordSystem(Protocol):
+    """What Newton's method with factors that are kept needs of a discretised problem."""
+
+    def chord_correction(self, fresh: bool) -> float:
+        """Subtract a correction by the Jacobian last prepared; return its relative size. `fresh` prepares a new one.
+
+        Collective.
+        """
+        ...
+
+
+class System(ChordSystem, Protocol):
     """What Newton's method needs of a discretised problem; all methods are collective."""
 
     def correction(self, rtol: float, fresh: bool) -> float:
         """Subtract one Newton correction from the state; return its size relative to the state."""
-        ...
-
-    def chord_correction(self, fresh: bool) -> float:
-        """Subtract a correction by the Jacobian last prepared; return its relative size. `fresh` prepares a new one."""
         ...
 
 
@@ -107,7 +114,7 @@ def solve(
 
 
 def solve_by_chords(
-    system: System,
+    system: ChordSystem,
     tolerance: float,
     max_iterations: int,
     watch: Callable[[int, float], Any] = lambda iteration, size: None,

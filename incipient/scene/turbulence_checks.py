@@ -38,7 +38,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
-            yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence, time)
+            yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
+            if time is not None:
+                yield from _of_time_in_space(scene.domain, scene.bed, scene.turbulence)
             if numerics.accuracy is not None and level:
                 why = f"of a channel in space {_NOT_TO_THE_WALL}"
                 yield problem("numerics.accuracy", why, f"leave it or domain.width out, {_OTHER}")
@@ -94,7 +96,7 @@ def _of_resolved_walls(
 
 
 def _of_resolved_walls_in_space(
-    domain: Domain, level: bool, turbulence: Turbulence | None, time: Time | None
+    domain: Domain, level: bool, turbulence: Turbulence | None
 ) -> Iterator[Problem]:
     """What the k-omega model serves in the plane only, or in a `level` channel without a grain."""
     rough = turbulence is not None and turbulence.roughness > 0.0
@@ -103,8 +105,21 @@ def _of_resolved_walls_in_space(
         yield problem(
             "domain.sides", f'"wall" {what} {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}'
         )
-    if time is not None:
-        yield problem("time", f"in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}")
+
+
+def _of_time_in_space(domain: Domain, bed: Any, turbulence: Turbulence | None) -> Iterator[Problem]:
+    """Where the k-omega model serves steady flow in space only."""
+    where = ""
+    if domain.sides == "wall":
+        where = "between sides with friction"
+    elif turbulence is not None and turbulence.roughness:
+        where = "along rough walls"
+    elif bed is not None and bed.kind != "flat":
+        where = "over bed forms"
+    if where:
+        yield problem(
+            "time", f"{where} in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}"
+        )
 
 
 def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:

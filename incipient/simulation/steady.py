@@ -74,10 +74,8 @@ def _started_from_coarser(run: Run, parts: Sequence[RunPart]) -> bool:
     if (size := COARSER * numerics.mesh_size) > COARSEST:
         return False
     coarse = numerics.model_copy(update={"mesh_size": size, "tolerance": OF_START})
-    with (
-        suppress(ConvergenceError),
-        prepared(run.scene.model_copy(update={"numerics": coarse}), run.comm, run.accounts) as before,
-    ):
+    steady = run.scene.model_copy(update={"numerics": coarse, "time": None})
+    with suppress(ConvergenceError), prepared(steady, run.comm, run.accounts) as before:
         solve_with_parts(before, before.fluid, before.parts)
         for part, other in zip(parts, before.parts, strict=True):
             part.start_from(other)

@@ -1,4 +1,6 @@
-"""A small grain on a level bed in space by k-omega SST: how sure its loads are, and what slow streams do."""
+"""A small grain on a level bed in space by k-omega SST: how sure its loads are, slow streams, flow in time."""
+
+import textwrap
 
 import numpy as np
 import pytest
@@ -18,8 +20,10 @@ from incipient.scene import (
     Output,
     Scene,
     Sphere,
+    Time,
     Turbulence,
 )
+from incipient.scene.file import dumps
 
 SAND = {
     "domain": Domain(length=8.0, width=6.0, height=5.0),
@@ -103,3 +107,49 @@ def test_a_cube_begins_to_slide_where_friction_no_longer_holds_it():
     assert drag == pytest.approx(0.5 * (1.65 * 0.3 - lift), rel=1e-3)
     there = incipient.run(cube(1500.0 * found.factor, 0.3 / found.factor**2))
     assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_steady_flow_stays_in_time():
+    """u* d/nu = 22: loads on the sphere after three steps, in each of which the flow passes half of it."""
+    steady = incipient.run(sand(1500.0, 3.0))
+    later = incipient.run(sand(1500.0, 3.0, time=Time(step=0.5, end=1.5, start="steady")))
+    assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
+    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_flow_set_off_from_rest_becomes_the_steady_one():
+    """u* d/nu = 22, 60 diameters over the mean speed after the start."""
+    steady = incipient.run(sand(1500.0, 3.0))
+    later = incipient.run(sand(1500.0, 3.0, time=Time(step=1.0, end=60.0, start="rest")))
+    assert later.force.flow == pytest.approx(steady.force.flow, rel=2e-4, abs=1e-9)
+    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=2e-4, abs=1e-9)
+
+
+def set_off(end):
+    """The sphere on coarse cells in the first moments after the stream is set off."""
+    numerics = Numerics(mesh_size=4.4, order=2, error_bars=False, tolerance=1e-6)
+    time, output = Time(step=0.25, end=end, start="rest"), Output(fields=False, checkpoint=2)
+    return sand(1500.0, 4.4, time=time, output=output, numerics=numerics)
+
+
+@pytest.mark.slow
+def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path):
+    whole = incipient.run(set_off(1.0), tmp_path / "whole")
+    incipient.run(set_off(0.5), tmp_path / "cut")
+    resumed = incipient.resume(tmp_path / "cut", ["time.end=1.0"])
+    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-9, abs=1e-9)
+
+
+def test_two_ranks_are_refused(mpirun, tmp_path):
+    (tmp_path / "scene.toml").write_text(dumps(set_off(1.0)), encoding="utf-8")
+    script = """
+        import incipient
+        from incipient.scene.file import loads
+
+        incipient.run(loads(open({path!r}).read()))
+    """
+    done = mpirun(2, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
+    assert done.returncode != 0
+    assert "SceneError: time: in space with turbulence.model" in done.stderr

@@ -35,8 +35,10 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     return low, high
 
 
-# Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them.
-BYTES = 2500.0
+# Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them; by k and omega, solved
+# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed; and what time adds to that, where a
+# steady flow is found first: 1.49 GB of 50,600 unknowns, 0.62 of 15,500 (docs/turbulence.md).
+BYTES, BYTES_TOGETHER, BYTES_IN_TIME = 2500.0, 17000.0, 6500.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
     "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
@@ -95,8 +97,8 @@ class TurbulenceEffect(Effect):
         return Decision(self.name, False, reason, off)
 
     def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """In space: LU factorisation in time, and with upwinding on few cells."""
-        if setup.scene.gdim == 3 and unsteady:
+        """In space: LU factorisation in time with wall functions, and with upwinding on few cells."""
+        if setup.scene.gdim == 3 and unsteady and setup.has_wall_layer:
             why = "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
             return Method("direct", why)
         if upwinds(setup):
@@ -138,7 +140,10 @@ class TurbulenceEffect(Effect):
         """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""
         if setup.scene.gdim == 2 or not setup.scene.is_averaged:
             return 0.0
-        return BYTES * unknowns / 2**20
+        in_time = setup.scene.time is not None
+        together = setup.resolves_walls and (in_time or not setup.resolved_walls.plane)
+        of_each = BYTES_TOGETHER + BYTES_IN_TIME * in_time if together else BYTES
+        return of_each * unknowns / 2**20
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
         """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""

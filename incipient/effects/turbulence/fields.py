@@ -150,7 +150,7 @@ class TurbulenceFields(ABC):
 
     def impose(self) -> None:
         """Let the state be as it is given."""
-        self._prepare()
+        self.prepare()
         compat.impose(self.state.x.array, self._conditions)
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
@@ -161,7 +161,6 @@ class TurbulenceFields(ABC):
             one.value = 0.0
         known = self._before.x.array
         known += (HALF_WAY if self.stretched or self.steep else 1.0) * (self.state.x.array - known)
-        self._prepare()
 
     # -- its equations ------------------------------------------------------------------------------
 
@@ -215,6 +214,13 @@ class TurbulenceFields(ABC):
         """The residual of both equations in UFL."""
         return forms.residual(ufl.split(self.state), rate, tests, stream, self.closure)
 
+    def discretise_time(self, rate: Sequence[float], past: Sequence[np.ndarray]) -> None:
+        """Set dK/dt = a0 K + a1 K(1) + a2 K(2), `past` being the states K(1) and K(2). Not collective."""
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        for function, values in zip((self._before, self._older), past, strict=False):
+            function.x.array[:] = values
+
     def step(
         self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float, lasting: bool = False
     ) -> float:
@@ -225,10 +231,7 @@ class TurbulenceFields(ABC):
         """
         fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
         before = np.inf
-        for constant, value in zip(self.rate, rate, strict=True):
-            constant.value = value
-        for function, values in zip((self._before, self._older), past, strict=False):
-            function.x.array[:] = values
+        self.discretise_time(rate, past)
         for number in range(1, MOST_CORRECTIONS + 1):
             size = self._correct(fresh)
             if size <= tolerance:
@@ -248,7 +251,7 @@ class TurbulenceFields(ABC):
     def _correct(self, fresh: bool) -> float:
         """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
         conditions = self._conditions
-        self._prepare()
+        self.prepare()
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, self._residual)
@@ -271,7 +274,7 @@ class TurbulenceFields(ABC):
         self.state.x.scatter_forward()
         return size
 
-    def _prepare(self) -> None:  # noqa: B027
+    def prepare(self) -> None:  # noqa: B027
         """Make ready for a correction, where a model has data that depend on the state."""
 
     def raise_eddy_viscosity(self, factor: float) -> None:

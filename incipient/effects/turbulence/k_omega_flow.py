@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...arrays import Floats
-from ...errors import ConvergenceError
+from ...errors import ConvergenceError, SceneError
 from ...fluid import Fluid
+from ...fluid.transient import Interface
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import distances
@@ -21,10 +22,11 @@ from ...results.resolved_wall_report import ResolvedWallReport
 from ..run_part import RunPart
 from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
-from .iteration import Round, solve_steadily
+from .iteration import InTime, Round, solve_steadily
 from .k_omega_sst import KOmegaSST
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, solve_together
+from .together_in_time import FINEST, InTimeTogether
 
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor.
@@ -36,6 +38,11 @@ COARSER_BEYOND = 100.0
 FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 
+ON_RANKS = (
+    'time: in space with turbulence.model = "k-omega-sst" is not simulated by this version on several ranks, where '
+    "steps fail at times; run it on one, or leave [time] out"
+)
+
 
 class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
@@ -45,6 +52,8 @@ class KOmegaFlow(TurbulentFlow):
     _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
+        if self._scene.gdim == 3 and self._scene.time is not None and domain.comm.size > 1:
+            raise SceneError(ON_RANKS)
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
@@ -141,6 +150,13 @@ class KOmegaFlow(TurbulentFlow):
             self._spread = rounds[-1].spread
             return rounds
 
+    def around(self, interface: Interface | None) -> InTime:
+        """In space flow and turbulence of a step are solved together, in the plane by turns."""
+        if self._scene.gdim == 2:
+            return super().around(interface)
+        self.in_time = self._fluid.holding(InTimeTogether(self._fluid, self.fields, self._timed, FINEST))
+        return self.in_time
+
     @property
     def coarser_first(self) -> bool:
         """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
@@ -167,6 +183,8 @@ class KOmegaFlow(TurbulentFlow):
         probe, grain = run.probe, self._of_run.geometry.grain
         if probe is None or grain is None or self._scene.gdim == 2:
             return None
+        if run.fluid is not self._fluid:  # the steady flow that one in time begins with
+            probe = type(probe)(self._fluid, probe.boundary, probe.about)
 
         def found() -> Floats:
             resultant = probe.resultant()

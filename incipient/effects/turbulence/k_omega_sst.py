@@ -188,7 +188,7 @@ class KOmegaSST(TurbulenceFields):
         beyond = away[self._source]
         return np.asarray(forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond))
 
-    def _prepare(self) -> None:
+    def prepare(self) -> None:
         """Let ln k within the cells at smooth walls follow that beyond."""
         if len(self._within):
             values = self.state.x.array

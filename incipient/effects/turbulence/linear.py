@@ -98,6 +98,10 @@ class BlockByBlock:
             self._factors.setFromOptions()
             self._factors.setUp()
 
+    def renew_factors(self) -> None:
+        """Request new factors of the flow with the next matrix. Not collective, but to be called on every rank."""
+        self._aged = True
+
     def balance(self, right: tuple[Any, Any]) -> float:
         """Scale the turbulence's rows of A so that its right-hand side is as large as the flow's; by which factor.
 
@@ -109,8 +113,14 @@ class BlockByBlock:
             block.scale(factor)
         return factor
 
-    def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective."""
+    def approximate(self, b: Any, x: Any, by_turns: bool = False) -> None:
+        """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective.
+
+        `by_turns`: for the flow, then for the turbulence in it, without what that does to the flow.
+        """
+        if by_turns:
+            self.apply(None, b, x)
+            return
         self._solver.setTolerances(max_it=MOST_TOGETHER if self._aged else PATIENCE)
         self._solver.solve(b, x)
         if self._solver.getConvergedReason() <= 0 and not self._aged:

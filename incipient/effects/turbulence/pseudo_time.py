@@ -72,13 +72,17 @@ FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with whi
 class CoupledFlow:
     """Flow and turbulence as one system of equations. Every method is collective.
 
-    Each cell takes a step of its own, a Courant number times the time in which the flow passes it, by one correction
-    of Newton's method, in space with a derivative by coarser quadrature than the residual. Holds PETSc objects: use it
-    as a context manager.
+    In pseudo-time each cell takes a step of its own, a Courant number times the time in which the flow passes it, by
+    one correction of Newton's method, in space with a derivative by coarser quadrature than the residual. Holds PETSc
+    objects: use it as a context manager, or call `destroy`.
+
+    Args:
+        in_time: whether all cells take the same step in time, to which the fluid's equations are set.
     """
 
-    def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
-        self._fluid, self._turbulence = fluid, turbulence
+    def __init__(self, fluid: Fluid, turbulence: TurbulenceFields, in_time: bool = False):
+        self._fluid, self._turbulence, self._in_time = fluid, turbulence, in_time
+        self._scale = 1.0
         self._held: list[Any] = []
         self._per_step = turbulence.constant(0.0)
         self._speed = turbulence.constant(turbulence.largest(fluid.state.x.array[fluid.space.velocity_map]))
@@ -123,7 +127,7 @@ class CoupledFlow:
             found = ufl.Form(
                 [one.reconstruct(metadata=one.metadata() | coarser) for one in found.integrals()]
             )
-        if state is not own:
+        if state is not own or self._in_time:
             return found
         test, rate = ufl.TestFunction(state.function_space), self._per_step * self._passing()
         degree = {"quadrature_degree": 2 * self._fluid.space.order}
@@ -163,23 +167,44 @@ class CoupledFlow:
         """
         self._per_step.value = 1.0 / courant
         self._turbulence.stop()
+        return self.next_correction(fresh=True)
+
+    def next_correction(self, fresh: bool, **way: bool) -> tuple[Floats, Floats]:
+        """The changes (owned unknowns,) of both by the residual as it is, and a `fresh` derivative or that before.
+
+        `way` may name what the solver takes besides, see `BlockByBlock.approximate`.
+
+        Raises:
+            ConvergenceError: the matrix has no factors.
+        """
+        self._turbulence.prepare()
         for vector, form, conditions in zip(self._vectors, self._residuals, self._conditions, strict=True):
             with vector.localForm() as local:
                 local.set(0.0)
             petsc.assemble_vector(vector, form)
             vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             compat.set_zero(vector, conditions)
+        if fresh:
+            self._renew()
+        self._vectors[1].scale(self._scale)
+        self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
+        self._solver.approximate(self._right, self._correction, **way)
+        number = self._vectors[0].getLocalSize()
+        found = -self._correction.array_r
+        return found[:number], found[number:]
+
+    def renew_factors(self) -> None:
+        """Request new factors with the next derivative, in space. Not collective, but to be called on every rank."""
+        self._solver.renew_factors()
+
+    def _renew(self) -> None:
+        """Make the derivative that of the present state, and factors of it."""
         self._assemble_blocks()
         if self._solver.matrix is self._matrix:
             self._nest.convert("aij", self._matrix)
         else:
-            self._vectors[1].scale(self._solver.balance(tuple(self._vectors)))
-        self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
+            self._scale = self._solver.balance(tuple(self._vectors))
         self._solver.prepare()
-        self._solver.approximate(self._right, self._correction)
-        number = self._vectors[0].getLocalSize()
-        found = -self._correction.array_r
-        return found[:number], found[number:]
 
     def _holding(self, made: Any) -> Any:
         self._held.append(made)
@@ -189,6 +214,10 @@ class CoupledFlow:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self.destroy()
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
         while self._held:
             self._held.pop().destroy()
 
@@ -223,7 +252,7 @@ def solve_together(
             of_flow, of_logarithms = system.correction(courant)
             change = np.zeros_like(fluid.state.x.array)
             change[: len(of_flow)] = of_flow
-            most = _of_most(fluid.domain, of_logarithms, turbulence.weights())
+            most = of_most(fluid.domain, of_logarithms, turbulence.weights())
             sizes = _usual(fluid.domain, of_logarithms, turbulence.weights()), relative_change(fluid, change)
             of_whole = sizes[1]
             if gently:
@@ -287,12 +316,12 @@ def _usual(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
     bed, where it has no weight (owned nodes,). Corrections are bounded.
     """
     if domain.gdim == 3:
-        return _of_most(domain, of_logarithms, weights)
+        return of_most(domain, of_logarithms, weights)
     sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
     return float(domain.comm.allreduce(sizes.max(initial=0.0), op=MPI.MAX))
 
 
-def _of_most(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
+def of_most(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
     """The size of a correction of nearly all nodes, by their weights (owned nodes,). Collective."""
     sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
     if not np.isfinite(domain.comm.allreduce(sizes.sum())):
