@@ -41,9 +41,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
             if time is not None:
                 yield from _of_time_in_space(scene.domain, scene.bed, scene.turbulence)
-            if numerics.accuracy is not None and level:
-                why = f"of a channel in space {_NOT_TO_THE_WALL}"
-                yield problem("numerics.accuracy", why, f"leave it or domain.width out, {_OTHER}")
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')

@@ -135,6 +135,17 @@ def test_a_slice_of_a_channel_set_off_is_the_plane_s():
     assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=5e-3)
 
 
+def test_a_wide_channel_in_space_stays_as_it_enters():
+    """Twelve depths, two wide; with the upwinding of flows past grains k went up and down by a tenth for ever.
+
+    Cells twice as large make u* 0.3% too large.
+    """
+    mean = k_omega_channel(547.0)
+    wide = Domain(length=12.0, width=2.0, height=1.0)
+    walls = incipient.run(channel(547.0 * mean, mesh_size=2.0, domain=wide)).turbulence
+    assert walls.at_outflow * mean == pytest.approx(1.0, rel=0.008)
+
+
 def test_a_channel_between_walls_is_two_open_ones():
     one = incipient.run(channel(11000.0, 4.0)).turbulence
     both = channel(22000.0, 4.0, domain=Domain(length=4.0, height=2.0), flow=Poiseuille())
@@ -376,7 +387,6 @@ def test_ranks_agree(mpirun, wall):
             {"domain": IN_SPACE, "turbulence": ROUGH, "time": Time(step=0.1, end=1.0)},
             "time: along rough walls in space",
         ),
-        ({"domain": IN_SPACE, "numerics": Numerics(order=2, accuracy=0.01)}, "numerics.accuracy"),
         (
             {
                 "domain": IN_SPACE,

@@ -57,7 +57,7 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        in_layers = not walls.plane or (self._scene.gdim == 3 and not walls.sides)
+        in_layers = not walls.plane
         kinds = (
             walls.roughness,
             walls.rough,
