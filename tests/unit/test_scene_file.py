@@ -75,6 +75,7 @@ def test_the_example_is_a_disc_on_a_flat_bed_in_shear():
 
 def test_the_example_is_a_demo():
     assert (SCENES / "grain_on_bed.toml").read_text(encoding="utf-8") == example()
+    assert (SCENES / "sphere_in_pocket.toml").read_text(encoding="utf-8") == example(in_space=True)
 
 
 def test_the_example_explains_every_key():
