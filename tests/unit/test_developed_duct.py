@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 from one_dimensional import k_omega_channel
+from turbulent import channel
 
+from incipient import make_plan
+from incipient.cost import calibration
 from incipient.forms.k_omega_sst import EXPONENT
 from incipient.planning.developed_channel import developed
 from incipient.planning.developed_duct import developed_duct, middles
 from incipient.planning.duct import duct_mean, duct_speed
+from incipient.planning.flow_setup import Setup
+from incipient.planning.meshing import lay_out
+from incipient.scene import Domain, Fluid, Numerics, OpenChannel, Poiseuille, Turbulence
 
 SQUARE = 1.0  # half width over depth, of which a closed duct has two
 
@@ -103,3 +109,40 @@ def test_what_enters_is_what_was_found_and_next_to_walls_a_law():
     assert slope / 5000.0 == pytest.approx(found.stresses[1][-1:], rel=0.01)
     walls = np.linspace(0.0, 0.8, 9), np.zeros(9)
     assert max(np.abs(found.speed(*one)).max() for one in (walls, walls[::-1])) < 1e-15
+
+
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+def test_a_duct_to_the_wall_has_thin_cells_at_its_sides_and_lets_in_the_developed_flow(flow):
+    """Rows and layers begin 0.6 nu/u* thick; what enters has the mean velocity, no slip, and u* of the mean stress."""
+    duct = Domain(length=8, height=1, width=1.6, origin=(0, -0.5, 2), sides="wall")
+    fluid, numerics = Fluid(reynolds=2e4, scale="flow"), Numerics(order=2, mesh_size=2.0)
+    scene = channel(
+        domain=duct, flow=flow, fluid=fluid, numerics=numerics, turbulence=Turbulence(model="k-omega-sst")
+    )
+    setup, plan = Setup(scene), make_plan(scene)
+    walls, found, open_top = setup.resolved_walls, lay_out(setup, plan).shape, flow.kind == "open-channel"
+    assert walls.names == ("bottom", *(() if open_top else ("top",)), "left")
+    assert walls.depth == (1.0 if open_top else 0.5) and walls.reach == min(walls.depth, 0.8)
+    assert any("no secondary flow" in line for line in plan.warnings)
+    assert found.sides == ("inflow", "outflow", "symmetry", "left", "bottom", "top") and found.half
+    columns, layers, rows = (np.diff([0.0, *ends]) for ends in found.ends)
+    first = np.array([layers[-1] * 0.8, rows[0]]) / walls.unit
+    assert (first > 1.0).all() and (first < 2.0).all() and (np.diff(layers) < 1e-12).all()
+    assert rows[-1] == pytest.approx(rows.max() if open_top else rows[0])
+    assert np.ptp(columns) < 1e-12
+
+    y, z = (np.linspace(low, low + size, 401) for low, size in ((-0.5, 1.6), (2.0, 1.0)))
+    y, z = np.meshgrid(0.5 * (y[1:] + y[:-1]), 0.5 * (z[1:] + z[:-1]))
+    places = np.array([np.zeros(y.size), y.ravel(), z.ravel()])
+    velocity = walls.velocity(places, 0.0)
+    assert velocity[0].mean() == pytest.approx(1.0, rel=2e-3) and np.abs(velocity[1:]).max() == 0.0
+    mirrored = places * [[1.0], [-1.0], [1.0]] + [[0.0], [0.6], [0.0]]
+    assert np.abs(walls.velocity(mirrored, 0.0) - velocity).max() < 1e-12
+    assert np.abs(walls.logarithms(mirrored) - walls.logarithms(places)).max() < 1e-9
+    assert np.abs(walls.start(places.T, np.zeros(y.size))[0] - velocity).max() == 0.0
+    # The momentum of the developed flow: the mean stress on the walls by the pressure's gradient.
+    wetted = (1.6 + 2.0) / 1.6 if open_top else (2 * 1.6 + 2.0) / 1.6
+    gradient = walls.duct.gradient / walls.depth
+    assert walls.shear_velocity**2 * wetted == pytest.approx(gradient, rel=1e-9)
+    assert setup.bed_stress() == pytest.approx(walls.shear_velocity**2)
+    assert calibration.kind(scene) == "steady in space with turbulence to the wall and to the sides"
