@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -127,9 +127,11 @@ class Setup:
 
         asked, parts = self.turbulence, (self.geometry, self.base_flow, self.sides)
         if asked.inflow != "given" or not asked.intensity or not asked.length:
-            return measured_inflow.resolved_walls_as_asked(*parts, asked)
-        stream = free_stream.FreeStream.of(self.base_flow.reference, asked.intensity, asked.length)
-        return resolved_walls.resolved_walls_of(*parts, 0.0, stream, self.scene.leading_edge)
+            found = measured_inflow.resolved_walls_as_asked(*parts, asked)
+        else:
+            stream = free_stream.FreeStream.of(self.base_flow.reference, asked.intensity, asked.length)
+            found = resolved_walls.resolved_walls_of(*parts, 0.0, stream, self.scene.leading_edge)
+        return replace(found, first_cell=asked.first_cell)
 
     @cached_property
     def walls(self) -> LayeredWalls:

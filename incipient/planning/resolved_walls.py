@@ -79,6 +79,7 @@ class ResolvedWalls:
     smooth:         whether the bed has forms without corners, and there is no grain
     sides:          y of side walls with friction, none: there are none
     duct:           what enters between these, in place of `developed`
+    first_cell:     thickness of the cells at smooth walls for mesh_size = 1 [nu/u*]; None: as usual
     """
 
     depth: float
@@ -99,6 +100,7 @@ class ResolvedWalls:
     smooth: bool = False
     sides: tuple[float, ...] = ()
     duct: DevelopedDuct | None = None
+    first_cell: float | None = None
 
     @property
     def is_laminar(self) -> bool:
@@ -134,7 +136,7 @@ class ResolvedWalls:
     def first(self) -> float:
         """Thickness [length] of the cells at plane walls for mesh_size = 1."""
         if not self.roughness:
-            return FIRST_ROW * self.unit
+            return (self.first_cell or FIRST_ROW) * self.unit
         return ON_SAND * length_at_sand(self.sand) * self.roughness
 
     def thickest(self, name: str) -> float:
@@ -148,7 +150,7 @@ class ResolvedWalls:
 
     def text(self) -> str:
         """How walls are treated, in words."""
-        first = self.first / self.unit * (1.0 if self.plane or self.roughness else FIRST_CELL / FIRST_ROW)
+        first = (self.first if self.plane or self.roughness else self._first_free) / self.unit
         kind = f"rough walls (u* k_s/nu about {self.sand:.3g})" if self.roughness else "walls"
         if self.roughness and "body" in self.names:
             kind += " and a smooth grain"
@@ -335,12 +337,16 @@ class ResolvedWalls:
         number = math.ceil(math.log(1.0 + (LAYER_GROWTH - 1.0) * most) / math.log(LAYER_GROWTH))
         return WallLayers(first, max(number, 1), LAYER_GROWTH)
 
+    @property
+    def _first_free(self) -> float:
+        """Thickness [length] of the cells at smooth walls that are not all planes for mesh_size = 1."""
+        return (self.first_cell or FIRST_CELL) * self.unit
+
     def _first_cells(self, order: int) -> dict[str, float]:
         """How thick cells at each wall are."""
         coarse = COARSENING.get(order, ORDER_THREE)
         found = {
-            name: coarse * (self.first if name in self.rough else FIRST_CELL * self.unit)
-            for name in self.names
+            name: coarse * (self.first if name in self.rough else self._first_free) for name in self.names
         }
         if "body" in found:
             found["body"] *= AT_GRAIN

@@ -124,6 +124,16 @@ def entering_of(scene):
                 (TO_THE_WALL, "is read only past grains and bed forms"),
             )
         ),
+        *(
+            ({"turbulence": {"first_cell": 2.0} | asked}, f"turbulence.first_cell: {words}")
+            for asked, words in (
+                ({}, 'is not read by model = "k-epsilon"; leave it out, or give wall_distance'),
+                (
+                    TO_THE_WALL | {"wall": "rough", "roughness": 0.1},
+                    'is for smooth walls, but wall is "rough"; leave it out',
+                ),
+            )
+        ),
         (
             {"turbulence": {"inflow": "given", "intensity": 0.1}},
             'turbulence.length: is missing, which inflow = "given"',
@@ -476,3 +486,18 @@ def test_level_ground_about_a_grain_in_space_is_at_the_datum():
     assert Setup(scene).walls.depth == pytest.approx(4.3)
     without = scene.model_copy(update={"flow": OpenChannel(velocity=20.0)})
     assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest
+
+
+def test_the_first_cells_at_resolved_walls_are_as_thick_as_asked():
+    """In nu/u* of what enters, in rows between planes and in layers at a bed; at a grain half as thick."""
+    asked = Turbulence(model="k-omega-sst", first_cell=2.0)
+    plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
+    rows = lay_out(plane, make_plan(plane.scene)).shape.ends
+    unit = plane.resolved_walls.unit
+    assert rows[0] == pytest.approx(2.0 * unit, rel=0.2)  # of a height of one; rows grow from the wall on
+    assert "first cells 2 nu/u* thick" in plane.resolved_walls.text()
+    sand = Setup(grain(0.05).model_copy(update={"turbulence": asked})).resolved_walls
+    layers = sand.thin_layers(2).first
+    assert layers[sand.names[0]] == pytest.approx(2.0 * sand.unit) and layers["body"] == pytest.approx(
+        sand.unit
+    )
