@@ -43,7 +43,7 @@ COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
 # Likewise of a duct's, whose section takes nearly all cells and whose flow hardly changes along it.
 COLUMN_OF_DUCT, FEWEST_OF_DUCT = 2.0, 4
 ACROSS = 2  # layers of such a mesh in space, at the least
-LAYER_GROWTH = 1.5  # of layers along walls in space, by which as many are made as lead to the cells beyond
+LAYER_GROWTH = 2.0  # of layers along walls in space, by which as many are made as lead to the cells beyond
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
 SLOWEST = 1e-3  # of the height of the first volume, below which what enters does not change
 
