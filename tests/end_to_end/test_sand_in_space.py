@@ -1,9 +1,11 @@
 """A small grain on a level bed in space by k-omega SST: how sure its loads are, slow streams, flow in time."""
 
+import re
 import textwrap
 
 import numpy as np
 import pytest
+from turbulent import column
 
 import incipient
 from incipient.accuracy.discretisation import by_coarser_mesh
@@ -145,14 +147,33 @@ def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path):
     assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-9, abs=1e-9)
 
 
-def test_two_ranks_are_refused(mpirun, tmp_path):
-    (tmp_path / "scene.toml").write_text(dumps(set_off(1.0)), encoding="utf-8")
+@pytest.mark.slow
+def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
+    """To the tolerance of four steps, 1e-6 each. The mesh is parted another way in each run; so factors differ.
+
+    By turns the flow once took one application of factors for its solution, of which 0.9 of the residual was left where
+    blocks were compressed: three runs of six found no step.
+    """
+    path = tmp_path / "scene.toml"
+    path.write_text(dumps(set_off(1.0)), encoding="utf-8")
     script = """
         import incipient
+        from mpi4py import MPI
         from incipient.scene.file import loads
 
-        incipient.run(loads(open({path!r}).read()))
+        found = incipient.run(loads(open({path!r}).read()), {directory!r})
+        if MPI.COMM_WORLD.rank == 0:
+            print(found.force.flow.tolist(), found.couple.flow.tolist())
     """
-    done = mpirun(2, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
-    assert done.returncode != 0
-    assert "SceneError: time: in space with turbulence.model" in done.stderr
+    ends = []
+    for ranks in (1, 2, 2):
+        directory = tmp_path / str(len(ends))
+        done = mpirun(
+            ranks, textwrap.dedent(script).format(path=str(path), directory=str(directory)), timeout=600
+        )
+        assert done.returncode == 0, done.stderr
+        ends.append([float(one) for one in re.findall(r"[-+.e\d]+", done.stdout.splitlines()[-1])])
+        assert column(directory, "time").tolist() == [0.25, 0.5, 0.75, 1.0]
+    assert len(ends[0]) == 6
+    for end in ends[1:]:
+        assert end == pytest.approx(ends[0], rel=4e-6, abs=1e-9)

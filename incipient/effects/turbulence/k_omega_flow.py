@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...arrays import Floats
-from ...errors import ConvergenceError, SceneError
+from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.transient import Interface
 from ...mesh.domain import Domain
@@ -38,11 +38,6 @@ COARSER_BEYOND = 100.0
 FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
 
-ON_RANKS = (
-    'time: in space with turbulence.model = "k-omega-sst" is not simulated by this version on several ranks, where '
-    "steps fail at times; run it on one, or leave [time] out"
-)
-
 
 class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
@@ -52,8 +47,6 @@ class KOmegaFlow(TurbulentFlow):
     _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
-        if self._scene.gdim == 3 and self._scene.time is not None and domain.comm.size > 1:
-            raise SceneError(ON_RANKS)
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number

@@ -270,7 +270,7 @@ def solve_together(
                 continue
             bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
             if fluid.domain.gdim == 3:
-                _bound(fluid, of_flow)
+                bound(fluid, of_flow)
             for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
                 state.x.array[: len(values)] += values
                 state.x.scatter_forward()
@@ -334,7 +334,7 @@ def of_most(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
     return float(SPREAD * np.sqrt(0.5 * total / count))
 
 
-def _bound(fluid: Fluid, of_flow: Floats) -> None:
+def bound(fluid: Fluid, of_flow: Floats) -> None:
     """Let no velocity change by more than a part of the largest speed: at a few nodes it may overshoot. Collective."""
     nodes = fluid.space.velocity_map.reshape(-1, fluid.domain.gdim)
     speeds = np.linalg.norm(fluid.state.x.array[nodes], axis=1)

@@ -14,7 +14,7 @@ from ...fluid import Fluid
 from ...fluid.newton import Contraction, NewtonReport, solve_by_chords
 from .fields import LARGEST_CORRECTION, TurbulenceFields
 from .iteration import InTime, relative_change
-from .pseudo_time import CoupledFlow, of_most
+from .pseudo_time import CoupledFlow, bound, of_most
 
 MOST_CORRECTIONS = 20
 # Size of corrections that is small enough also where a flow hardly changes; of the tolerance, what counts as none; and
@@ -92,6 +92,7 @@ class InTimeTogether(InTime):
             of_flow, of_logarithms = self._system.next_correction(fresh or known > FAR, by_turns=known > NEAR)
         except ConvergenceError:
             return float("inf")
+        bound(fluid, of_flow)
         change = np.zeros_like(fluid.state.x.array)
         change[: len(of_flow)] = of_flow
         of_both = (

@@ -1,0 +1,76 @@
+"""Linear systems of flow and turbulence in space, beside numpy's solution, with factors of the flow that are off."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from incipient.effects.turbulence import linear
+from incipient.effects.turbulence.linear import ROUGH, BlockByBlock
+from incipient.fluid.solvers.compressed import CompressedFactors
+
+ROWS = 40
+
+
+def sparse(entries):
+    matrix = PETSc.Mat().createDense(entries.shape, array=entries, comm=PETSc.COMM_SELF).convert("aij")
+    matrix.assemble()
+    return matrix
+
+
+@pytest.fixture
+def blocks():
+    """Four blocks (ROWS, ROWS), those on the diagonal well conditioned; k and omega do not act on each other."""
+    made = np.random.default_rng(1).standard_normal((2, 2, ROWS, ROWS))
+    for one in (0, 1):
+        made[one, one] += 20.0 * np.eye(ROWS)
+    made[1, 1, 0::2, 1::2] = made[1, 1, 1::2, 0::2] = 0.0
+    return made
+
+
+@pytest.fixture
+def solver(blocks, monkeypatch):
+    """With factors of the flow's block that are wrong in one direction, as those that leave something out may be."""
+
+    class Off(CompressedFactors):
+        def __init__(self, matrix):
+            wrong = blocks[0, 0].copy()
+            wrong[:, 0] *= 4.0
+            super().__init__(sparse(wrong))
+
+    monkeypatch.setattr(linear, "CompressedFactors", Off)
+    nest = PETSc.Mat().createNest([[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF)
+    nest.assemble()
+    made = BlockByBlock(None, nest)
+    made.prepare()
+    yield made
+    made.destroy()
+
+
+def solved(solver, **way):
+    right, x = solver.matrix.createVecs()
+    right.setArray(np.linspace(1.0, 2.0, 2 * ROWS))
+    solver.approximate(right, x, **way)
+    return right.array.copy(), x.array.copy()
+
+
+def test_by_turns_the_flow_is_solved_though_its_factors_are_off(solver, blocks):
+    b, x = solved(solver, by_turns=True)
+    flow, fields = x[:ROWS], x[ROWS:]
+    assert np.linalg.norm(blocks[0, 0] @ flow - b[:ROWS]) <= 1.01 * ROUGH * np.linalg.norm(b[:ROWS])
+    in_flow = np.linalg.solve(blocks[1, 1], b[ROWS:] - blocks[1, 0] @ flow)
+    assert fields == pytest.approx(in_flow, rel=1e-9)
+
+
+def test_together_both_are_solved_though_the_factors_are_off(solver, blocks):
+    b, x = solved(solver)
+    whole = np.block([list(row) for row in blocks])
+    assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
+
+
+def test_what_factors_cannot_solve_is_not_finite(solver, blocks):
+    """A matrix without an inverse, to whose range the right-hand side does not belong."""
+    flow = solver.matrix.getNestSubMatrix(0, 0)
+    flow.zeroEntries()
+    flow.assemble()
+    _, x = solved(solver, by_turns=True)
+    assert np.isinf(x).all()
