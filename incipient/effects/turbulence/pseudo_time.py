@@ -61,7 +61,7 @@ BEGUN = 0.3, 0.015  # corrections of logarithms and flow with which a flow is a 
 SPREAD, LARGEST_SEEN = 5.0, 10.0
 # In space a wake may change for ever, at a few nodes. The flow is taken all the same when in so many steps with such a
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
-# they then differ by is told: past a sphere in its pocket at u* d/nu = 75 1% (docs/turbulence.md).
+# they then differ by is told: past a sphere in its pocket at u* d/nu = 138 2% (docs/turbulence.md).
 # Where all steps are long fewer tell as much of smaller changes.
 LINGERING, SWEEPING, NEARLY = 10, 16.0, 0.03
 BRIEFLY, CLOSELY = 4, 2e-3
