@@ -1,5 +1,7 @@
 """k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension."""
 
+from pathlib import Path
+
 import dolfinx
 import numpy as np
 import pytest
@@ -225,3 +227,36 @@ def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
     # Fewer steps do where all are longer.
     assert spread_of(rounds(100.0, 4), 4, 100.0) == spread_of(rounds(SWEEPING))
     assert spread_of(rounds(99.0, 4), 4, 100.0) == spread_of(rounds(100.0, 3), 4, 100.0) == np.inf
+
+
+def test_long_steps_become_shorter_where_the_flow_changes_more_and_more():
+    """Half as long as the last one, but no shorter than ones that sweep sixteen cells; small changes count for none."""
+    from incipient.effects.turbulence.iteration import Round
+    from incipient.effects.turbulence.pseudo_time import LITTLE, shorter_if_it_changes_more
+
+    def after(courant, *changes):
+        rounds = [Round(i, courant, change, 0.1) for i, change in enumerate(changes)]
+        return shorter_if_it_changes_more(2.0 * courant, rounds)
+
+    assert after(100.0, 0.01) == after(100.0, 0.02, 0.01) == 200.0
+    assert after(100.0, 0.01, 0.02) == 50.0
+    assert after(20.0, 0.01, 0.02) == 16.0
+    assert after(2.0, 0.01, 0.02) == 4.0
+    assert after(100.0, 0.1 * LITTLE, 0.9 * LITTLE) == 200.0
+
+
+def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():
+    """The remedy names numerics.stabilisation unless it is on; a cylinder at Re 3.6 million needs it."""
+    from mpi4py import MPI
+
+    from incipient.scene.file import load
+    from incipient.simulation.build import prepared
+
+    path = Path(__file__).parents[2] / "benchmarks/scenes/turbulent_cylinder.toml"
+    told = {}
+    for asked in ("auto", "on"):
+        scene = load(path, overrides=["numerics.mesh_size=8", f"numerics.stabilisation={asked}"])
+        with prepared(scene, MPI.COMM_SELF) as run:
+            told[asked] = run.part("turbulence").around(None).complaint()
+    assert 'or numerics.stabilisation = "on"' in told["auto"]
+    assert "stabilisation" not in told["on"] and "time.step" in told["on"]

@@ -151,6 +151,12 @@ class KOmegaFlow(TurbulentFlow):
         return self.in_time
 
     @property
+    def _remedy(self) -> str:
+        """Around a grain in a stream upwinding, where the scene has not asked for it."""
+        helps = self._walls.around_grain and not self._fluid.model.upwind
+        return ', or numerics.stabilisation = "on", which upwinds and changes loads' if helps else ""
+
+    @property
     def coarser_first(self) -> bool:
         """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
         if self._walls.layer_over_forms:
