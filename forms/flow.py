@@ -11,7 +11,7 @@ from typing import Any
 import ufl
 
 from . import terms
-from .kinematics import ReferenceMap, volume_before
+from .kinematics import ReferenceMap, surface_vector, volume_before
 
 
 @dataclass(frozen=True)
@@ -168,15 +168,22 @@ class BodyForce(FlowTerm):
 
 @dataclass(frozen=True)
 class OpenBoundary(FlowTerm):
-    """A boundary through which fluid leaves freely; `measure` is its."""
+    """A boundary through which fluid leaves freely; `measure` is its.
+
+    carrier: what carries momentum, where fluid that comes back is to bring none; None: it brings what it has
+    """
 
     viscosity: Any
     measure: Any
+    carrier: Any = None
 
     def on_boundary(self, of: Unknowns) -> Any:
-        """`terms.open_boundary`."""
+        """`terms.open_boundary`, and `terms.entering_boundary`."""
         n = ufl.FacetNormal(of.w.ufl_domain())
-        return terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map) * self.measure
+        found = terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map)
+        if self.carrier is not None:
+            found += terms.entering_boundary(of.v, self.carrier, of.w, surface_vector(n, of.reference_map))
+        return found * self.measure
 
 
 @dataclass(frozen=True)

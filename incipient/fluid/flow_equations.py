@@ -154,7 +154,8 @@ class FlowEquations:
         if force is not None:
             yield forms.BodyForce(force)
         if self.constraints.crossings:
-            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings))
+            returning = carrier if model.viscosity is not None else None
+            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings), returning)
         if self.walls is not None:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:

@@ -246,6 +246,22 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     assert np.abs(entries - entries.T).max() < ROUND_OFF * np.abs(entries).max()
 
 
+@pytest.mark.parametrize(("normal", "power"), [(-2.0, 26.0), (2.0, 0.0)])
+def test_fluid_that_comes_back_through_an_open_boundary_brings_no_momentum(
+    normal: float, power: float
+) -> None:
+    """Velocity (u, 3) through the side x = 1: the term has the power -u |v|^2 where u < 0, else none (exact)."""
+    domain = unit_box(2, 2)
+    space = compat.space(domain.mesh, ("Lagrange", 2), (2,))
+    v = dolfinx.fem.Constant(domain.mesh, (normal, 3.0))
+    w, measure = ufl.TestFunction(space), domain.measure("right")(metadata=QUADRATURE)
+    returning = forms.OpenBoundary(0.0, measure, v).on_boundary(forms.Unknowns(v, None, w, None))
+    tested = dolfinx.fem.Function(space)
+    tested.interpolate(lambda x: np.array([np.full_like(x[0], normal), np.full_like(x[0], 3.0)]))
+    found = dolfinx.fem.assemble_scalar(compat.form(ufl.action(returning, tested)))
+    assert found == pytest.approx(power, abs=1e-12)
+
+
 # -- meshes that move ---------------------------------------------------------------------------
 
 # Radii of the throws of vertices and mid-side nodes, about as far as no cell folds.
