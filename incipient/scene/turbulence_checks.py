@@ -40,7 +40,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
             if time is not None:
-                yield from _of_time_in_space(scene.domain, scene.bed, scene.turbulence)
+                yield from _of_time_in_space(time, scene.domain, kind, scene.turbulence)
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
@@ -104,15 +104,18 @@ def _of_resolved_walls_in_space(
         )
 
 
-def _of_time_in_space(domain: Domain, bed: Any, turbulence: Turbulence | None) -> Iterator[Problem]:
-    """Where the k-omega model serves steady flow in space only."""
+def _of_time_in_space(
+    time: Time, domain: Domain, bed: str, turbulence: Turbulence | None
+) -> Iterator[Problem]:
+    """Where the k-omega model serves steady flow in space only; `bed` is the bed's kind."""
     where = ""
     if domain.sides == "wall":
         where = "between sides with friction"
     elif turbulence is not None and turbulence.roughness:
         where = "along rough walls"
-    elif bed is not None and bed.kind != "flat":
-        where = "over bed forms"
+    elif bed not in LEVEL and time.start == "rest":
+        why = f'is "rest", from which flow over bed forms in space {_NOT_TO_THE_WALL}'
+        yield problem("time.start", why, f'use "steady", leave [time] or domain.width out, {_OTHER}')
     if where:
         yield problem(
             "time", f"{where} in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}"

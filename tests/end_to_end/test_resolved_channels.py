@@ -377,7 +377,7 @@ def test_ranks_agree(mpirun, wall):
         ),
         (
             {"domain": IN_SPACE, "bed": SphereBed(radius=0.2, spacing=0.5), "time": Time(step=0.1, end=1.0)},
-            "time: over bed forms in space",
+            'time.start: is "rest", from which flow over bed forms in space',
         ),
         (
             {"domain": IN_SPACE | {"sides": "wall"}, "time": Time(step=0.1, end=1.0)},

@@ -22,6 +22,7 @@ from incipient.scene import (
     Output,
     Scene,
     Sphere,
+    SphereBed,
     Time,
     Turbulence,
 )
@@ -141,6 +142,24 @@ def test_a_steady_flow_stays_in_time():
     """u* d/nu = 22: loads on the sphere after three steps, in each of which the flow passes half of it."""
     steady = incipient.run(sand(1500.0, 3.0))
     later = incipient.run(sand(1500.0, 3.0, time=Time(step=0.5, end=1.5, start="steady")))
+    assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
+    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_steady_flow_past_a_sphere_in_its_pocket_stays_in_time():
+    """u* d/nu = 20, on a bed of equal spheres: loads after four steps, in each of which the flow passes a quarter."""
+    bed = SphereBed(
+        radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.0 + 12.0**-0.5, 3.0)
+    )
+    pocket = {
+        "domain": Domain(length=9.0, width=5.0, height=5.866),
+        "fluid": Fluid(reynolds=300.0, scale="grain"),
+        "body": Sphere(diameter=1.0, x=4.0, density=2.5),
+        "bed": bed,
+    }
+    steady = incipient.run(sand(300.0, 3.0, **pocket))
+    later = incipient.run(sand(300.0, 3.0, time=Time(step=0.25, end=1.0, start="steady"), **pocket))
     assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
     assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
 
