@@ -17,6 +17,7 @@ from incipient.scene import (
     Flat,
     Fluid,
     Gravity,
+    Inclined,
     Numerics,
     OpenChannel,
     Output,
@@ -173,11 +174,11 @@ def test_a_flow_set_off_from_rest_becomes_the_steady_one():
     assert later.couple.flow == pytest.approx(steady.couple.flow, rel=2e-4, abs=1e-9)
 
 
-def set_off(end):
+def set_off(end, **changes):
     """The sphere on coarse cells in the first moments after the stream is set off."""
     numerics = Numerics(mesh_size=4.4, order=2, error_bars=False, tolerance=1e-6)
     time, output = Time(step=0.25, end=end, start="rest"), Output(fields=False, checkpoint=2)
-    return sand(1500.0, 4.4, time=time, output=output, numerics=numerics)
+    return sand(1500.0, 4.4, time=time, output=output, numerics=numerics, **changes)
 
 
 @pytest.mark.slow
@@ -186,6 +187,13 @@ def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path):
     incipient.run(set_off(0.5), tmp_path / "cut")
     resumed = incipient.resume(tmp_path / "cut", ["time.end=1.0"])
     assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_over_an_inclined_bed_a_flow_set_off_is_that_over_a_level_one():
+    """The slope turns gravity alone."""
+    level, inclined = (incipient.run(set_off(0.25, bed=bed)) for bed in (Flat(), Inclined(slope=5.0)))
+    assert inclined.force.flow == pytest.approx(level.force.flow, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow
