@@ -198,13 +198,13 @@ def test_over_an_inclined_bed_a_flow_set_off_is_that_over_a_level_one():
 
 @pytest.mark.slow
 def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
-    """To the tolerance of four steps, 1e-6 each. The mesh is parted another way in each run; so factors differ.
+    """The mesh is parted another way in each run; so factors differ. Logarithms are solved to 1e-4, the flow to 1e-6.
 
     By turns the flow once took one application of factors for its solution, of which 0.9 of the residual was left where
     blocks were compressed: three runs of six found no step.
     """
     path = tmp_path / "scene.toml"
-    path.write_text(dumps(set_off(1.0)), encoding="utf-8")
+    path.write_text(dumps(set_off(0.75)), encoding="utf-8")
     script = """
         import incipient
         from mpi4py import MPI
@@ -222,7 +222,7 @@ def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
         )
         assert done.returncode == 0, done.stderr
         ends.append([float(one) for one in re.findall(r"[-+.e\d]+", done.stdout.splitlines()[-1])])
-        assert column(directory, "time").tolist() == [0.25, 0.5, 0.75, 1.0]
-    assert len(ends[0]) == 6
-    for end in ends[1:]:
-        assert end == pytest.approx(ends[0], rel=4e-6, abs=1e-9)
+        assert column(directory, "time").tolist() == [0.25, 0.5, 0.75]
+    one, *two = np.array(ends).reshape(3, 2, 3)
+    for end in two:
+        assert (np.linalg.norm(end - one, axis=1) <= 1e-5 * np.linalg.norm(one, axis=1)).all()
