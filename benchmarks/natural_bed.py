@@ -45,8 +45,6 @@ FRICTION = 0.3  # as in demos/beds/random_spheres.toml
 # u* d/nu, of creeping flow 0, and pockets with runs there.
 LAMINAR = {0.0: 24, 10.0: 24, 3.0: 16, 30.0: 16}
 TURBULENT, TURBULENT_COUNT = (30.0, 60.0, 100.0, 300.0, 1000.0), 11
-# u* d/nu above which the first cells at walls are so thick [nu/u*], a third fewer cells in all.
-COARSER_ABOVE, FIRST_CELL = 100.0, 2.0
 ROUGHNESS = 1.0  # equivalent sand roughness of the bed, over which the mean profile or what enters is [d]
 DEPTH = 5.0  # of turbulent flow [d]
 # What runs leave open, looked at in some of them: each changes one number.
@@ -140,8 +138,7 @@ def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check:
         given["fluid"] = Fluid(reynolds=shear_reynolds * mean, scale="grain")
         given["flow"] = OpenChannel(velocity=mean, datum=datum)
         given["effects"] = Effects(turbulence=True)
-        first = FIRST_CELL if shear_reynolds > COARSER_ABOVE else None
-        given["turbulence"] = Turbulence(model="k-omega-sst", upstream_roughness=ROUGHNESS, first_cell=first)
+        given["turbulence"] = Turbulence(model="k-omega-sst", upstream_roughness=ROUGHNESS)
     return Scene.model_validate(given)
 
 
