@@ -229,20 +229,32 @@ def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
     assert spread_of(rounds(99.0, 4), 4, 100.0) == spread_of(rounds(100.0, 3), 4, 100.0) == np.inf
 
 
-def test_long_steps_become_shorter_where_the_flow_changes_more_and_more():
-    """Half as long as the last one, but no shorter than ones that sweep sixteen cells; small changes count for none."""
+def test_long_steps_become_sweeps_where_the_flow_changes_more_and_more():
+    """None is longer than sixteen cells then; small changes count for none."""
     from incipient.effects.turbulence.iteration import Round
-    from incipient.effects.turbulence.pseudo_time import LITTLE, shorter_if_it_changes_more
+    from incipient.effects.turbulence.pseudo_time import LITTLE, SWEEPING, shorter_if_it_changes_more
 
     def after(courant, *changes):
         rounds = [Round(i, courant, change, 0.1) for i, change in enumerate(changes)]
         return shorter_if_it_changes_more(2.0 * courant, rounds)
 
     assert after(100.0, 0.01) == after(100.0, 0.02, 0.01) == 200.0
-    assert after(100.0, 0.01, 0.02) == 50.0
-    assert after(20.0, 0.01, 0.02) == 16.0
+    assert after(100.0, 0.01, 0.02) == SWEEPING
     assert after(2.0, 0.01, 0.02) == 4.0
     assert after(100.0, 0.1 * LITTLE, 0.9 * LITTLE) == 200.0
+
+
+def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
+    """Ten rounds with the same loads, the last two changes as given: falling, lingering and large ones."""
+    from incipient.effects.turbulence.iteration import Round
+    from incipient.effects.turbulence.pseudo_time import LINGERING, SWEEPING, spread_if_it_lingers
+
+    def spread(*changes):
+        sizes = [*[0.01] * (LINGERING - 2), *changes]
+        return spread_if_it_lingers([Round(i, SWEEPING, one, 0.1, (1.0, 0.0)) for i, one in enumerate(sizes)])
+
+    assert spread(0.01, 0.01) == spread(0.01, 0.02) == 0.0
+    assert spread(0.01, 0.004) == spread(0.01, 0.12) == np.inf
 
 
 def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():

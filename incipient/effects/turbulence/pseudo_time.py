@@ -67,8 +67,8 @@ SPREAD, LARGEST_SEEN = 5.0, 10.0
 LINGERING, SWEEPING, NEARLY = 10, 16.0, 0.03
 BRIEFLY, CLOSELY = 4, 2e-3
 # Correction of the flow beyond which, in space, it has to fall for steps to be longer than sweeps of sixteen cells:
-# in a wake that changes for ever longer ones change it more and more.
-LITTLE = 3e-3
+# in a wake that changes for ever longer ones change it more and more. And the factor by which it falls while it does.
+LITTLE, FALLING = 3e-3, 0.5
 NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
 
@@ -290,11 +290,9 @@ def solve_together(
             if begun or (found and courant >= NEWTON):
                 turbulence.look()
                 return tuple(rounds)
-            spread, closely = spread_of(rounds), spread_of(rounds, BRIEFLY, NEAR)
-            calm = of_whole <= TOO_LARGE[fluid.domain.gdim][1]
-            if calm and (spread <= NEARLY or closely <= CLOSELY):
+            if (spread := spread_if_it_lingers(rounds)) < math.inf:
                 turbulence.look()
-                return (*rounds[:-1], replace(rounds[-1], spread=spread if spread <= NEARLY else closely))
+                return (*rounds[:-1], replace(rounds[-1], spread=spread))
             courant = first if gently and len(rounds) == 1 else _next(courant, *sizes, turbulence, gently)
             if fluid.domain.gdim == 3:
                 courant = shorter_if_it_changes_more(courant, rounds)
@@ -305,9 +303,29 @@ def solve_together(
 
 
 def shorter_if_it_changes_more(courant: float, rounds: Sequence[Round]) -> float:
-    """The Courant number wanted, or half of the last one where the flow changed by more, and not by little."""
+    """The Courant number wanted; where the flow changed by more than before, and not by little, that of a sweep."""
+    before, last = _changes(rounds)
+    return courant if last <= max(before, LITTLE) else min(SWEEPING, courant)
+
+
+def spread_if_it_lingers(rounds: Sequence[Round]) -> float:
+    """The spread of the loads of a flow that may be taken though it still changes; infinite: it may not.
+
+    Not while its changes fall, or where the last one was large.
+    """
+    before, last = _changes(rounds)
+    if last < FALLING * before or last > TOO_LARGE[3][1]:
+        return math.inf
+    spread, closely = spread_of(rounds), spread_of(rounds, BRIEFLY, NEAR)
+    if spread <= NEARLY:
+        return spread
+    return closely if closely <= CLOSELY else math.inf
+
+
+def _changes(rounds: Sequence[Round]) -> tuple[float, float]:
+    """By how much the flow changed in the last but one and in the last round; infinite where there was none."""
     before, last = (math.inf, *(one.of_flow for one in rounds))[-2:]
-    return courant if last <= max(before, LITTLE) else max(0.5 * rounds[-1].step, min(SWEEPING, courant))
+    return before, last
 
 
 def spread_of(rounds: Sequence[Round], count: int = LINGERING, courant: float = SWEEPING) -> float:
