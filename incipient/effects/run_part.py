@@ -119,16 +119,8 @@ class RunPart:
         """Whether the steady flow is to be found from that on a coarser mesh, see `start_from`."""
         return False
 
-    @property
-    def slower_first(self) -> float:
-        """The part of the Reynolds number with which a flow, on a mesh of its own, is found first; 1: none is."""
-        return 1.0
-
-    def lead(self) -> None:
-        """Let the steady flow be found as well as a start for another one needs."""
-
-    def start_from(self, other: Self) -> None:
-        """Let the flow and the part's unknowns be those of a steady flow on another mesh, or of a slower one."""
+    def start_from(self, coarser: Self) -> None:
+        """Let the flow and the part's unknowns be those of a steady flow of the scene on another mesh."""
 
     def start(self, steady: Self) -> None:
         """Begin from the part of a steady flow on the mesh."""

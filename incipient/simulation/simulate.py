@@ -27,7 +27,7 @@ from .build import prepared
 from .loads import loads
 from .recorder import Recorder, record_fields
 from .state import Accounts, Run
-from .steady import are_led_to, loads_at, solve_from, solve_with_parts
+from .steady import loads_at, solve_from, solve_with_parts
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
@@ -98,7 +98,7 @@ def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
 def loads_from(known: Run, sought: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     """Loads in a scene as `loads_of`, from the flow of a run if that differs by its cells alone. Collective."""
     alike = known.scene.model_copy(update={"numerics": sought.numerics}) == sought
-    if speed == 1.0 and alike and known.probe is not None and are_led_to(known.parts):
+    if speed == 1.0 and alike and known.probe is not None and any(part.coarser_first for part in known.parts):
         with suppress(ConvergenceError), prepared(sought, comm) as run:
             solve_from(run, known)
             return _loads_in(run, *loads(run, surface=False))

@@ -14,7 +14,6 @@ from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
 from ..results.loads import Couples, Forces
-from ..scene import Scene
 from .build import prepared, probe_of
 from .loads import loads
 from .state import Run
@@ -52,7 +51,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
 
 def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
     """Find the steady flow of a fluid with the parts that it depends on. Collective; raises ConvergenceError."""
-    onwards = _started_from_another(run, parts)
+    onwards = any(part.coarser_first for part in parts) and _started_from_coarser(run, parts)
     if not any(part.solve(run, onwards=onwards) for part in parts):
         solve_steadily(run, fluid)
 
@@ -69,37 +68,19 @@ def solve_from(run: Run, known: Run) -> None:
         part.solve(run, onwards=True)
 
 
-def are_led_to(parts: Sequence[RunPart]) -> bool:
-    """Whether the steady flow of some of the parts is found from another one."""
-    return any(part.coarser_first or part.slower_first < 1.0 for part in parts)
-
-
-def _started_from_another(run: Run, parts: Sequence[RunPart]) -> bool:
-    """Start from a slower flow, or from that on a coarser mesh, if there is one. Collective."""
-    if (scene := _easier(run, parts)) is None:
+def _started_from_coarser(run: Run, parts: Sequence[RunPart]) -> bool:
+    """Start from the flow on a coarser mesh, if there is one. Collective."""
+    numerics = run.scene.numerics
+    if (size := COARSER * numerics.mesh_size) > COARSEST:
         return False
-    with suppress(ConvergenceError), prepared(scene, run.comm, run.accounts) as before:
-        for part in before.parts:
-            part.lead()
+    coarse = numerics.model_copy(update={"mesh_size": size, "tolerance": OF_START})
+    steady = run.scene.model_copy(update={"numerics": coarse, "time": None})
+    with suppress(ConvergenceError), prepared(steady, run.comm, run.accounts) as before:
         solve_with_parts(before, before.fluid, before.parts)
         for part, other in zip(parts, before.parts, strict=True):
             part.start_from(other)
         return True
     return False
-
-
-def _easier(run: Run, parts: Sequence[RunPart]) -> Scene | None:
-    """The scene whose steady flow is found first, on a mesh of its own; None: that of the run's scene is."""
-    fluid, numerics = run.scene.fluid, run.scene.numerics
-    slower = min((part.slower_first for part in parts), default=1.0)
-    if slower < 1.0:
-        fluid = fluid.model_copy(update={"reynolds": slower * fluid.reynolds})
-    elif any(part.coarser_first for part in parts) and COARSER * numerics.mesh_size <= COARSEST:
-        coarser = {"mesh_size": COARSER * numerics.mesh_size, "tolerance": OF_START}
-        numerics = numerics.model_copy(update=coarser)
-    else:
-        return None
-    return run.scene.model_copy(update={"fluid": fluid, "numerics": numerics, "time": None})
 
 
 def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:

@@ -59,28 +59,6 @@ def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
 
 
 @pytest.mark.slow
-def test_slower_flows_on_meshes_of_their_own_lead_to_the_same_flow(monkeypatch):
-    """u* d/nu = 22, found at once, and from a flow at 11 on its mesh, which ends as soon as it is a start."""
-    from mpi4py import MPI
-
-    from incipient.effects.turbulence import k_omega_flow
-    from incipient.simulation.build import prepared
-    from incipient.simulation.loads import loads
-    from incipient.simulation.steady import are_led_to, solve_with_parts
-
-    def found(led):
-        monkeypatch.setattr(k_omega_flow, "FOUND_AT_ONCE", 11.0 if led else 100.0)
-        with prepared(sand(1500.0, 2.2), MPI.COMM_SELF) as run:
-            assert are_led_to(run.parts) == led
-            solve_with_parts(run, run.fluid, run.parts)
-            force, couple = loads(run, surface=False)
-            return np.concatenate([force.flow, couple.flow])
-
-    alone = found(False)
-    assert found(True) == pytest.approx(alone, abs=1e-3 * np.linalg.norm(alone))
-
-
-@pytest.mark.slow
 def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
     """u* d/nu = 22, on cells 1.4 times as large as those of a mesh that is compared with."""
     scene = sand(1500.0, 1.1 * 2**0.5)

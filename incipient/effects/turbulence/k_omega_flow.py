@@ -44,7 +44,6 @@ class KOmegaFlow(TurbulentFlow):
 
     fields: KOmegaSST
     _started = False  # from a flow on another mesh, in space also from a slower or faster one
-    _leads = False  # to another flow, for which it need not be found well
     _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
@@ -114,29 +113,13 @@ class KOmegaFlow(TurbulentFlow):
                 solve_together(self._fluid, self.fields, self._tolerance, nearly=True)
         return super().solve(run, factor, onwards or bool(slower))
 
-    @property
-    def slower_first(self) -> float:
-        """In space beyond u* d/nu = 100 past forms and grains, by as many equal factors as lead there from it."""
-        if self._scene.gdim == 2 or self._walls.plane:
-            return 1.0
-        number, apart = self._way_to(1.0)
-        return math.exp(-apart / number) if number else 1.0
-
-    def lead(self) -> None:
-        """Let the steady flow in space be found as well as a start for another one needs."""
-        self._leads = self._scene.gdim == 3
-
     def _slower(self, factor: float) -> tuple[float, ...]:
         """Factors of flows that lead to the scene's times a factor, ascending, without it."""
-        number, apart = self._way_to(factor)
-        return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
-
-    def _way_to(self, factor: float) -> tuple[int, float]:
-        """How many slower flows lead to the scene's times a factor, and the logarithm of their range."""
         geometry, walls = self._of_run.geometry, self._of_run.faster(factor).resolved_walls
         size = geometry.bed.feature if geometry.grain is None else geometry.grain.size
         apart = math.log(max(size / walls.unit / FOUND_AT_ONCE, 1.0))
-        return math.ceil(apart / math.log(FASTER) - SLIGHTLY), apart
+        number = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
+        return tuple(factor * math.exp(-apart * (1.0 - i / number)) for i in range(number))
 
     def _steady(
         self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
@@ -155,7 +138,7 @@ class KOmegaFlow(TurbulentFlow):
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
             rounds += solve_together(
-                self._fluid, self.fields, self._tolerance, watch, first, self._leads, gently, loads
+                self._fluid, self.fields, self._tolerance, watch, first, gently=gently, loads=loads
             )
             self._spread = rounds[-1].spread
             return rounds
@@ -183,15 +166,15 @@ class KOmegaFlow(TurbulentFlow):
             return False
         return bool(grain.size > COARSER_BEYOND * self._walls.unit)
 
-    def start_from(self, other: RunPart) -> None:
-        """Let velocity and turbulence be those of a steady flow on another mesh, or of a slower one."""
-        assert isinstance(other, KOmegaFlow)
-        mine, theirs, mesh = self._fluid, other._fluid, other.fields.domain.mesh
+    def start_from(self, coarser: RunPart) -> None:
+        """Let velocity and turbulence be those of a steady flow on another mesh."""
+        assert isinstance(coarser, KOmegaFlow)
+        mine, theirs, mesh = self._fluid, coarser._fluid, coarser.fields.domain.mesh
         places = mine.space.velocity.tabulate_dof_coordinates()
         found = Transfer(mesh, places).values(theirs.velocity)
         mine.state.x.array[mine.space.velocity_map] = found.ravel()
         places = self.fields.space.tabulate_dof_coordinates()
-        self.fields.state.x.array[:] = Transfer(mesh, places).values(other.fields.state).ravel()
+        self.fields.state.x.array[:] = Transfer(mesh, places).values(coarser.fields.state).ravel()
         self._started = True
 
     def _loads(self, run: Solving) -> Callable[[], Floats] | None:
