@@ -38,8 +38,8 @@ PROJECTION = 1e-2  # Courant number of a step that does little but make the star
 # beyond which it is half as long; by dimension. With half of these bounds a disc at u* d/nu = 102 takes more steps,
 # with twice them its wake is lost (tests/end_to_end/test_resolved_channels.py, slow). In space logarithms are judged
 # by their root mean square. Where steps double for logarithms up to 0.6 and the flow up to 0.05, not 0.3 and 0.03, a
-# sphere on a level bed at u* d/nu = 86 takes 15 of them, not 19, a grain of a random bed at 100 15, not 21. With the
-# bounds of the plane one at 30 had no steady flow in 20 steps (before peaks of ln k were bounded).
+# sphere on a level bed at u* d/nu = 86 takes 15 of them, not 19. With the bounds of the plane one among others at 30
+# had no steady flow in 20 steps (before peaks of ln k were bounded).
 LONGER = {
     2: ((6.0, 0.1, 0.01), (2.0, 1.0, 0.06), (1.3, 4.0, 0.1)),
     3: ((1e3, 0.02, 2e-3), (6.0, 0.05, 3e-3), (2.0, 0.6, 0.05), (1.3, 0.7, 0.08)),
