@@ -230,31 +230,52 @@ def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
 
 
 def test_long_steps_become_sweeps_where_the_flow_changes_more_and_more():
-    """None is longer than sixteen cells then; small changes count for none."""
+    """Sixteen cells at most then, eight in a fast flow where it changes at all; small changes count for none."""
     from incipient.effects.turbulence.iteration import Round
-    from incipient.effects.turbulence.pseudo_time import LITTLE, SWEEPING, shorter_if_it_changes_more
+    from incipient.effects.turbulence.pseudo_time import (
+        LITTLE,
+        SWEEPING,
+        SWEEPING_FAST,
+        swept_where_it_changes_more,
+    )
 
-    def after(courant, *changes):
+    def after(courant, *changes, fast=False):
         rounds = [Round(i, courant, change, 0.1) for i, change in enumerate(changes)]
-        return shorter_if_it_changes_more(2.0 * courant, rounds)
+        return swept_where_it_changes_more(2.0 * courant, rounds, fast)
 
     assert after(100.0, 0.01) == after(100.0, 0.02, 0.01) == 200.0
-    assert after(100.0, 0.01, 0.02) == SWEEPING
-    assert after(2.0, 0.01, 0.02) == 4.0
-    assert after(100.0, 0.1 * LITTLE, 0.9 * LITTLE) == 200.0
+    assert after(100.0, 0.01, 0.02) == SWEEPING > after(100.0, 0.02, 0.01, fast=True) == SWEEPING_FAST
+    assert after(2.0, 0.01, 0.02) == after(2.0, 0.01, 0.02, fast=True) == 4.0
+    assert after(100.0, 0.1 * LITTLE, 0.9 * LITTLE) == after(100.0, 0.02, 0.9 * LITTLE, fast=True) == 200.0
 
 
 def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
-    """Ten rounds with the same loads, the last two changes as given: falling, lingering and large ones."""
+    """Ten rounds with the same loads and the last changes as given: falling at once or slowly, lingering, large."""
     from incipient.effects.turbulence.iteration import Round
     from incipient.effects.turbulence.pseudo_time import LINGERING, SWEEPING, spread_if_it_lingers
 
     def spread(*changes):
-        sizes = [*[0.01] * (LINGERING - 2), *changes]
+        sizes = [*[0.01] * (LINGERING - len(changes)), *changes]
         return spread_if_it_lingers([Round(i, SWEEPING, one, 0.1, (1.0, 0.0)) for i, one in enumerate(sizes)])
 
     assert spread(0.01, 0.01) == spread(0.01, 0.02) == 0.0
     assert spread(0.01, 0.004) == spread(0.01, 0.12) == np.inf
+    assert spread(0.009, 0.008, 0.007, 0.006, 0.0055) == 0.0
+    assert spread(0.009, 0.008, 0.007, 0.006, 0.0045) == np.inf
+
+
+@pytest.mark.parametrize(("number", "expected"), [(120.0, 0), (138.0, 3), (300.0, 4), (1000.0, 7)])
+def test_fast_flows_in_space_are_found_from_slower_ones(number, expected):
+    """From u* d/nu = 40 on, each faster by the same factor, up to the flow itself; none for those found at once."""
+    from incipient.effects.turbulence.k_omega_flow import slower_flows
+
+    found = slower_flows(number)
+    assert len(found) == expected
+    if found:
+        assert found[0] == pytest.approx(40.0)
+        factors = np.diff(np.log([*found, number]))
+        assert factors == pytest.approx(factors[0])
+        assert 1.4 < np.exp(factors[0]) < 2.0
 
 
 def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():

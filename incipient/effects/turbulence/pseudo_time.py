@@ -64,10 +64,12 @@ SPREAD, LARGEST_SEEN = 5.0, 10.0
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
 # they then differ by is told: past a sphere in its pocket at u* d/nu = 138 2% (docs/turbulence.md).
 # Where all steps are long fewer tell as much of smaller changes.
-LINGERING, SWEEPING, NEARLY = 10, 16.0, 0.03
+LINGERING, SWEEPING, SWEEPING_FAST, NEARLY = 10, 16.0, 8.0, 0.03
 BRIEFLY, CLOSELY = 4, 2e-3
-# Correction of the flow beyond which, in space, it has to fall for steps to be longer than sweeps of sixteen cells:
-# in a wake that changes for ever longer ones change it more and more. And the factor by which it falls while it does.
+# Correction of the flow beyond which steps in space are sweeps of sixteen cells at most where it grew, of eight where
+# the flow is fast; and the factor by which it falls while it does. In a wake that changes for ever longer ones change
+# it more and more. Past one grain of a random bed at u* d/nu = 300 it grew in steps of 16 to 83 cells, until there was
+# no flow, and fell in each of eight; from 0.002 on in steps of 20 and 40, too. At 86 eight mean 19 steps, not 15.
 LITTLE, FALLING = 3e-3, 0.5
 NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
@@ -235,13 +237,14 @@ def solve_together(
     nearly: bool = False,
     gently: bool = False,
     loads: Callable[[], Floats] | None = None,
+    fast: bool = False,
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
 
     `first` is the Courant number of the first step; `nearly`: it is to be a start for another flow only. `gently`: the
     start has divergence, and no velocity changes much in a step, since the flow has to separate from a smooth wall.
     `loads` are those on the grain, all in units of a force: a flow that still changes is taken where these hardly do,
-    and the last round has their spread.
+    and the last round has their spread. `fast`: steps in space are sweeps of eight cells while the flow changes much.
 
     Raises:
         ConvergenceError: there is none that could be found.
@@ -290,25 +293,27 @@ def solve_together(
             if begun or (found and courant >= NEWTON):
                 turbulence.look()
                 return tuple(rounds)
-            if (spread := spread_if_it_lingers(rounds)) < math.inf:
+            if (spread := spread_if_it_lingers(rounds, fast)) < math.inf:
                 turbulence.look()
                 return (*rounds[:-1], replace(rounds[-1], spread=spread))
             courant = first if gently and len(rounds) == 1 else _next(courant, *sizes, turbulence, gently)
             if fluid.domain.gdim == 3:
-                courant = shorter_if_it_changes_more(courant, rounds)
+                courant = swept_where_it_changes_more(courant, rounds, fast)
     raise ConvergenceError(
         f"{turbulence.names} are not steady after {len(rounds)} steps of pseudo-time: use a smaller "
         "numerics.mesh_size or a longer domain, or add [time]"
     )
 
 
-def shorter_if_it_changes_more(courant: float, rounds: Sequence[Round]) -> float:
-    """The Courant number wanted; where the flow changed by more than before, and not by little, that of a sweep."""
+def swept_where_it_changes_more(courant: float, rounds: Sequence[Round], fast: bool) -> float:
+    """The Courant number wanted; that of a sweep where a `fast` flow changed much, others by more than before."""
     before, last = _changes(rounds)
-    return courant if last <= max(before, LITTLE) else min(SWEEPING, courant)
+    if last <= LITTLE or not (fast or last > before):
+        return courant
+    return min(SWEEPING_FAST if fast else SWEEPING, courant)
 
 
-def spread_if_it_lingers(rounds: Sequence[Round]) -> float:
+def spread_if_it_lingers(rounds: Sequence[Round], fast: bool = False) -> float:
     """The spread of the loads of a flow that may be taken though it still changes; infinite: it may not.
 
     Not while its changes fall, or where the last one was large.
@@ -316,9 +321,10 @@ def spread_if_it_lingers(rounds: Sequence[Round]) -> float:
     before, last = _changes(rounds)
     if last < FALLING * before or last > TOO_LARGE[3][1]:
         return math.inf
-    spread, closely = spread_of(rounds), spread_of(rounds, BRIEFLY, NEAR)
-    if spread <= NEARLY:
+    spread = spread_of(rounds, LINGERING, SWEEPING_FAST if fast else SWEEPING)
+    if spread <= NEARLY and last >= FALLING * rounds[-LINGERING].of_flow:
         return spread
+    closely = spread_of(rounds, BRIEFLY, NEAR)
     return closely if closely <= CLOSELY else math.inf
 
 
