@@ -121,7 +121,9 @@ class KOmegaFlow(TurbulentFlow):
             if not number:
                 self.enter(self._fluid)
             with run.stage("flow"), self._timed():
-                solve_together(self._fluid, self.fields, self._tolerance, nearly=True)
+                solve_together(
+                    self._fluid, self.fields, self._tolerance, nearly=True, fast=True, onwards=number > 0
+                )
         return super().solve(run, factor, onwards or bool(slower))
 
     def _slower(self, factor: float) -> tuple[float, ...]:
@@ -151,10 +153,9 @@ class KOmegaFlow(TurbulentFlow):
         with self._timed():
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
-            fast = self._scene.gdim == 3 and self._size > FOUND_AT_ONCE * self._walls.unit
-            rounds += solve_together(
-                self._fluid, self.fields, self._tolerance, watch, first, gently=gently, loads=loads, fast=fast
-            )
+            fast = self._scene.gdim == 3 and bool(slower_flows(self._size / self._walls.unit))
+            arguments = (self._fluid, self.fields, self._tolerance, watch, first)
+            rounds += solve_together(*arguments, gently=gently, loads=loads, fast=fast, onwards=fast)
             self._spread = rounds[-1].spread
             return rounds
 
