@@ -264,18 +264,18 @@ def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
     assert spread(0.009, 0.008, 0.007, 0.006, 0.0045) == np.inf
 
 
-@pytest.mark.parametrize(("number", "expected"), [(120.0, 0), (138.0, 3), (300.0, 4), (1000.0, 7)])
+@pytest.mark.parametrize(("number", "expected"), [(120.0, 0), (138.0, 1), (300.0, 4), (1000.0, 7)])
 def test_fast_flows_in_space_are_found_from_slower_ones(number, expected):
-    """From u* d/nu = 40 on, each faster by the same factor, up to the flow itself; none for those found at once."""
+    """From u* d/nu = 40 on, or 100 up to 200, each faster by the same factor; none for those found at once."""
     from incipient.effects.turbulence.k_omega_flow import slower_flows
 
     found = slower_flows(number)
     assert len(found) == expected
     if found:
-        assert found[0] == pytest.approx(40.0)
+        assert found[0] == pytest.approx(40.0 if number > 200.0 else 100.0)
         factors = np.diff(np.log([*found, number]))
         assert factors == pytest.approx(factors[0])
-        assert 1.4 < np.exp(factors[0]) < 2.0
+        assert np.exp(factors[0]) < 2.0
 
 
 def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():

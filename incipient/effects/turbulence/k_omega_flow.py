@@ -29,10 +29,13 @@ from .pseudo_time import FIRST, NEAR, solve_together
 from .together_in_time import FINEST, InTimeTogether
 
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
-# u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, the first of which has the
-# second number, each faster by a factor, and of a factor what is not worth a slower flow. Past one grain of a random
-# bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after seven), that at 40 found.
-FOUND_AT_ONCE, SLOWEST, FASTER, SLIGHTLY = 100.0, 40.0, 1.6, 0.5
+# u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
+# and of a factor what is not worth a slower flow.
+FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
+# u* d/nu from which on a flow in space needs care (`fast` in `solve_together`), and of the first one that leads to it.
+# Past one grain of a random bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after
+# seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 182.
+FAST, SLOWEST = 200.0, 40.0
 # k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
 # u* d/nu beyond which a flow in the plane is found from that on a coarser mesh: that of slower ones is found by turns.
@@ -45,9 +48,10 @@ def slower_flows(number: float) -> tuple[float, ...]:
     """u* d/nu of the flows in space that lead to one with this u* d/nu, ascending; none where it is found at once."""
     if number <= FOUND_AT_ONCE * FASTER**SLIGHTLY:
         return ()
-    apart = math.log(number / SLOWEST)
+    slowest = SLOWEST if number > FAST else FOUND_AT_ONCE
+    apart = math.log(number / slowest)
     count = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
-    return tuple(SLOWEST * math.exp(apart * i / count) for i in range(count))
+    return tuple(slowest * math.exp(apart * i / count) for i in range(count))
 
 
 class KOmegaFlow(TurbulentFlow):
@@ -115,27 +119,26 @@ class KOmegaFlow(TurbulentFlow):
         """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones."""
         if self._scene.gdim == 3:
             self._started = onwards
-        slower = () if onwards or self._walls.plane or self._scene.gdim == 2 else self._slower(factor)
-        for number, one in enumerate(slower):
-            self._take(self._fluid, one)
-            if not number:
+            onwards = onwards or (not self._walls.plane and self._led_to(run, factor))
+        return super().solve(run, factor, onwards)
+
+    def _led_to(self, run: Solving, factor: float) -> bool:
+        """Find the slower flows that lead to the scene's times a factor, each from the one before; whether any does."""
+        own = self._number(self._of_run.faster(factor).resolved_walls)
+        slower, how = slower_flows(own), (self._fluid, self.fields, self._tolerance)
+        for place, number in enumerate(slower):
+            self._take(self._fluid, factor * number / own)
+            if not place:
                 self.enter(self._fluid)
             with run.stage("flow"), self._timed():
-                solve_together(
-                    self._fluid, self.fields, self._tolerance, nearly=True, fast=True, onwards=number > 0
-                )
-        return super().solve(run, factor, onwards or bool(slower))
+                solve_together(*how, nearly=True, fast=own > FAST, onwards=place > 0)
+        return bool(slower)
 
-    def _slower(self, factor: float) -> tuple[float, ...]:
-        """Factors of flows that lead to the scene's times a factor, ascending, without it."""
-        number = self._size / self._of_run.faster(factor).resolved_walls.unit
-        return tuple(factor * one / number for one in slower_flows(number))
-
-    @property
-    def _size(self) -> float:
-        """That of the grain, or else of the bed's forms."""
+    def _number(self, walls: ResolvedWalls) -> float:
+        """u* d/nu of the flow along these walls, d the size of the grain, or else of the bed's forms."""
         geometry = self._of_run.geometry
-        return float(geometry.bed.feature if geometry.grain is None else geometry.grain.size)
+        size = geometry.bed.feature if geometry.grain is None else geometry.grain.size
+        return float(size / walls.unit)
 
     def _steady(
         self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
@@ -153,9 +156,9 @@ class KOmegaFlow(TurbulentFlow):
         with self._timed():
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
-            fast = self._scene.gdim == 3 and bool(slower_flows(self._size / self._walls.unit))
-            arguments = (self._fluid, self.fields, self._tolerance, watch, first)
-            rounds += solve_together(*arguments, gently=gently, loads=loads, fast=fast, onwards=fast)
+            fast = self._scene.gdim == 3 and self._number(self._walls) > FAST
+            how = (self._fluid, self.fields, self._tolerance, watch, first)
+            rounds += solve_together(*how, gently=gently, loads=loads, fast=fast, onwards=fast)
             self._spread = rounds[-1].spread
             return rounds
 

@@ -77,7 +77,9 @@ LITTLE, FALLING = 3e-3, 0.5
 # velocity over the largest speed. Cells at nodes that would change by more take shorter steps than others, in
 # proportion, by this factor at most, which then shrinks from step to step.
 MOST_AT_NODES, BEGINNING, MOST_SLOWED, RELAXED = (0.5, 0.05), 3, 1000.0, 0.8
-BURST = 0.3  # change of a velocity at a node, over the largest speed, with which such a step is repeated
+BURST = (
+    0.3  # change of a velocity at a node, over the largest speed, with which such a step is repeated, shorter
+)
 NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
 
@@ -204,6 +206,12 @@ class CoupledFlow:
         of_cells = [values[compat.cell_dofs(space)].max(axis=1) for space, values in asked]
         slowed[:] = np.clip(np.maximum(*of_cells), np.maximum(RELAXED * slowed, 1.0), MOST_SLOWED)
 
+    @property
+    def most_slowed(self) -> float:
+        """The factor by which the step of a cell is shorter than asked for, at the most. Collective."""
+        mine = 1.0 if self._fluid.domain.gdim == 2 else float(self._slowed.x.array.max(initial=1.0))
+        return float(self._fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+
     def next_correction(self, fresh: bool, **way: bool) -> tuple[Floats, Floats]:
         """The changes (owned unknowns,) of both by the residual as it is, and a `fresh` derivative or that before.
 
@@ -288,13 +296,9 @@ def solve_together(
     with CoupledFlow(fluid, turbulence) as system:
         for number in range(1, MOST_STEPS[fluid.domain.gdim] + 1):
             of_flow, of_logarithms = system.correction(courant)
-            change = np.zeros_like(fluid.state.x.array)
-            change[: len(of_flow)] = of_flow
             most = of_most(fluid.domain, of_logarithms, turbulence.weights())
-            sizes = _usual(fluid.domain, of_logarithms, turbulence.weights()), relative_change(fluid, change)
-            of_whole = sizes[1]
-            if gently:
-                sizes = sizes[0], _largest_change(fluid, of_flow)
+            usual, of_whole = _usual(fluid.domain, of_logarithms, most), _relative(fluid, of_flow)
+            sizes = usual, _largest_change(fluid, of_flow) if gently else of_whole
             wary = turbulence.stretched and (bool(rounds) or not gently)
             harmful = wary and any(a > b for a, b in zip(sizes, harmed, strict=True))
             too_large = sizes[1] > (FAILED if rounds else FAILED_AT_FIRST)
@@ -304,30 +308,24 @@ def solve_together(
             calmly = fast and (onwards or len(rounds) >= BEGINNING)
             if fast and np.isfinite(sum(sizes)):
                 system.slow_down(of_flow, of_logarithms)
-                if calmly and _largest_change(fluid, of_flow) > BURST:
-                    continue
-            if not np.isfinite(sum(sizes)) or too_large or harmful:
+            burst = calmly and _largest_change(fluid, of_flow) > BURST
+            if not np.isfinite(sum(sizes)) or too_large or harmful or burst:
                 courant *= CUT
                 if courant < LEAST:
                     break
                 continue
             largest = MOST_AT_NODES[0] if fast else LARGEST_CORRECTION
-            bounded = np.clip(of_logarithms, -largest, largest)
-            if fluid.domain.gdim == 3:
-                bound(fluid, of_flow, MOST_AT_NODES[1] if calmly else LARGEST_CHANGE)
-            for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
-                state.x.array[: len(values)] += values
-                state.x.scatter_forward()
+            _carry_out(fluid, turbulence, of_flow, np.clip(of_logarithms, -largest, largest), calmly)
             if loads is not None:
                 turbulence.look()
             found_loads = () if loads is None else tuple(map(float, loads()))
-            rounds.append(Round(number, courant, sizes[1], sizes[0], found_loads))
+            rounds.append(Round(number, courant, sizes[1], usual, found_loads))
             watch(rounds[-1])
             enough = OF_STRETCHED if turbulence.stretched else ENOUGH[fluid.domain.gdim]
-            left = (most if turbulence.stretched else sizes[0], of_whole)
+            left = (most if turbulence.stretched else usual, of_whole)
             found = all(a <= b * tolerance for a, b in zip(left, enough, strict=True))
             begun = nearly and all(a <= b for a, b in zip(sizes, BEGUN, strict=True))
-            if begun or (found and courant >= NEWTON):
+            if begun or (found and courant >= NEWTON * system.most_slowed):
                 turbulence.look()
                 return tuple(rounds)
             if (spread := spread_if_it_lingers(rounds, fast)) < math.inf:
@@ -340,6 +338,24 @@ def solve_together(
         f"{turbulence.names} are not steady after {len(rounds)} steps of pseudo-time: use a smaller "
         "numerics.mesh_size or a longer domain, or add [time]"
     )
+
+
+def _carry_out(
+    fluid: Fluid, turbulence: TurbulenceFields, of_flow: Floats, of_logarithms: Floats, calmly: bool
+) -> None:
+    """Add corrections (owned unknowns,) to both states, in space velocities bounded, `calmly` by less. Collective."""
+    if fluid.domain.gdim == 3:
+        bound(fluid, of_flow, MOST_AT_NODES[1] if calmly else LARGEST_CHANGE)
+    for state, values in ((fluid.state, of_flow), (turbulence.state, of_logarithms)):
+        state.x.array[: len(values)] += values
+        state.x.scatter_forward()
+
+
+def _relative(fluid: Fluid, of_flow: Floats) -> float:
+    """The size of a correction (owned unknowns,) of the flow, relative to the flow's. Collective."""
+    change = np.zeros_like(fluid.state.x.array)
+    change[: len(of_flow)] = of_flow
+    return relative_change(fluid, change)
 
 
 def swept_where_it_changes_more(courant: float, rounds: Sequence[Round], fast: bool) -> float:
@@ -383,14 +399,14 @@ def spread_of(rounds: Sequence[Round], count: int = LINGERING, courant: float = 
     return float(np.linalg.norm(values - values[-1], axis=1).max() / np.linalg.norm(values[-1]))
 
 
-def _usual(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
-    """The size of a correction that decides on steps: the largest; in space that of nearly all nodes. Collective.
+def _usual(domain: Domain, of_logarithms: Floats, most: float) -> float:
+    """The size of a correction that decides on steps: the largest; in space that of `most` nodes. Collective.
 
     In space a few nodes in cells of bad shape are slow, where the others are not, and so is ln k in the crevices of a
-    bed, where it has no weight (owned nodes,). Corrections are bounded.
+    bed, where it has no weight. Corrections are bounded.
     """
     if domain.gdim == 3:
-        return of_most(domain, of_logarithms, weights)
+        return most
     sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
     return float(domain.comm.allreduce(sizes.max(initial=0.0), op=MPI.MAX))
 
