@@ -72,7 +72,7 @@ BRIEFLY, CLOSELY = 4, 2e-3
 # no flow, and fell in each of eight; from 0.002 on in steps of 20 and 40, too. At 86 eight mean 19 steps, not 15.
 LITTLE, FALLING = 3e-3, 0.5
 # Past grains of a random bed at u* d/nu = 300 k and velocity at single nodes in clefts, and next to spheres that are
-# three cells across, went to and fro, velocities by twice V, and took the flow with them, however short the steps. In a
+# three cells across, went to and fro, velocities by four times V, and took the flow with them. In a
 # fast flow in space no node therefore changes by more than this in a step: a logarithm, and, after so many steps, a
 # velocity over the largest speed. Cells at nodes that would change by more take shorter steps than others, in
 # proportion, by this factor at most, which then shrinks from step to step.
