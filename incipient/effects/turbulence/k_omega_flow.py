@@ -34,7 +34,7 @@ LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for eve
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
 # u* d/nu from which on a flow in space needs care (`fast` in `solve_together`), and of the first one that leads to it.
 # Past one grain of a random bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after
-# seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 182.
+# seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 239.
 FAST, SLOWEST = 200.0, 40.0
 # k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
