@@ -65,7 +65,7 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart,
 def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
     """Without mass, by six modes; GMRES leaves of each step no more than its tolerance."""
     found = []
-    for solver in ("direct", "block"):
+    for solver in ("direct", "block", "compressed"):
         model = FlowModel(unsteady=True, moving_mesh=True, solver=solver)
         conditions = [Prescribed("outer", shear), Carried("body")]
         with Fluid(ball_in_box(0.5), model, conditions, 20.0) as fluid:
@@ -74,7 +74,8 @@ def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
             corrected = [transient.advance(0.1).report.corrected for _ in range(3)]
             assert max(corrected) <= 4
             found.append(part.state.velocities * [1, 1, 1, RADIUS, RADIUS, RADIUS])
-    assert np.abs(found[1] - found[0]).max() < 1e-6 * np.abs(found[0]).max()
+    for one in found[1:]:
+        assert np.abs(one - found[0]).max() < 1e-6 * np.abs(found[0]).max()
 
 
 def test_a_mesh_that_folds_stops_the_run_by_name() -> None:

@@ -97,10 +97,13 @@ class TurbulenceEffect(Effect):
         return Decision(self.name, False, reason, off)
 
     def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """In space: LU factorisation in time with wall functions, and with upwinding on few cells."""
+        """In space: LU factorisation in time with wall functions, else approximate; and on few cells with upwinding."""
         if setup.scene.gdim == 3 and unsteady and setup.has_wall_layer:
             why = "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
             return Method("direct", why)
+        if setup.scene.gdim == 3 and unsteady and setup.resolves_walls and not setup.resolved_walls.plane:
+            why = "by blocks thin cells at walls need many iterations; what is far apart is left out, to 1%"
+            return Method("compressed", why)
         if upwinds(setup):
             return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
         return None

@@ -80,7 +80,8 @@ class TurbulentFlow(RunPart):
     def within(self, model: FlowModel) -> FlowModel:
         """The model of the flow with the eddy viscosity; on few cells with the direct solver in place of blocks."""
         fields, cells = self.fields, self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global
-        solver = "direct" if model.solver == "block" and cells <= FEW_CELLS else model.solver
+        iterates = model.solver in ("block", "compressed")
+        solver = "direct" if iterates and cells <= FEW_CELLS else model.solver
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver=solver, **eddies)
 

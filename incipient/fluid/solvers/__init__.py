@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from .block import Block, Triangle, UnsolvedError
+from .compressed import Compressed
 from .direct import Direct
 from .equations import Equations
 from .statistics import LinearStatistics
@@ -65,4 +66,4 @@ class LinearSolver(Protocol):
         ...
 
 
-SOLVERS: Mapping[str, type[LinearSolver]] = {"direct": Direct, "block": Block}
+SOLVERS: Mapping[str, type[LinearSolver]] = {"direct": Direct, "block": Block, "compressed": Compressed}
