@@ -33,6 +33,8 @@ LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
 # Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
 CONTRACTION, SAME_RATE = 0.3, 0.3
 HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
+# Largest of usual corrections over their root mean square, and what is seen of one.
+SPREAD, LARGEST_SEEN = 5.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -268,11 +270,29 @@ class TurbulenceFields(ABC):
         except ConvergenceError:  # a matrix that is singular, or not finite
             return float("inf")
         values = self._correction.array_r
-        size = self.largest(values)
-        part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
-        self.state.x.array[: len(values)] -= part * values
+        size, bounded = self.bounded(values)
+        self.state.x.array[: len(values)] -= bounded
         self.state.x.scatter_forward()
         return size
+
+    def bounded(self, values: np.ndarray) -> tuple[float, np.ndarray]:
+        """The size of a correction (owned unknowns,), and as much of it as may be made at once. Collective."""
+        size = self.largest(values)
+        part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
+        return size, part * values
+
+    def of_most(self, values: np.ndarray) -> float:
+        """The size of a correction (owned unknowns,) of nearly all nodes, by their weights. Collective."""
+        sizes = np.where(np.isfinite(values), np.abs(values), np.inf)
+        if not np.isfinite(self.domain.comm.allreduce(sizes.sum())):
+            return float("inf")
+        weights = self.weights()
+        seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
+        total, count = (
+            self.domain.comm.allreduce(float((seen**2).sum())),
+            self.domain.comm.allreduce(float((weights**2).sum())),
+        )
+        return float(SPREAD * np.sqrt(0.5 * total / count))
 
     def prepare(self) -> None:  # noqa: B027
         """Make ready for a correction, where a model has data that depend on the state."""

@@ -58,8 +58,6 @@ WARY = 2.0  # by which corrections of logarithms in stretched cells count more
 ENOUGH = {2: (1e4, 1.0), 3: (4e4, 600.0)}
 OF_STRETCHED = 2e4, 100.0  # likewise in stretched cells, by nearly all nodes
 BEGUN = 1.5, 0.015  # corrections of logarithms and flow with which a flow is a start for a faster one
-# Largest of usual corrections over their root mean square, and what is seen of one.
-SPREAD, LARGEST_SEEN = 5.0, 10.0
 # In space a wake may change for ever, at a few nodes. The flow is taken all the same when in so many steps with such a
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
 # they then differ by is told: past a sphere in its pocket at u* d/nu = 138 2% (docs/turbulence.md).
@@ -296,7 +294,7 @@ def solve_together(
     with CoupledFlow(fluid, turbulence) as system:
         for number in range(1, MOST_STEPS[fluid.domain.gdim] + 1):
             of_flow, of_logarithms = system.correction(courant)
-            most = of_most(fluid.domain, of_logarithms, turbulence.weights())
+            most = turbulence.of_most(of_logarithms)
             usual, of_whole = _usual(fluid.domain, of_logarithms, most), _relative(fluid, of_flow)
             sizes = usual, _largest_change(fluid, of_flow) if gently else of_whole
             wary = turbulence.stretched and (bool(rounds) or not gently)
@@ -409,19 +407,6 @@ def _usual(domain: Domain, of_logarithms: Floats, most: float) -> float:
         return most
     sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
     return float(domain.comm.allreduce(sizes.max(initial=0.0), op=MPI.MAX))
-
-
-def of_most(domain: Domain, of_logarithms: Floats, weights: Floats) -> float:
-    """The size of a correction of nearly all nodes, by their weights (owned nodes,). Collective."""
-    sizes = np.where(np.isfinite(of_logarithms), np.abs(of_logarithms), np.inf)
-    if not np.isfinite(domain.comm.allreduce(sizes.sum())):
-        return float("inf")
-    seen = np.repeat(weights, 2)[: len(sizes)] * np.minimum(sizes, LARGEST_SEEN)
-    total, count = (
-        domain.comm.allreduce(float((seen**2).sum())),
-        domain.comm.allreduce(float((weights**2).sum())),
-    )
-    return float(SPREAD * np.sqrt(0.5 * total / count))
 
 
 def bound(fluid: Fluid, of_flow: Floats, part: float = LARGEST_CHANGE) -> None:

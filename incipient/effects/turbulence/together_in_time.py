@@ -14,7 +14,7 @@ from ...fluid import Fluid
 from ...fluid.newton import Contraction, NewtonReport, solve_by_chords
 from .fields import LARGEST_CORRECTION, TurbulenceFields
 from .iteration import InTime, relative_change
-from .pseudo_time import CoupledFlow, bound, of_most
+from .pseudo_time import CoupledFlow, bound
 
 MOST_CORRECTIONS = 20
 # Size of corrections that is small enough also where a flow hardly changes; of the tolerance, what counts as none; and
@@ -35,7 +35,8 @@ class InTimeTogether(InTime):
     """Turbulence in time as one system with its flow, in space, where nothing moves. Every method is collective.
 
     Both take the same backward difference. The derivative is assembled, and factors of it are made, only when
-    corrections with those of an earlier step shrink too slowly.
+    corrections with those of an earlier step shrink too slowly. A step that is not found so, as the first one from
+    rest past a sphere amid the flow, is sought by turns, the flow each time for given turbulence.
 
     Args:
         finest: what the tolerance of a step is not below.
@@ -56,7 +57,16 @@ class InTimeTogether(InTime):
         self._finest = self._tolerance = finest
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
-        """Solve for the end of a step from the last state, the fluid's state included."""
+        """Solve for the end of a step from the last state, the fluid's state included; by turns if need be."""
+        report = self._together(length, order, tolerance)
+        if report.converged:
+            return report
+        self._fluid.state.x.array[:] = self._fluid.history[0].x.array
+        self.turbulence.state.x.array[:] = self.past[0]
+        return super().attempt(length, order, max(tolerance, self._finest))
+
+    def _together(self, length: float, order: int, tolerance: float) -> NewtonReport:
+        """Solve for the end of a step as one system."""
         fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         before = fluid.history[0].x.array
@@ -95,10 +105,7 @@ class InTimeTogether(InTime):
         bound(fluid, of_flow)
         change = np.zeros_like(fluid.state.x.array)
         change[: len(of_flow)] = of_flow
-        of_both = (
-            relative_change(fluid, change),
-            of_most(fluid.domain, of_logarithms, turbulence.weights()),
-        )
+        of_both = relative_change(fluid, change), turbulence.of_most(of_logarithms)
         if (size := max(of_both)) < LOST:
             part = 1.0 if size < SLOW * self._last else 0.5
             if not np.isfinite(self._last):
