@@ -61,9 +61,38 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 
 def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """Where the bed is meshed as it is; None: everywhere, also where a grain that moves may come to."""
+    """Where the bed is meshed as it is; None: everywhere, also where a grain that moves may come to.
+
+    Where walls are resolved it is about the start of such a grain on every mesh: what enters has developed over level
+    ground, and next to forms that the inflow cuts k runs away.
+    """
     geometry = setup.geometry
-    return None if geometry.moves else resolved_bed(geometry, placement, setup.base_flow.datum)
+    if geometry.moves and not setup.resolves_walls:
+        return None
+    about = geometry.placement if geometry.moves else placement
+    return resolved_bed(geometry, about, setup.base_flow.datum)
+
+
+def cut_at_inflow(setup: Setup) -> bool:
+    """Whether the inflow cuts forms of the bed, which are meshed as they are there. Not collective."""
+    geometry, placement = setup.geometry, setup.geometry.placement
+    if (
+        geometry.gdim == 2
+        or geometry.bed is None
+        or placement is None
+        or not np.isfinite(geometry.bed.feature)
+    ):
+        return False
+    meshed = _meshed(setup, placement)
+    nearest = np.array([[geometry.domain.left, placement.centre[1]]])
+    return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
+
+
+def way_on_bed(setup: Setup) -> float:
+    """How far a grain that moves may go until level ground takes the bed's place; infinite: as far as it likes."""
+    grain, placement = setup.geometry.grain, setup.geometry.placement
+    meshed = _meshed(setup, placement) if setup.geometry.moves and setup.geometry.gdim == 3 else None
+    return math.inf if meshed is None or grain is None else meshed.radius - 0.5 * float(grain.size)
 
 
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
@@ -71,35 +100,36 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     layer = thinner(setup)
     near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup, order, stance)]
     if layer < 1.0:
-        near.extend(_in_wake(setup))
+        near.extend(_in_wake(setup, setup.geometry.placement))
     if setup.has_wall_layer:
         from .wall_cells import cells
 
         near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
     layers = None
     if setup.resolves_walls:
-        near += [*_in_wake(setup), *_at_plane_walls(setup)]
+        placement = stance.placement if setup.geometry.moves else setup.geometry.placement
+        near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
         layers = setup.resolved_walls.layers(order, min(one.size for one in near if one.boundary))
     far = setup.far_cells.largest_in_space(order)
     return Sizes(far, tuple(near), gap_part=GAP_CELL[order], layers=layers)
 
 
-def _at_plane_walls(setup: Setup) -> Iterator[Near]:
+def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]:
     """Cells along walls that have no forms and are resolved, with layers between the walls and them."""
     walls, bed, grain = setup.resolved_walls, setup.geometry.bed, setup.geometry.grain
     largest, size, away = walls.largest_row, walls.largest_row, None
-    if grain is not None and setup.geometry.placement is not None:
+    if grain is not None and placement is not None:
         size = min(PLANE_CELL * grain.size, largest)
-        away = Away(point(setup.geometry.placement.centre), BED_GROWTH, largest)
+        away = Away(point(placement.centre), BED_GROWTH, largest)
     if bed is None or not np.isfinite(bed.feature):
         yield Near(size, GROWTH, boundary=walls.names[0], away=away)
     if walls.number > 1:
         yield Near(largest, GROWTH, boundary=setup.sides.top)
 
 
-def _in_wake(setup: Setup) -> list[Near]:
+def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
     """Cells behind the grain, where the base flow carries its wake."""
-    grain, placement = setup.geometry.grain, setup.geometry.placement
+    grain = setup.geometry.grain
     assert grain is not None and placement is not None
     centre = np.array(placement.centre)
     velocity = setup.base_flow.velocity(centre[:, None], 0.0)[:, 0]
@@ -134,7 +164,10 @@ def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
     largest, away = BED_LARGEST * bed.feature, None
     if stance.placement is not None:
         meshed = _meshed(setup, stance.placement)
-        level = math.inf if meshed is None else meshed.radius + meshed.passage
+        level = math.inf
+        if meshed is not None:
+            way = np.linalg.norm(np.subtract(stance.placement.centre[:2], meshed.centre))
+            level = meshed.radius + meshed.passage + float(way)
         away = Away(point(stance.placement.centre), BED_GROWTH, largest, level)
     size = min(BED_CELL[order] * bed.feature, largest)
     return [Near(size, GROWTH, boundary="bed", away=away, most=largest)]

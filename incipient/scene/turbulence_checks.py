@@ -30,10 +30,15 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         return
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
-        motion = scene.body.motion if scene.body is not None and scene.moves else ""
         kind = "flat" if scene.bed is None else scene.bed.kind
         in_space, level = scene.domain.width is not None, scene.body is None and kind == "flat"
-        yield from _of_resolved_walls(motion, level, in_space, scene.turbulence)
+        if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
+            why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
+            yield problem("turbulence.upstream_roughness", why, "leave it out")
+        if in_space and kind not in LEVEL and scene.body is not None and scene.body.motion == "released":
+            why = f'is "released", but off bed forms in space that {_NOT_TO_THE_WALL}'
+            remedy = f'use "fixed", "free" or "prescribed", a level bed, leave domain.width out, {_OTHER}'
+            yield problem("body.motion", why, remedy)
         if in_space and kind not in LEVEL and scene.turbulence is not None and scene.turbulence.roughness:
             why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
@@ -78,18 +83,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("effects.unsteadiness", why, "leave [time] out")
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
-
-
-def _of_resolved_walls(
-    motion: str, level: bool, in_space: bool, turbulence: Turbulence | None
-) -> Iterator[Problem]:
-    """What the k-omega model does not serve; `motion` is that of a grain, without which a `level` scene is."""
-    if motion and in_space:
-        remedy = f'set body.motion = "fixed", leave domain.width out, {_OTHER}'
-        yield problem("body.motion", f'"{motion}" in space {_NOT_TO_THE_WALL}', remedy)
-    if turbulence is not None and turbulence.upstream_roughness and level:
-        why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
-        yield problem("turbulence.upstream_roughness", why, "leave it out")
 
 
 def _of_resolved_walls_in_space(

@@ -171,7 +171,7 @@ def test_orders_in_space(solve: Callable[[Fluid, KOmegaSST], None]) -> None:
 def swaying(fluid: Fluid) -> Swaying:
     """The vertex amid the box goes to and fro by a tenth of the box, too slowly for upwinding."""
     made = fluid.domain.mesh.geometry.x.copy()
-    amid = np.abs(made[:, :2] - 0.5).max(axis=1) < 0.1
+    amid = np.abs(made[:, : fluid.domain.gdim] - 0.5).max(axis=1) < 0.1
 
     def places(time: float) -> np.ndarray:
         return made + np.outer(amid, [0.1 * np.sin(4 * time), 0.05 * (np.cos(5 * time) - 1), 0.0])
@@ -197,13 +197,17 @@ def test_orders_in_time(order: int, moving: bool) -> None:
     assert observed == pytest.approx(order, abs=0.1)
 
 
-def test_orders_in_time_in_space() -> None:
-    """Flow, k and omega of each step as one system."""
+@pytest.mark.parametrize("moving", [False, True], ids=["mesh at rest", "mesh that moves"])
+def test_orders_in_time_in_space(moving: bool) -> None:
+    """Flow, k and omega of each step as one system; by turns on a mesh that moves."""
     found, counts = [], [8, 16]
     for steps in counts:
-        fluid, fields = IN_SPACE.joined(unit_box(3, 2), FlowModel(unsteady=True), 2)
+        fluid, fields = IN_SPACE.joined(unit_box(3, 2), FlowModel(unsteady=True, moving_mesh=moving), 2)
         with fluid:
-            interface = fluid.holding(InTimeTogether(fluid, fields))
+            if moving:
+                interface = InTime(fluid, fields, moving=swaying(fluid))
+            else:
+                interface = fluid.holding(InTimeTogether(fluid, fields))
             transient = Transient(fluid, 2, 1e-9, interface=interface)
             for _ in range(steps):
                 assert transient.advance(END / steps).rejected == 0

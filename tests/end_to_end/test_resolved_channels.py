@@ -395,17 +395,19 @@ def test_ranks_agree(mpirun, wall):
             },
             "turbulence.wall",
         ),
-        ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
-        ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
-        ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
         (
             {
                 "domain": IN_SPACE,
-                "body": Sphere(diameter=0.2, centre=(2.0, 0.25, 0.5), motion="free", density=2.0),
-                "time": Time(step=0.1, end=1.0),
+                "body": Sphere(diameter=0.2, x=2.0, motion="released", density=2.0),
+                "bed": RidgeBed(amplitude=0.02, wavelength=0.5),
+                "contact": Contact(friction=0.5),
+                "time": Time(step=0.1, end=1.0, start="steady"),
             },
-            'body.motion: "free" in space',
+            'body.motion: is "released", but off bed forms in space',
         ),
+        ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
+        ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
+        ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
     ],
 )
 def test_what_is_not_served_is_refused_by_name(changes, told):

@@ -12,11 +12,13 @@ from scipy.spatial import cKDTree
 from ...arrays import Floats
 from ...errors import ConvergenceError
 from ...fluid import Fluid
-from ...fluid.transient import Interface
+from ...fluid.transient import Interface, TimeStep
+from ...geometry.placement import Placement
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
+from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import ResolvedWallReport
 from ..run_part import RunPart
@@ -163,11 +165,22 @@ class KOmegaFlow(TurbulentFlow):
             return rounds
 
     def around(self, interface: Interface | None) -> InTime:
-        """In space flow and turbulence of a step are solved together, in the plane by turns."""
-        if self._scene.gdim == 2:
+        """In space flow and turbulence of a step are one system; in the plane, and where a grain moves, by turns."""
+        if self._scene.gdim == 2 or interface is not None:
             return super().around(interface)
         self.in_time = self._fluid.holding(InTimeTogether(self._fluid, self.fields, self._timed, FINEST))
         return self.in_time
+
+    def check(self, step: TimeStep, placement: Placement | None) -> None:
+        """Refuse to continue where a moving grain has left the bed about its start. Raises ConvergenceError."""
+        start = self._of_run.geometry.placement
+        if placement is None or start is None:
+            return
+        if np.linalg.norm(np.subtract(placement.centre, start.centre)[:2]) > way_on_bed(self._of_run):
+            raise ConvergenceError(
+                f"at t = {step.time:.6g} the grain comes to where level ground takes the bed's place: use a larger "
+                "numerics.meshed_bed"
+            )
 
     @property
     def _remedy(self) -> str:

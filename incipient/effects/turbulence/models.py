@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 
 from ...errors import SceneError
 from ...forms.k_omega_sst import SMOOTHEST_SAND
 from ...planning.flow_setup import Setup
+from ...planning.meshing_in_space import cut_at_inflow, way_on_bed
 from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
@@ -95,6 +97,7 @@ class KOmegaModel(TurbulenceModel):
             )
         yield from _of_sand_on_forms(setup)
         yield from _of_sand_below_grain(setup)
+        yield from _of_forms_beyond(setup)
         if walls.edge is not None:
             yield (
                 "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
@@ -162,6 +165,20 @@ def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
         yield (
             f"the sand of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: what "
             "flows between them is no result of the model, for which sand is thin against all that the mesh resolves"
+        )
+
+
+def _of_forms_beyond(setup: Setup) -> Iterator[str]:
+    """That the inflow cuts forms of the bed, and how far a grain may go on a bed that is as it is about its start."""
+    if cut_at_inflow(setup):
+        yield (
+            "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "
+            "level ground: put the grain farther behind the inflow"
+        )
+    if (way := way_on_bed(setup)) < math.inf:
+        yield (
+            f"beyond the bed about the grain's start is level ground: a run ends where the grain has gone {way:.3g} "
+            "along it; numerics.meshed_bed widens it"
         )
 
 
