@@ -35,10 +35,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        if in_space and kind not in LEVEL and scene.body is not None and scene.body.motion == "released":
-            why = f'is "released", but off bed forms in space that {_NOT_TO_THE_WALL}'
-            remedy = f'use "fixed", "free" or "prescribed", a level bed, leave domain.width out, {_OTHER}'
-            yield problem("body.motion", why, remedy)
         if in_space and kind not in LEVEL and scene.turbulence is not None and scene.turbulence.roughness:
             why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")

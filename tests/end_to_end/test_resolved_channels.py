@@ -395,16 +395,6 @@ def test_ranks_agree(mpirun, wall):
             },
             "turbulence.wall",
         ),
-        (
-            {
-                "domain": IN_SPACE,
-                "body": Sphere(diameter=0.2, x=2.0, motion="released", density=2.0),
-                "bed": RidgeBed(amplitude=0.02, wavelength=0.5),
-                "contact": Contact(friction=0.5),
-                "time": Time(step=0.1, end=1.0, start="steady"),
-            },
-            'body.motion: is "released", but off bed forms in space',
-        ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
         ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
