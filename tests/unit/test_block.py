@@ -307,3 +307,11 @@ def test_from_creeping_flow_to_inertia_at_once() -> None:
         fluid.reynolds = 10.0
         (step,) = solve_steady(fluid, 1e-6, reached=1e-7)
     assert step.share == 1.0 and step.report.iterations <= 4
+
+
+def test_approximate_factors_of_a_matrix_that_is_not_finite_fail_the_step_alone() -> None:
+    """A shorter one may have a matrix: the step is refused, and no error leaves the solution."""
+    model = FlowModel(unsteady=True, solver="compressed")
+    with Fluid(unit_box(3, 2), model, channel(3), reynolds=20.0) as fluid:
+        fluid.rate[0].value = np.inf
+        assert not fluid.solve(1e-6).converged

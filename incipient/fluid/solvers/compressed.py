@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from .block import UnsolvedError
-from .direct import Direct, fits
+from .direct import NOT_FINITE, Direct, fits
 
 # Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace
 # in percent. Of 78,000 unknowns past a sphere in its pocket factors take 9.8 s in place of 31.7, an iteration more or
@@ -74,7 +75,7 @@ class CompressedFactors:
 class Compressed(Direct):
     """Solves A x = b by GMRES with approximate factors of A, or of an earlier, similar A; else as `Direct` does.
 
-    Without MUMPS they are exact. What one application leaves depends on how the matrix is parted: up to 0.9 of the
+    Without MUMPS factors are exact. What one application leaves depends on how the matrix is parted: up to 0.9 of the
     residual on two ranks, 1e-14 where no block was compressed. It is therefore never taken for a solution.
     """
 
@@ -90,3 +91,8 @@ class Compressed(Direct):
             self._solve(b, x, ROUGH, transposed=False)
         except ConvergenceError as error:
             raise UnsolvedError(str(error)) from error
+
+    def _factorise(self) -> None:
+        if not np.isfinite(self.matrix.norm()):  # as in a step that is too long
+            raise UnsolvedError(NOT_FINITE)
+        super()._factorise()
