@@ -85,7 +85,10 @@ def test_in_space_what_is_solved_by_turns_is_what_is_solved_as_one(start):
 @pytest.mark.slow
 @BOTH
 def test_a_run_with_new_meshes_goes_on_where_it_was_kept(size, tmp_path):
-    """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does."""
+    """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does.
+
+    In space steps from rest become shorter by themselves, and a run that is to end at 0.06 then takes others.
+    """
     names, body = ("x", "couple", "y_plus_max", "mesh_quality"), {}
     start, below = "rest", 0.9995
     if size:

@@ -33,6 +33,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     incipient.run(released(), directory)
     found = history(directory)
     assert {"rest", "rolling"} <= set(found["mode"]) and float(found["meshes"][-1]) > 1
+    assert (
+        len(found["time"]) == 15
+    )  # no step is repeated, as two were where the flow answered for what contacts do
     return directory
 
 

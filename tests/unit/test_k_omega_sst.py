@@ -6,6 +6,7 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
+from domains import unit_box
 from one_dimensional import k_omega_channel
 from scipy.integrate import solve_ivp
 from test_turbulence import rectangle, steady, through_time, uniform
@@ -276,6 +277,22 @@ def test_fast_flows_in_space_are_found_from_slower_ones(number, expected):
         factors = np.diff(np.log([*found, number]))
         assert factors == pytest.approx(factors[0])
         assert np.exp(factors[0]) < 2.0
+
+
+@pytest.mark.parametrize("in_layers", [False, True])
+def test_in_crevices_of_a_bed_in_space_corrections_do_not_rule_a_step(in_layers):
+    """Where eddies make 1e-6 of the viscosity a correction of ln k by ten is bounded by itself, and hardly counts."""
+    given = TurbulenceConditions((), uniform(1.0, 1.0))
+    with KOmegaSST(unit_box(3, 2), given, 2, 0.01, in_layers=in_layers) as fields:
+        fields.state.x.array[0] = np.log(1e-8)
+        values = np.full(len(fields.state.x.array), 1e-5)
+        values[0] = 10.0
+        size, bounded = fields.bounded(values)
+    assert bounded[0] == 2.0
+    if in_layers:
+        assert size < 1e-4 and bounded[1:] == pytest.approx(1e-5)
+    else:
+        assert size == 10.0 and bounded[1:] == pytest.approx(2e-6)
 
 
 def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():

@@ -74,20 +74,33 @@ def test_as_much_of_the_bed_as_matters(diameter: float, radius: float, reach: fl
     assert layout.shape.resolved.radius == pytest.approx(reach)
 
 
-def test_a_grain_that_moves_in_turbulence_keeps_the_bed_about_its_start() -> None:
-    """Wherever it has gone; what enters has developed over level ground, and so has the ground where it enters."""
-    scene = Scene(
+def over_spheres(x: float, motion: str) -> Scene:
+    """A sphere above a bed of equal ones by k-omega SST, its centre so far behind the inflow."""
+    return Scene(
         domain=Domain(length=9.0, width=5.0, height=5.866),
         fluid=Fluid(reynolds=300.0, scale="grain"),
         flow=OpenChannel(),
         bed=SphereBed(radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)),
-        body=Sphere(diameter=1.0, centre=(4.0, 2.5, 1.6), motion="free", density=2.65),
+        body=Sphere(diameter=1.0, centre=(x, 2.5, 1.6), motion=motion, density=2.65),
         gravity=Gravity(acceleration=0.2),
         contact=Contact(friction=0.6),
         effects=Effects(turbulence=True),
         turbulence=Turbulence(model="k-omega-sst"),
         time=Time(end=1.0, step=0.1, start="steady"),
     )
+
+
+@pytest.mark.parametrize("motion", ["free", "fixed"])
+@pytest.mark.parametrize(("x", "cut"), [(4.0, False), (3.0, True)])
+def test_a_plan_tells_that_the_inflow_cuts_spheres(x: float, cut: bool, motion: str) -> None:
+    """They are meshed as they are up to 3 from the grain's centre, and are level ground from 4 on."""
+    warnings = incipient.make_plan(over_spheres(x, motion)).warnings
+    assert any("the inflow cuts forms of the bed" in one for one in warnings) == cut
+
+
+def test_a_grain_that_moves_in_turbulence_keeps_the_bed_about_its_start() -> None:
+    """Wherever it has gone; what enters has developed over level ground, and so has the ground where it enters."""
+    scene = over_spheres(4.0, "free")
     setup, plan = Setup(scene), incipient.make_plan(scene)
     assert scene.placement is not None
     gone = replace(scene.placement, centre=(4.9, 2.5, 1.4))

@@ -102,7 +102,8 @@ class TurbulenceEffect(Effect):
             why = "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
             return Method("direct", why)
         if setup.scene.gdim == 3 and unsteady and setup.resolves_walls and not setup.resolved_walls.plane:
-            why = "by blocks thin cells at walls need many iterations; what is far apart is left out, to 1%"
+            why = "LU factors without what is far apart, to 1%; by blocks thin cells at walls need many iterations"
+            why += f"; on {FEW_CELLS} cells or less whole factors are faster, and used"
             return Method("compressed", why)
         if upwinds(setup):
             return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")

@@ -60,7 +60,7 @@ OF_STRETCHED = 2e4, 100.0  # likewise in stretched cells, by nearly all nodes
 BEGUN = 1.5, 0.015  # corrections of logarithms and flow with which a flow is a start for a faster one
 # In space a wake may change for ever, at a few nodes. The flow is taken all the same when in so many steps with such a
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
-# they then differ by is told: past a sphere in its pocket at u* d/nu = 138 2% (docs/turbulence.md).
+# they then differ by is told: past a sphere in its pocket at u* d/nu = 138 0.9% (docs/turbulence.md).
 # Where all steps are long fewer tell as much of smaller changes.
 LINGERING, SWEEPING, SWEEPING_FAST, NEARLY = 10, 16.0, 8.0, 0.03
 BRIEFLY, CLOSELY = 4, 2e-3
@@ -75,9 +75,8 @@ LITTLE, FALLING = 3e-3, 0.5
 # velocity over the largest speed. Cells at nodes that would change by more take shorter steps than others, in
 # proportion, by this factor at most, which then shrinks from step to step.
 MOST_AT_NODES, BEGINNING, MOST_SLOWED, RELAXED = (0.5, 0.05), 3, 1000.0, 0.8
-BURST = (
-    0.3  # change of a velocity at a node, over the largest speed, with which such a step is repeated, shorter
-)
+# Change of a velocity at a node, over the largest speed, with which such a step is repeated, shorter.
+BURST = 0.3
 NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
 FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
 
