@@ -1,6 +1,6 @@
 """What `make gallery` runs: the scenes of the demos, a picture of each for docs/gallery.md.
 
-Cost:    several minutes of processor time; a run whose results are there is not made again.
+Cost:    a quarter of an hour of processor time; a run whose results are there is not made again.
 Run:     python benchmarks/gallery.py [NAME ...]
 Results: results/gallery/NAME, docs/figures/gallery/NAME.webp
 """
@@ -25,6 +25,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
     "sphere_leaving_pocket": ("", "trajectory.png"),
+    "sand_leaving_pocket": ("", "trajectory.png"),
     "pocket_in_gusts": ("", "entrainment.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),

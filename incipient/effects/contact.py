@@ -13,6 +13,8 @@ from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
 
+NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
+
 
 class ContactEffect(Effect):
     """Contact forces between a grain at rest and its bed, by which both judges decide."""
@@ -36,13 +38,21 @@ class ContactEffect(Effect):
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """A wide gap between grain and bed."""
+        """A wide gap between grain and bed, and a released grain that begins nearer to the bed than that."""
         scene = setup.scene
         gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
         if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
             yield (
                 f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
                 f"away from the bed; give {WIDE_GAP:g} or less"
+            )
+        if scene.body is None or scene.body.motion != "released":
+            return
+        begins, kept = setup.geometry.stance.gap, gap * setup.geometry.grain.size
+        if begins < NEARER * kept:
+            yield (
+                f"the grain begins {begins:.3g} from its bed, nearer than its gap of {kept:.3g}, which the first step "
+                "puts right: it stands on one side alone; set body.settle = true"
             )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:

@@ -148,20 +148,21 @@ def test_a_steady_flow_past_a_sphere_in_its_pocket_stays_in_time():
 
 
 @pytest.mark.slow
-def test_a_sphere_that_leaves_its_pocket_goes_about_the_two_in_front_of_it(tmp_path):
+@pytest.mark.parametrize("settle", ["true", "false"])
+def test_a_sphere_that_leaves_its_pocket_goes_about_the_two_in_front_of_it(settle, tmp_path):
     """u* d/nu = 20, a Shields number of 0.014: two steps of a quarter of d/V.
 
     It keeps its distance from both centres: its velocity is normal to the way to the point between them (geometry).
-    Contacts put its place right by more than its velocities change; taken for what these do to the load that had led
-    astray every step.
+    Not settled it begins half its gap too near to these two, which the first step puts right; taken for what velocities
+    do to the load that had led astray every step.
     """
     demo = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
-    found = incipient.run(load(demo, ["time.end=0.5", "output.every=0"]), tmp_path)
+    found = incipient.run(load(demo, ["time.end=0.5", "output.every=0", f"body.settle={settle}"]), tmp_path)
     assert column(tmp_path, "time").tolist() == [0.25, 0.5]
     (x, z), (u, w) = (
         [column(tmp_path, name) for name in names] for names in (("x", "z"), ("velocity_x", "velocity_z"))
     )
-    assert (u > 0.01).all() and u[1] > 1.5 * u[0]
+    assert (u > 0.009).all() and u[1] > 1.5 * u[0]
     assert w / u == pytest.approx((4.2887 - x) / z, rel=1e-3)
     assert found.trajectory["on_bed"]["mode"]
 

@@ -1,11 +1,12 @@
 """Which effects the plan calls for, and what it says where it leaves one out."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from incipient import make_plan
+from incipient import load, make_plan
 from incipient.effects.inertia import OSEEN
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
@@ -33,6 +34,8 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.file import dumps, loads
+
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 
 GRAIN_ON_BED = {
     "domain": Domain(length=12, height=6),
@@ -195,6 +198,15 @@ def test_gravity_is_left_out_where_that_is_said():
 def test_contact_is_left_out_where_that_is_said():
     assert effect("contact").present
     assert effect("contact", effects=Effects(contact=False)).reason == "effects.contact = false: no verdict"
+
+
+@pytest.mark.parametrize("settle", [True, False])
+def test_a_released_grain_that_does_not_fill_its_pocket_is_told_of(settle):
+    """Lowered at x it stands on the sphere behind it alone, and begins 0.026, not 0.05, from the two in front of it."""
+    scene = load(SCENES / "sand_leaving_pocket.toml", [f"body.settle={str(settle).lower()}"])
+    told = [one for one in make_plan(scene).warnings if "nearer than its gap of 0.05" in one]
+    assert len(told) == (0 if settle else 1)
+    assert all("begins 0.0259 from its bed" in one and "body.settle = true" in one for one in told)
 
 
 def test_a_free_grain_and_its_mesh():
