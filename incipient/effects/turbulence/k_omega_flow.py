@@ -27,14 +27,14 @@ from .fields import TurbulenceConditions, Values
 from .iteration import InTime, Round, solve_steadily
 from .k_omega_sst import KOmegaSST
 from .part import ORDER, Solving, TurbulentFlow
-from .pseudo_time import FIRST, NEAR, solve_together
+from .pseudo_time import FIRST, NEAR, Marching, solve_together
 from .together_in_time import FINEST, InTimeTogether
 
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
 # and of a factor what is not worth a slower flow.
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
-# u* d/nu from which on a flow in space needs care (`fast` in `solve_together`), and of the first one that leads to it.
+# u* d/nu from which on a flow in space needs care (`fast` in `Marching`), and of the first one that leads to it.
 # Past one grain of a random bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after
 # seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 239.
 FAST, SLOWEST = 200.0, 40.0
@@ -133,7 +133,7 @@ class KOmegaFlow(TurbulentFlow):
             if not place:
                 self.enter(self._fluid)
             with run.stage("flow"), self._timed():
-                solve_together(*how, nearly=True, fast=own > FAST, onwards=place > 0)
+                solve_together(*how, Marching(nearly=True, fast=own > FAST, onwards=place > 0))
         return bool(slower)
 
     def _number(self, walls: ResolvedWalls) -> float:
@@ -159,8 +159,8 @@ class KOmegaFlow(TurbulentFlow):
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
             fast = self._scene.gdim == 3 and self._number(self._walls) > FAST
-            how = (self._fluid, self.fields, self._tolerance, watch, first)
-            rounds += solve_together(*how, gently=gently, loads=loads, fast=fast, onwards=fast)
+            how = Marching(first, gently=gently, fast=fast, onwards=fast)
+            rounds += solve_together(self._fluid, self.fields, self._tolerance, how, watch, loads)
             self._spread = rounds[-1].spread
             return rounds
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dolfinx
@@ -262,25 +262,38 @@ class CoupledFlow:
             self._held.pop().destroy()
 
 
+@dataclass(frozen=True)
+class Marching:
+    """How a flow is to be marched to its steady state.
+
+    Args:
+        first: Courant number of the first step.
+        nearly: whether it is to be a start for another flow only.
+        gently: whether the start has divergence, and no velocity may change much in a step, since the flow has to
+            separate from a smooth wall.
+        fast: whether in space steps are sweeps of eight cells while the flow changes much, shorter where nodes do.
+        onwards: whether it begins with another flow, not with a guess, whose first steps change nodes by much.
+    """
+
+    first: float = FIRST
+    nearly: bool = False
+    gently: bool = False
+    fast: bool = False
+    onwards: bool = False
+
+
 def solve_together(
     fluid: Fluid,
     turbulence: TurbulenceFields,
     tolerance: float,
+    how: Marching = Marching(),
     watch: Callable[[Round], None] = lambda found: None,
-    first: float = FIRST,
-    nearly: bool = False,
-    gently: bool = False,
     loads: Callable[[], Floats] | None = None,
-    fast: bool = False,
-    onwards: bool = False,
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
 
-    `first` is the Courant number of the first step; `nearly`: it is to be a start for another flow only. `gently`: the
-    start has divergence, and no velocity changes much in a step, since the flow has to separate from a smooth wall.
-    `loads` are those on the grain, all in units of a force: a flow that still changes is taken where these hardly do,
-    and the last round has their spread. `fast`: in space steps are sweeps of eight cells while the flow changes much,
-    shorter where nodes do; `onwards`: from another flow, not from a guess, whose first steps change nodes by much.
+    `watch` is called with each step. `loads` are those on the grain, all in units of a force: a flow that still changes
+    is taken where these hardly do, and the last round has their spread.
 
     Raises:
         ConvergenceError: there is none that could be found.
@@ -288,53 +301,96 @@ def solve_together(
     fluid.constraints.update(fluid.time)
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
     turbulence.impose()
-    rounds, courant = list[Round](), PROJECTION if gently else first
-    harmed = HARMFUL[0], LARGEST_CHANGE if gently else HARMFUL[1]
     with CoupledFlow(fluid, turbulence) as system:
+        march = _March(system, fluid, turbulence, how)
         for number in range(1, MOST_STEPS[fluid.domain.gdim] + 1):
-            of_flow, of_logarithms = system.correction(courant)
-            most = turbulence.of_most(of_logarithms)
-            usual, of_whole = _usual(fluid.domain, of_logarithms, most), _relative(fluid, of_flow)
-            sizes = usual, _largest_change(fluid, of_flow) if gently else of_whole
-            wary = turbulence.stretched and (bool(rounds) or not gently)
-            harmful = wary and any(a > b for a, b in zip(sizes, harmed, strict=True))
-            too_large = sizes[1] > (FAILED if rounds else FAILED_AT_FIRST)
-            if fluid.domain.gdim == 3 and not rounds and courant > FIRST and sizes[1] > NEARBY:
-                courant = FIRST
-                continue
-            calmly = fast and (onwards or len(rounds) >= BEGINNING)
-            if fast and np.isfinite(sum(sizes)):
-                system.slow_down(of_flow, of_logarithms)
-            burst = calmly and _largest_change(fluid, of_flow) > BURST
-            if not np.isfinite(sum(sizes)) or too_large or harmful or burst:
-                courant *= CUT
-                if courant < LEAST:
+            if not march.step(number, loads):
+                if march.courant < LEAST:
                     break
                 continue
-            largest = MOST_AT_NODES[0] if fast else LARGEST_CORRECTION
-            _carry_out(fluid, turbulence, of_flow, np.clip(of_logarithms, -largest, largest), calmly)
-            if loads is not None:
+            watch(march.rounds[-1])
+            if march.arrived(tolerance):
                 turbulence.look()
-            found_loads = () if loads is None else tuple(map(float, loads()))
-            rounds.append(Round(number, courant, sizes[1], usual, found_loads))
-            watch(rounds[-1])
-            enough = OF_STRETCHED if turbulence.stretched else ENOUGH[fluid.domain.gdim]
-            left = (most if turbulence.stretched else usual, of_whole)
-            found = all(a <= b * tolerance for a, b in zip(left, enough, strict=True))
-            begun = nearly and all(a <= b for a, b in zip(sizes, BEGUN, strict=True))
-            if begun or (found and courant >= NEWTON * system.most_slowed):
-                turbulence.look()
-                return tuple(rounds)
-            if (spread := spread_if_it_lingers(rounds, fast)) < math.inf:
-                turbulence.look()
-                return (*rounds[:-1], replace(rounds[-1], spread=spread))
-            courant = first if gently and len(rounds) == 1 else _next(courant, *sizes, turbulence, gently)
-            if fluid.domain.gdim == 3:
-                courant = swept_where_it_changes_more(courant, rounds, fast)
+                return tuple(march.rounds)
+            march.set_next_step()
     raise ConvergenceError(
-        f"{turbulence.names} are not steady after {len(rounds)} steps of pseudo-time: use a smaller "
+        f"{turbulence.names} are not steady after {len(march.rounds)} steps of pseudo-time: use a smaller "
         "numerics.mesh_size or a longer domain, or add [time]"
     )
+
+
+class _March:
+    """The steps of pseudo-time made so far, and how long the next one is. Every method is collective."""
+
+    def __init__(self, system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields, how: Marching):
+        self._system, self._fluid, self._turbulence, self._how = system, fluid, turbulence, how
+        self._in_space = fluid.domain.gdim == 3
+        self._sizes, self._left = (0.0, 0.0), (0.0, 0.0)
+        self.rounds: list[Round] = []
+        self.courant = PROJECTION if how.gently else how.first
+
+    def step(self, number: int, loads: Callable[[], Floats] | None) -> bool:
+        """Make a step if its corrections are not too large; else make the next one shorter, and return False."""
+        fluid, turbulence, how = self._fluid, self._turbulence, self._how
+        of_flow, of_logarithms = self._system.correction(self.courant)
+        self._judge(of_flow, of_logarithms)
+        if self._in_space and not self.rounds and self.courant > FIRST and self._sizes[1] > NEARBY:
+            self.courant = FIRST
+            return False
+        finite = bool(np.isfinite(sum(self._sizes)))
+        if how.fast and finite:
+            self._system.slow_down(of_flow, of_logarithms)
+        calmly = how.fast and (how.onwards or len(self.rounds) >= BEGINNING)
+        burst = calmly and _largest_change(fluid, of_flow) > BURST
+        if not finite or self._harmful() or burst:
+            self.courant *= CUT
+            return False
+        largest = MOST_AT_NODES[0] if how.fast else LARGEST_CORRECTION
+        _carry_out(fluid, turbulence, of_flow, np.clip(of_logarithms, -largest, largest), calmly)
+        if loads is not None:
+            turbulence.look()
+        found = () if loads is None else tuple(map(float, loads()))
+        self.rounds.append(Round(number, self.courant, self._sizes[1], self._sizes[0], found))
+        return True
+
+    def _judge(self, of_flow: Floats, of_logarithms: Floats) -> None:
+        """Note the sizes of corrections (owned unknowns,), of logarithms first: by which steps go, and to an end."""
+        most = self._turbulence.of_most(of_logarithms)
+        usual = _usual(self._fluid.domain, of_logarithms, most)
+        of_whole = _relative(self._fluid, of_flow)
+        self._sizes = usual, _largest_change(self._fluid, of_flow) if self._how.gently else of_whole
+        self._left = most if self._turbulence.stretched else usual, of_whole
+
+    def _harmful(self) -> bool:
+        """Whether corrections are so large that the step is to be repeated."""
+        gently = self._how.gently
+        if self._sizes[1] > (FAILED if self.rounds else FAILED_AT_FIRST):
+            return True
+        harmed = HARMFUL[0], LARGEST_CHANGE if gently else HARMFUL[1]
+        wary = self._turbulence.stretched and (bool(self.rounds) or not gently)
+        return wary and any(a > b for a, b in zip(self._sizes, harmed, strict=True))
+
+    def arrived(self, tolerance: float) -> bool:
+        """Whether the flow may be taken as it is; where it still changes the last round is then given the spread."""
+        enough = OF_STRETCHED if self._turbulence.stretched else ENOUGH[self._fluid.domain.gdim]
+        found = all(a <= b * tolerance for a, b in zip(self._left, enough, strict=True))
+        begun = self._how.nearly and all(a <= b for a, b in zip(self._sizes, BEGUN, strict=True))
+        if begun or (found and self.courant >= NEWTON * self._system.most_slowed):
+            return True
+        spread = spread_if_it_lingers(self.rounds, self._how.fast)
+        if spread < math.inf:
+            self.rounds[-1] = replace(self.rounds[-1], spread=spread)
+        return spread < math.inf
+
+    def set_next_step(self) -> None:
+        """Choose the Courant number after a step."""
+        gently = self._how.gently
+        if gently and len(self.rounds) == 1:
+            self.courant = self._how.first
+        else:
+            self.courant = _next(self.courant, *self._sizes, self._turbulence, gently)
+        if self._in_space:
+            self.courant = swept_where_it_changes_more(self.courant, self.rounds, self._how.fast)
 
 
 def _carry_out(
