@@ -13,7 +13,7 @@ from turbulent import column, ends_on_ranks, resumed_as_whole
 import incipient
 from incipient.geometry.placement import Placement
 from incipient.planning.flow_setup import Setup
-from incipient.scene import Disc, Gravity, Numerics, Output, Poiseuille, Sphere, Time
+from incipient.scene import Disc, Domain, Gravity, Numerics, Output, Poiseuille, RidgeBed, Sphere, Time
 from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.march import March
@@ -129,6 +129,25 @@ def test_a_wall_on_top_is_met_where_the_mesh_ends_at_it():
     near = Setup(scene).surroundings.clearance(Placement((1.9375, 0.85)))
     assert near.other == "top"
     assert near.distance == pytest.approx(1.0 - Setup(scene).walls.distance - 0.95)
+
+
+@pytest.mark.parametrize(("motion", "ground"), [("fixed", 0.04), ("released", 0.0)])
+def test_the_stream_enters_above_the_bed_that_is_meshed(motion, ground):
+    """Ridges 0.04 high have a trough at the inflow; level ground as high as their crests takes its place there.
+
+    Not so below a stone that moves, which may come to any part of the bed.
+    """
+    time = None if motion == "fixed" else Time(end=1.0, step=0.1)
+    setup = Setup(
+        solid_stone(
+            domain=Domain(length=4.0, width=1.2, height=1.0),
+            body=Sphere(diameter=0.4, x=1.875, density=2.65, motion=motion),
+            bed=RidgeBed(amplitude=0.04, wavelength=0.5),
+            time=time,
+        )
+    )
+    assert setup.walls.floor + setup.walls.distance == pytest.approx(ground, abs=1e-12)
+    assert setup.walls.depth == pytest.approx(1.0 - ground)
 
 
 def released(density, step=0.01, end=0.01, **changes):
