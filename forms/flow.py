@@ -218,7 +218,7 @@ def energy_stable_rate(coefficients: Any, velocities: Any, shifts: Any) -> Any:
     """Rate of change J dv/dt + (1/2) dJ/dt v on a mesh that has moved, for the energy-stable form.
 
     With J_k the volumes of the past states (see `volume_before`; one where there are no shifts) and a_k the
-    coefficients of the backward difference it is sum a_k J_k v_k - (1/2) (sum a_k J_k) v. Of first order it is
+    coefficients of the backward difference it is sum a_k J_k v_k - (1/2) (sum a_k J_k) v. To first order it is
     J_1 (v - v_1)/dt + (1/2) (1 - J_1)/dt v.
     """
     volumes = [1, *(volume_before(shift) for shift in shifts)] if shifts else [1] * len(velocities)

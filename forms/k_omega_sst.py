@@ -24,7 +24,7 @@ import ufl
 from .turbulence import MOST_PRODUCED, Stream
 
 BETA_STAR, A_1, SIGMA_CROSS = 0.09, 0.31, 0.856
-# Of the inner model, next to walls, and of the outer one: sigma_k, sigma_omega, beta, gamma.
+# Constants of the inner model, next to walls, and of the outer one: sigma_k, sigma_omega, beta, gamma.
 INNER, OUTER = (0.85, 0.5, 0.075, 5.0 / 9.0), (1.0, SIGMA_CROSS, 0.0828, 0.44)
 EXPONENT = 0.5 + math.sqrt(0.25 + 6.0 * BETA_STAR / INNER[2])  # n of k = c y^n next to a smooth wall
 LARGEST_ARGUMENT = 5.0  # of a blending function, from which on it is one to round-off

@@ -16,8 +16,8 @@ from .wall_layers import steps
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
-# Of the radius of the largest circle that touches a wall at a place and reaches beyond no other: how thick all layers
-# there may be.
+# How thick all layers at a place of a wall may be, over the radius of the largest circle that touches it there and
+# reaches beyond no other wall.
 ROOM = 0.6
 EVENNESS = 0.4  # by which thickness changes along a wall at most, over the length of edges
 THINNEST = 0.5  # of the first layer as wanted: where there is no more room, there are no layers

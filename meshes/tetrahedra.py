@@ -14,7 +14,7 @@ from .model import name_parts
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
-# Of cells of order two gmsh has the corners first, then the middles of these edges; of triangles likewise.
+# In cells of order two gmsh has the corners first, then the middles of these edges; in triangles likewise.
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 SIDES = ((0, 1), (1, 2), (2, 0))
 KINDS = {3: 2, 6: 9, 4: 4, 10: 11}  # gmsh's kinds of triangles and tetrahedra by the number of their nodes

@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 # Part of both corrections against upwinding that the second one may be: were the next ones to fall as slowly, all of
 # them together would be twice the first one.
 SETTLED = 0.5
-# Of runs with wall layers on coarser meshes: the order at which their errors are taken to fall at least, and at most.
+# Order at which errors of runs with wall layers on coarser meshes are taken to fall, at least and at most.
 # Those of u* over forms of a bed scatter rather than fall, the docs have a wavy one; so do loads in space where walls
 # are resolved: on cells of 1.6 a sphere's was off by as much as an order of two made of its error.
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
-# The same where walls are resolved, measured in channels (tests/end_to_end/test_resolved_channels.py).
+# Likewise where walls are resolved, measured in channels (tests/end_to_end/test_resolved_channels.py).
 TO_THE_WALL = 1.5
 # Past grains and forms in space larger cells than these hardly have a steady flow, and tell nothing of finer ones: they
 # are far from resolving the walls (measured on a sphere by tests/end_to_end/test_sand_in_space.py).

@@ -99,8 +99,8 @@ class Goal:
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
         """Relative error for errors (3,) of force and couple.
 
-        Of the force the size of the error over that of the force; of the safety factor the width of its interval
-        over its value, infinite where only one of both is.
+        For the force it is the size of the error over that of the force; for the safety factor the width of its
+        interval over its value, infinite where only one of both is.
         """
         if self.name in ("force", "couple"):
             error = of_force if self.name == "force" else of_couple

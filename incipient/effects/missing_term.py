@@ -3,7 +3,7 @@
 A term T changes force and couple by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
 problem of force or couple (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
 496, for errors of models). On the same elements that is one assembly, and a linear solution for each of force and
-couple. Of the second order in the term nothing is known: an estimate that is not small says that the effect matters,
+couple. Nothing is known of the second order in the term: an estimate that is not small says that the effect matters,
 not by how much.
 """
 

@@ -23,7 +23,7 @@ STOKES = 1e-3
 # Share of the Reynolds number from which on a solution at hand is a better start than one of order two: in the demo
 # reynolds_sweep at Re 200 two iterations lead from 0.97, none from order two (tests/end_to_end/test_critical_flow.py).
 NEAR = 0.9
-# The same for the flow of order two that a flow of two levels stands on, whose loads tell of the error.
+# Likewise for the flow of order two that a flow of two levels stands on, whose loads tell of the error.
 TOLERANCE_BELOW = 1e-7
 
 Watch = Callable[[float, int, float], Any]

@@ -16,10 +16,10 @@ from .tolerance import ShareOfError
 
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
-# Of a first step whose flow is not found from the state before it: of such a part of it, that is set off at once and
-# nothing else, Newton's method finds the flow, and from there that of the whole step.
+# Part of a first step whose flow is not found from the state before it: Newton's method finds the flow of such a part,
+# set off at once and nothing else, and from there that of the whole step.
 IMPULSE = 0.01
-# Of fixed steps that begin short or had to be halved, each over the one before.
+# Fixed steps that begin short or had to be halved, each over the one before.
 GROWTH = 1.25
 
 

@@ -114,7 +114,7 @@ def clearance(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain) ->
     """The smallest distance from the bed, and the points (gdim,) on grain and bed where it occurs.
 
     Exact to 1e-10 of the grain's size (in space on smooth beds as long as it is less than their feature);
-    negative where the grain is below the bed. Of several equal minima (a flat contact) the first.
+    negative where the grain is below the bed. Where several minima are equal (a flat contact) it is the first.
     """
     if isinstance(grain, Solid):
         return spatial(grain, bed).clearance(placement)

@@ -98,7 +98,7 @@ class RisingDisplacement:
     def elevation_of(self, tested: Any) -> Floats:
         """(local nodes,) the elevation h with int q h (n . up) ds given for every test function (PETSc vector).
 
-        Of elevations that vanish where the surface is pinned, and of test functions that do.
+        Elevations vanish where the surface is pinned, and so do test functions.
         """
         return self.solved(self._averaged, tested)
 

@@ -53,8 +53,8 @@ class QuadraticNodes:
     def values(self, function: Any) -> Rows:
         """Nodal values of a Lagrange function, (nodes,) or (nodes, 3). Collective.
 
-        The function is interpolated; vectors of the plane get a third component of zero. Of a function
-        that jumps between cells one side is taken.
+        The function is interpolated; vectors of the plane get a third component of zero. Where a function
+        jumps between cells one side is taken.
         """
         shape = tuple(function.ufl_shape)
         if shape not in ((), (1,), (2,), (3,)):

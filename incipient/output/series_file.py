@@ -89,7 +89,7 @@ class SeriesFile:
     """Writes the pair; the files are closed, complete and readable after every call.
 
     A mesh or a geometry is written with the first step on it; one that no step is on is not written. What a step
-    costs does not grow with the number of those before it. Of tables each rank gives its rows, or an array that is
+    costs does not grow with the number of those before it. For tables each rank gives its rows, or an array that is
     the whole, and writes them at the same time as the others; all else is done by rank 0. `stem` is the path without
     ending, `cell_type` XDMF's name of the cells, such as "Triangle_6". A `steady` series has one step, whose time means
     nothing.

@@ -123,7 +123,7 @@ class BaseFlow:
         """Shear stress at the datum, with fluid density one.
 
         It is that of the profile, the same over the whole bed; between walls, in the middle; of a flow given by
-        formulas, at the inflow. Of a log-law flow it is u*^2, of which the viscosity is but a part where the bed is
+        formulas, at the inflow. In a log-law flow it is u*^2, of which the viscosity is but a part where the bed is
         rough. Not collective.
         """
         if isinstance(self.flow, LogLaw):

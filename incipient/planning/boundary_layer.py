@@ -5,7 +5,7 @@ import numpy as np
 from .flow_setup import Setup
 from .numbers import speed_past_grain
 
-# Of the grain's size, at its surface, for mesh_size = 1 (docs/space.md), by the order of the velocity.
+# Cells at the grain's surface over its size, for mesh_size = 1 (docs/space.md), by the order of the velocity.
 GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}
 # The boundary layer of a held grain thins as Re^-1/2: from this Reynolds number on cells at the grain do, to this part.
 LAYERED, THINNEST = 50.0, 0.2

@@ -82,7 +82,7 @@ def surroundings_of(
     sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
     if not surface_above:
         sides.insert(0, Side(names.top, up, ceiling, -1))
-    # Of half a scene the grain is as far from the side that is not there.
+    # In half a scene the grain is as far from the side that is not there.
     ends = zip(domain.across[::-1], (-1, 1), strict=True) if geometry.gdim == 3 else ()
     sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
     if geometry.bed is None:

@@ -36,7 +36,7 @@ from .cells import RowSizes, growing_rows
 from .developed_channel import of_discharge
 
 FIRST = 0.5  # wall units up to which only molecules matter: the first volume, by u* as estimated
-# Of volumes: the one behind it, over it; their growth with the distance from it; and the largest, over the extent.
+# Volumes: the one behind it, over it; their growth with the distance from it; and the largest, over the extent.
 NEXT, GROWTH, LARGEST = 0.1, 0.25, 0.08
 LEAST = 1e-3  # k over u*^2 below which it is not destroyed: in corners its logarithm would fall for ever
 STEP, STEP_GROWTH, CUT, LONGEST = 0.1, 3.0, 0.5, 1e9  # of pseudo-time, in h/V

@@ -21,7 +21,7 @@ from .sides import SideNames
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
-# Of the grain's size: cells behind a held grain with such a layer, how far from its centre, and how far in time.
+# Cells behind a held grain with such a layer, how far from its centre, and how far in time, over the grain's size.
 WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
 PLANE_CELL = 0.2  # likewise, along a level bed that is resolved, near a grain
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance

@@ -4,7 +4,7 @@ from typing import Literal
 
 # What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
 STEADY = 1e-6
-# The same where each of Newton's corrections is a rough one, and loads err far more by the cells.
+# Likewise where each of Newton's corrections is a rough one, and loads err far more by the cells.
 BY_TWO_LEVELS = 1e-5
 
 

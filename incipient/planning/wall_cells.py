@@ -11,14 +11,14 @@ from .scene_geometry import Geometry, point
 from .sides import SideNames
 from .wall_layer import LayeredWalls
 
-# Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
+# A channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
 FEWEST_COLUMNS = 4  # whatever the cells' size
 # First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
 # distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
 FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
 FIRST_OF_GRADED = 2.0 * GRADING / (1.0 + GRADING)  # first over mean row of those that are graded as usual
-# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
+# Other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
@@ -55,7 +55,7 @@ def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float,
     if first >= FIRST_ROW * largest:
         return ()
     ends = growing_rows(RowSizes(first, ROW_GROWTH, largest), height, walls.number, coarse)
-    # Of few rows those that are graded as usual may have the thinner one at the wall.
+    # Few rows, graded as usual, may have the thinner one at the wall.
     return tuple(map(float, ends)) if ends[0] < FIRST_OF_GRADED / len(ends) else ()
 
 

@@ -17,7 +17,7 @@ SMOOTH_TO, ROUGH_FROM = 2.25, 90.0
 SCALE = math.log(ROUGH_FROM / SMOOTH_TO)
 CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
 LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
-# Of u* by Newton's method, which leave less than 1e-7 of it between smooth and rough walls, else 1e-12.
+# Newton's corrections of u*, which leave less than 1e-7 of it between smooth and rough walls, else 1e-12.
 CORRECTIONS = 4
 SAMPLES = 2000  # along a height
 ROUND_OFF = 1e-9

@@ -27,7 +27,7 @@ from .checkpoint import StoredFlow, StoredMesh, StoredValues
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
-# Of how many of its nodes each rank tells the places, by which nodes are dealt out evenly.
+# Number of nodes whose places each rank tells, by which nodes are dealt out evenly.
 SAMPLES = 64
 
 

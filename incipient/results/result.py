@@ -112,7 +112,7 @@ class Result:
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None for each that is outside the fluid. Collective.
 
-        Of a scene of which half was computed the other half is its mirror image.
+        Where half of a scene was computed the other half is its mirror image.
 
         Raises:
             SceneError: the points have not as many coordinates as the scene, or the result has no fields.

@@ -38,7 +38,7 @@ class WallReport:
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
     reach: float = math.inf  # depth over which a wall is felt
-    # Of the loads on the grain, over their size, in the last steps of a flow that still changes; 0: it is steady
+    # How far the loads on the grain spread, over their size, in the last steps of a flow that still changes; 0: steady
     spread: float = 0.0
 
     @property

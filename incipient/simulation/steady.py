@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Reynolds number of the whole flow from which the continuation begins with a share of it.
 LARGE = 200.0
-# Of flows that others start from: numerics.mesh_size over that of the next, the largest one, and the tolerance. On
+# Flows that others start from: numerics.mesh_size over that of the next, the largest one, and the tolerance. On
 # cells twice as large as those of a mesh, or of twice the size at the most, they separate too differently.
 COARSER, COARSEST, OF_START = 2.0**0.5, 2.3, 1e-5
 # Smallest share of the way from one flow to a faster one that is tried.

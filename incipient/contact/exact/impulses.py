@@ -52,7 +52,7 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats, start: Floats
     if speed == 0.0 or free[::3].min(initial=0.0) >= 0.0:
         return np.zeros((count, 3))
     size = float(diagonal.mean())
-    # Of contacts with less friction the velocities along the surface count for less, those of impulses for more.
+    # At contacts with less friction the velocities along the surface count for less, those of impulses for more.
     coefficients = np.minimum(friction, LARGEST)
     most = float(coefficients.max())
     weight = np.ones((count, 3))
@@ -103,7 +103,7 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
 def _by_cases(law: Law) -> Floats | None:
     """Impulses (k, 3) of one or two contacts in the plane, by trying what each may do; None: not found so.
 
-    It sticks, slides either way or opens: in each case the laws are linear equations. Of forces that are not unique
+    It sticks, slides either way or opens: in each case the laws are linear equations. Where forces are not unique
     these are the smallest ones.
     """
     gain, free = law.compliance, law.free

@@ -17,7 +17,7 @@ from ...fluid.transient import Interface
 from .fields import TurbulenceFields
 
 MOST_ROUNDS = 200
-# Of pseudo-time: of that in which the flow passes its depth; factors; and the shortest over the first.
+# Steps of pseudo-time: the first, over the time in which the flow passes its depth; factors; shortest over first.
 FIRST_STEP, GROWTH, CUT, SHORTEST = 1.0, 1.6, 0.25, 1e-4
 # Factor by which the eddy viscosity is raised where there is no flow to begin with, and how often at most.
 THICKER, MOST_THICKENINGS = 4.0, 8

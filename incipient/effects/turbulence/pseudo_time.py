@@ -45,13 +45,13 @@ LONGER = {
     3: ((1e3, 0.02, 2e-3), (6.0, 0.05, 3e-3), (2.0, 0.6, 0.05), (1.3, 0.7, 0.08)),
 }
 TOO_LARGE = {2: (20.0, 0.15), 3: (3.0, 0.1)}
-# The same where a flow separates from a smooth wall, for the largest change of a velocity. Where a logarithm at a node
+# Likewise where a flow separates from a smooth wall, for the largest change of a velocity. Where a logarithm at a node
 # may change more, omega goes up and down from node to node in the wake, and stays so.
 GENTLY = ((2.0, 1.0, 0.05), (1.5, 2.0, 0.1), (1.2, 3.0, 0.15))
 TOO_LARGE_GENTLY = 5.0, 0.25
 HARMFUL = 6.0, 0.04  # corrections of logarithms and flow in stretched cells, likewise
 WARY = 2.0  # by which corrections of logarithms in stretched cells count more
-# Of the tolerance, up to which corrections of logarithms and flow may be in the end, by dimension: upwinding follows a
+# What corrections of logarithms and flow may be in the end, over the tolerance, by dimension: upwinding follows a
 # step behind, which a few nodes feel, and in space systems are solved to 1e-2; past a sphere in its pocket at
 # u* d/nu = 138 the flow changes by 2e-4 for ever, as limiters of the model switch, past one among others at 60 by 4e-4
 # and its drag by 5e-4.

@@ -20,8 +20,8 @@ MOST_CORRECTIONS = 20
 # Size of corrections that is small enough also where a flow hardly changes; of the tolerance, what counts as none; and
 # the weight of logarithms beside it: at a few nodes they go to and fro for ever, as in steps of pseudo-time.
 FINEST, NONE, OF_LOGARITHMS = 1e-6, 0.3, 0.01
-# Of a correction, over the last one, from which on only half of it is made: where a limiter takes turns between two
-# states they would else go to and fro for ever.
+# Size of a correction, over the last one, from which on only half of it is made: where a limiter takes turns between
+# two states they would else go to and fro for ever.
 SLOW = 0.7
 # Corrections, or first ones of the step before, beyond which the derivative is no longer that of the state, and beyond
 # which both are corrected by turns: set off from rest a channel has no step else.

@@ -55,7 +55,7 @@ class Block:
         self.matrix = matrix
         self.statistics = LinearStatistics()
         self._preconditioner = Triangle(matrix, equations)
-        # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
+        # The matrix's state when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
         self._direct: Direct | None = None
         self._may_factorise = equations.rate is None and not (equations.closed or equations.varying)

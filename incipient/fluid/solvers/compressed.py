@@ -12,7 +12,7 @@ from .block import UnsolvedError
 from .direct import NOT_FINITE, Direct, fits
 
 # Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace
-# in percent. Of 78,000 unknowns past a sphere in its pocket factors take 9.8 s in place of 31.7, an iteration more or
+# in percent. With 78,000 unknowns past a sphere in its pocket factors take 9.8 s in place of 31.7, an iteration more or
 # less; with 0.05 they take 7.7 s and 24 iterations in place of 5.
 LEFT_OUT = 0.01
 LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1

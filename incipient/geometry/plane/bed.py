@@ -72,7 +72,7 @@ class Bed(ABC):
     def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """The bed over a period from y = 0 as its base line, left to right, wherever it begins in the scene.
 
-        Of a bed that does not repeat it is x0 to x1, and the same mirrored at x1.
+        For a bed that does not repeat it is x0 to x1, and the same mirrored at x1.
         """
         raise NotImplementedError
 

@@ -8,7 +8,7 @@ from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Indices, Surface, connected, merged, sides
 
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
-# Of an edge's length, and of a triangle's barycentric coordinates: what only touches does not cross.
+# Part of an edge's length, and of barycentric coordinates in a triangle: what only touches does not cross.
 BESIDE = 1e-9
 
 
