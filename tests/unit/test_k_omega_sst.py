@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from test_turbulence import rectangle, steady, through_time, uniform
 
 from incipient.effects.turbulence.fields import TurbulenceConditions
-from incipient.effects.turbulence.k_omega_sst import KOmegaSST
+from incipient.effects.turbulence.k_omega_sst import KOmegaSST, Sand
 from incipient.fluid.transient import backward_difference
 from incipient.forms.k_omega_sst import EXPONENT, LITTLE_K, SMOOTHEST_SAND
 from incipient.mesh.sampling import sample
@@ -104,7 +104,7 @@ def test_next_to_sand_without_flow_only_molecules_matter():
     for cells in (8, 16):
         domain = rectangle((0, 0), (1, 1), (3, cells))
         given = TurbulenceConditions(("top", "left", "right"), exact, ("bottom",))
-        with KOmegaSST(domain, given, 2, 0.01, roughness=sand, rough=("bottom",), stress=1e-20) as fields:
+        with KOmegaSST(domain, given, 2, 0.01, sand=Sand(sand, ("bottom",), 1e-20)) as fields:
             fields.state.x.array[:] += 0.2 * np.sin(np.arange(len(fields.state.x.array)))
             fields.carried_by(dolfinx.fem.Constant(domain.mesh, (0.0, 0.0)), 0.01)
             steady(fields)
@@ -119,7 +119,7 @@ def test_a_cell_at_walls_of_both_kinds_is_one_at_the_smooth_wall(rows):
     """Sand below, a smooth wall on top: omega is given in the last row, by the distance from the top."""
     domain = rectangle((0, 0), (1, 1), (3, rows))
     given = TurbulenceConditions((), uniform(1.0, 1.0), ("bottom", "top"))
-    with KOmegaSST(domain, given, 2, 0.01, roughness=0.1, rough=("bottom",), stress=1e-2) as fields:
+    with KOmegaSST(domain, given, 2, 0.01, sand=Sand(0.1, ("bottom",), 1e-2)) as fields:
         fields.impose()
         places = fields.space.tabulate_dof_coordinates()[:, :2]
         omega = np.exp(fields.state.x.array[1::2])

@@ -25,7 +25,7 @@ from ..run_part import RunPart
 from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
 from .iteration import InTime, Round, solve_steadily
-from .k_omega_sst import KOmegaSST
+from .k_omega_sst import KOmegaSST, Sand
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, Marching, solve_together
 from .together_in_time import FINEST, InTimeTogether
@@ -67,16 +67,18 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        in_layers = not walls.plane
-        kinds = (
-            walls.roughness,
-            walls.rough,
-            walls.shear_velocity**2,
-            in_layers,
-            self._added,
-            walls.around_grain,
+        fields = KOmegaSST(
+            domain,
+            given,
+            ORDER,
+            self._scene.viscosity,
+            order,
+            self._least,
+            Sand(walls.roughness, walls.rough, walls.shear_velocity**2),
+            in_layers=not walls.plane,
+            added=self._added,
+            in_stream=walls.around_grain,
         )
-        fields = KOmegaSST(domain, given, ORDER, self._scene.viscosity, order, self._least, *kinds)
         if walls.around_grain:
             fields.begin(self._at_start)
         return fields

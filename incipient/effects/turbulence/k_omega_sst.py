@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dolfinx
@@ -29,6 +29,15 @@ LEAST_SHARE = 0.05  # of k in what its unknown holds, around a grain in a stream
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
+@dataclass(frozen=True)
+class Sand:
+    """Sand on walls: its equivalent roughness, the names of these walls, and a typical shear stress at them."""
+
+    roughness: float = 0.0
+    walls: tuple[str, ...] = ()
+    stress: float = 0.0
+
+
 class KOmegaSST(TurbulenceFields):
     """ln k and ln omega on a mesh, with smooth and rough walls. Every method is collective.
 
@@ -41,9 +50,7 @@ class KOmegaSST(TurbulenceFields):
         viscosity: of the molecules.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity.
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
-        roughness: equivalent sand roughness of the rough walls.
-        rough: names of the walls that are rough.
-        stress: typical shear stress at rough walls.
+        sand: on the walls that are rough.
         in_layers: whether layers of thin cells lie along walls that are no planes.
         added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
         in_stream: whether the only wall is that of a grain in a uniform stream, where k has peaks.
@@ -59,9 +66,7 @@ class KOmegaSST(TurbulenceFields):
         viscosity: float,
         order_of_flow: int = 2,
         least: float = 0.0,
-        roughness: float = 0.0,
-        rough: tuple[str, ...] = (),
-        stress: float = 0.0,
+        sand: Sand = Sand(),
         in_layers: bool = False,
         added: float = 0.0,
         in_stream: bool = False,
@@ -69,18 +74,18 @@ class KOmegaSST(TurbulenceFields):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
         scalar = compat.space(mesh, ("Lagrange", order))
-        self._rough = rough
-        self._smooth = tuple(name for name in surroundings.walls if name not in rough)
+        self._sand = sand
+        self._smooth = tuple(name for name in surroundings.walls if name not in sand.walls)
         self._distance = dolfinx.fem.Function(scalar)
         # From smooth walls, where some are rough.
-        self._from_smooth = dolfinx.fem.Function(scalar) if rough and self._smooth else self._distance
+        self._from_smooth = dolfinx.fem.Function(scalar) if sand.walls and self._smooth else self._distance
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
-        self.stretched, self.steep = added > 0.0, bool(rough)
-        self._molecules, self._least, self._roughness = viscosity, least, roughness
+        self.stretched, self.steep = added > 0.0, bool(sand.walls)
+        self._molecules, self._least = viscosity, least
         self._in_layers, self._in_stream = in_layers, in_stream
-        self._stress, self._little = self.constant(stress), self.constant(0.0)
+        self._stress, self._little = self.constant(sand.stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
         self._near, self._edge, self._within, self._source, self._ends = np.empty((5, 0), dtype=np.int64)
@@ -132,7 +137,7 @@ class KOmegaSST(TurbulenceFields):
     def stand(self, viscosity: float, stress: float) -> None:
         """Let the molecules at walls have another viscosity, and rough walls another typical shear stress."""
         self._molecules, self._stress.value = viscosity, stress
-        self._little.value = stress * forms.little_k(self._roughness * stress**0.5 / viscosity)
+        self._little.value = stress * forms.little_k(self._sand.roughness * stress**0.5 / viscosity)
         if not self._smooth:
             return
         away = self._from_smooth.x.array[self._near]
@@ -282,7 +287,7 @@ class KOmegaSST(TurbulenceFields):
         """The residual of both equations in UFL, in the cells beyond those at walls."""
         inside = self._beyond
         form = super()._equations(rate, [inside * test for test in tests], stream)
-        if self._rough:
+        if self._sand.walls:
             form += self._on_rough_walls([inside * test for test in tests], stream)
         if not self._smooth:
             return form
@@ -298,10 +303,10 @@ class KOmegaSST(TurbulenceFields):
         mesh = self.domain.mesh
         across = ufl.dot(ufl.classes.ReferenceNormal(mesh), ufl.JacobianInverse(mesh))
         penalty = PENALTY * self.order**2 * ufl.sqrt(ufl.inner(across, across))
-        roughness, n = self.constant(self._roughness), ufl.FacetNormal(mesh)
+        roughness, n = self.constant(self._sand.roughness), ufl.FacetNormal(mesh)
         wall = forms.RoughWall(roughness, n, penalty, CALM * self._stress, self._little)
         given = forms.on_rough_wall(ufl.split(self.state), tests, wall, stream)
-        return given * self.domain.measure(*self._rough)(metadata=stream.measure.metadata())
+        return given * self.domain.measure(*self._sand.walls)(metadata=stream.measure.metadata())
 
     def _interface(self) -> Any:
         """Tags of the facets between cells at walls and those beyond."""
