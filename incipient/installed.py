@@ -1,12 +1,14 @@
-"""Programs and libraries that the flow needs besides Python packages; what is missing is named with its remedy."""
+"""What the flow needs of a machine besides Python packages, libraries and memory; what is missing is named."""
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import metadata
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -40,6 +42,26 @@ def memory_of_libraries() -> float:
             continue
         return MEMORY.get(".".join(version.split(".")[:2]), MEMORY[NEWEST])
     return MEMORY[NEWEST]
+
+
+def free_bytes() -> float:
+    """Memory that this process may still take, of its machine or its container. Not collective.
+
+    Files that the system keeps in memory count as free: it drops them when asked. On systems without /proc that is not
+    known, and they do not count.
+    """
+    free = [float("inf")]
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free.append(1024 * next(float(line.split()[1]) for line in lines if line.startswith("MemAvailable")))
+    with suppress(OSError, ValueError):
+        groups = Path("/sys/fs/cgroup")
+        most, used = (int((groups / name).read_text()) for name in ("memory.max", "memory.current"))
+        free.append(float(most - used))
+    if len(free) == 1:
+        with suppress(OSError, ValueError):
+            free.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
+    return min(free)
 
 
 def missing(error: BaseException) -> str | None:

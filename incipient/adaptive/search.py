@@ -7,7 +7,6 @@ each errs for its cost (`balancing`), and what the error of a critical flow come
 
 from __future__ import annotations
 
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ import numpy as np
 from ..accuracy.goal import Goal, Quantity
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, MeshError
+from ..installed import free_bytes
 from ..parallel import Comm
 from ..planning.expense import MEMORY_GROWTH
 from ..planning.layout import Layout
@@ -234,7 +234,7 @@ class AccuracySearch(ABC):
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
-        if expected - now > self.comm.bcast(_free_mib(), root=0):
+        if expected - now > self.comm.bcast(free_bytes() / 2**20, root=0):
             return f"stopped: {needs}, more than there is"
         return ""
 
@@ -252,7 +252,3 @@ def _lu_mib(unknowns: float) -> float:
     """Memory [MiB] of the LU factorisations of a flow and of its dual, in elements of one order more."""
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
-
-
-def _free_mib() -> float:
-    return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")) / 2**20

@@ -6,11 +6,10 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 from ..critical.gust_bracket import runs_expected
 from ..errors import IncipientError
-from ..installed import memory_of_libraries
+from ..installed import free_bytes, memory_of_libraries
 from ..meshes.expected import expected_cells
 from ..planning import meshing
 from ..planning.flow_setup import Setup
@@ -94,15 +93,7 @@ def _scaled(known: Expected, of_known: float | None, cells: float | None) -> Exp
 
 def free_memory_mib() -> float:
     """The share of this machine's, or this container's, free memory that a sweep may take."""
-    free = [float("inf")]
-    with suppress(OSError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        free.append(next(float(line.split()[1]) / 1024 for line in lines if line.startswith("MemAvailable")))
-    with suppress(OSError, ValueError):
-        groups = Path("/sys/fs/cgroup")
-        most, used = (int((groups / name).read_text()) for name in ("memory.max", "memory.current"))
-        free.append((most - used) / 2**20)
-    return SHARE * min(free)
+    return SHARE * free_bytes() / 2**20
 
 
 def cores() -> int:

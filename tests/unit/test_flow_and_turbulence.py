@@ -1,11 +1,14 @@
 """Linear systems of flow and turbulence in space, beside numpy's solution, with factors of the flow that are off."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
 
 from incipient.effects.turbulence import linear
 from incipient.effects.turbulence.linear import ROUGH, BlockByBlock
+from incipient.fluid.solvers import direct
 from incipient.fluid.solvers.compressed import CompressedFactors
 
 ROWS = 40
@@ -65,6 +68,18 @@ def test_together_both_are_solved_though_the_factors_are_off(solver, blocks):
     b, x = solved(solver)
     whole = np.block([list(row) for row in blocks])
     assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
+
+
+def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, caplog):
+    """440 n^(4/3) bytes of 40 unknowns are 60 kB, of which twice as much must be free."""
+    nest = PETSc.Mat().createNest([[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF)
+    nest.assemble()
+    for free, told in ((130e3, 0), (110e3, 1)):
+        monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
+        BlockByBlock(SimpleNamespace(triangle=CompressedFactors), nest).destroy()
+        assert (
+            sum("more than half of the memory that is free" in one.message for one in caplog.records) == told
+        )
 
 
 def test_what_factors_cannot_solve_is_not_finite(solver, blocks):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,10 @@ from petsc4py import PETSc
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.solvers.compressed import CompressedFactors
+from ...fluid.solvers.direct import bytes_of_factors
 from ...fluid.solvers.options import defaults, exact
+
+log = logging.getLogger("incipient")
 
 PREFIX = "turbulence_"
 RESTART, MOST_ITERATIONS = 100, 400
@@ -73,6 +77,11 @@ class BlockByBlock:
         self._blocks = [[nest.getNestSubMatrix(i, j) for j in (0, 1)] for i in (0, 1)]
         flow = self._blocks[0][0]
         self._lasting = CompressedFactors.serve(flow)
+        if not self._lasting and nest.comm.rank == 0:
+            log.warning(
+                f"factors of the flow's matrix take up to {bytes_of_factors(flow) / 1e9:.2g} GB, more than half of the "
+                "memory that is free, or PETSc has no MUMPS: the flow is solved by blocks, which is slower and may fail"
+            )
         self._of_flow: Any = CompressedFactors(flow) if self._lasting else fluid.triangle(flow)
         self._aged = True
         self._flow = self._blocks[0][0].createVecs()

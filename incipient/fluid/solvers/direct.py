@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
+from ...installed import free_bytes
 from .equations import Equations
 from .statistics import LinearStatistics
 
@@ -27,11 +27,15 @@ NOT_FINITE = (
 )
 
 
+def bytes_of_factors(matrix: Any) -> float:
+    """Memory that LU factors of a flow's matrix in space take. Not collective."""
+    return float(LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
+
+
 def fits(matrix: Any) -> bool:
     """Whether LU factors of a flow's matrix in space fit into half of the memory that is free. Collective."""
-    free = float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    least = matrix.comm.tompi4py().allreduce(free, MPI.MIN)
-    return bool(LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0) < 0.5 * least)
+    least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
+    return bool(bytes_of_factors(matrix) < 0.5 * least)
 
 
 class Direct:
