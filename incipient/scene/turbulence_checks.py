@@ -40,8 +40,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
-            if time is not None:
-                yield from _of_time_in_space(time, scene.domain, kind, scene.turbulence)
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
@@ -90,24 +88,6 @@ def _of_resolved_walls_in_space(
         what = "with rough walls" if level else "past grains and bed forms"
         yield problem(
             "domain.sides", f'"wall" {what} {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}'
-        )
-
-
-def _of_time_in_space(
-    time: Time, domain: Domain, bed: str, turbulence: Turbulence | None
-) -> Iterator[Problem]:
-    """Where the k-omega model serves steady flow in space only; `bed` is the bed's kind."""
-    where = ""
-    if domain.sides == "wall":
-        where = "between sides with friction"
-    elif turbulence is not None and turbulence.roughness:
-        where = "along rough walls"
-    elif bed not in LEVEL and time.start == "rest":
-        why = f'is "rest", from which flow over bed forms in space {_NOT_TO_THE_WALL}'
-        yield problem("time.start", why, f'use "steady", leave [time] or domain.width out, {_OTHER}')
-    if where:
-        yield problem(
-            "time", f"{where} in space {_NOT_TO_THE_WALL}", f"leave [time] or domain.width out, {_OTHER}"
         )
 
 

@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
 
-NOT_STEADY = (
-    'time.start: no steady flow to begin with; use a smaller numerics.mesh_size, or "rest" if it is served'
-)
+NOT_STEADY = 'time.start: no steady flow to begin with; use a smaller numerics.mesh_size, or "rest"'
 
 
 class TimeLoop:

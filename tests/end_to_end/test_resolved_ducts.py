@@ -15,6 +15,7 @@ from incipient.scene import (
     Output,
     Poiseuille,
     Scene,
+    Time,
     Turbulence,
 )
 
@@ -70,3 +71,14 @@ def test_a_duct_keeps_the_developed_flow(reynolds, flow, domain):
     assert (bars < 0.03 * walls.shear_velocity).all()
     assert found.each["left"] == pytest.approx(side, rel=5e-3)
     assert found.each["bottom"] == pytest.approx(floor, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "end", "within"), [("steady", 1.0, 1e-6), ("rest", 10.0, 1e-4)])
+def test_a_duct_in_time_has_the_steady_flow(start, end, within):
+    """u* along and at the end of all walls of an open channel, u* h/nu = 200: it stays, or comes within 10 h/V."""
+    scene = duct(2731.0, 2.0, OpenChannel(), length=2.0, width=1.0)
+    steady = incipient.run(scene).turbulence
+    later = incipient.run(scene.model_copy(update={"time": Time(step=0.5, end=end, start=start)})).turbulence
+    assert later.shear_velocities == pytest.approx(steady.shear_velocities, rel=within)
+    assert later.each == pytest.approx(steady.each, rel=within)

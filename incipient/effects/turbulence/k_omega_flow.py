@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -34,6 +35,7 @@ LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for eve
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
 # and of a factor what is not worth a slower flow.
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
+NEAREST = 1.1  # u* d/nu of a flow that is not found over that of a slower one, up to which no other is sought between
 # u* d/nu from which on a flow in space needs care (`fast` in `Marching`), and of the first one that leads to it.
 # Past one grain of a random bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after
 # seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 239.
@@ -79,7 +81,7 @@ class KOmegaFlow(TurbulentFlow):
             added=self._added,
             in_stream=walls.around_grain,
         )
-        if walls.around_grain:
+        if walls.around_grain or (domain.gdim == 3 and not walls.plane):
             fields.begin(self._at_start)
         return fields
 
@@ -120,23 +122,44 @@ class KOmegaFlow(TurbulentFlow):
         return self._walls.depth
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones."""
+        """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones.
+
+        A flow that is not found from a slower one is sought from one half way between both.
+        """
         if self._scene.gdim == 3:
             self._started = onwards
-            onwards = onwards or (not self._walls.plane and self._led_to(run, factor))
-        return super().solve(run, factor, onwards)
-
-    def _led_to(self, run: Solving, factor: float) -> bool:
-        """Find the slower flows that lead to the scene's times a factor, each from the one before; whether any does."""
+        if self._scene.gdim == 2 or onwards or self._walls.plane:
+            return super().solve(run, factor, onwards)
         own = self._number(self._of_run.faster(factor).resolved_walls)
-        slower, how = slower_flows(own), (self._fluid, self.fields, self._tolerance)
-        for place, number in enumerate(slower):
-            self._take(self._fluid, factor * number / own)
-            if not place:
-                self.enter(self._fluid)
-            with run.stage("flow"), self._timed():
-                solve_together(*how, Marching(nearly=True, fast=own > FAST, onwards=place > 0))
-        return bool(slower)
+        before, ahead = 0.0, [*slower_flows(own), own]
+        while True:
+            number, kept = ahead[0], [one.x.array.copy() for one in self._both]
+            try:
+                if len(ahead) == 1:
+                    return super().solve(run, factor, before > 0.0)
+                self._lead(
+                    run, factor * number / own, Marching(nearly=True, fast=own > FAST, onwards=before > 0.0)
+                )
+                before = ahead.pop(0)
+            except ConvergenceError:
+                if not before or number < NEAREST * before:
+                    raise
+                ahead.insert(0, math.sqrt(before * number))
+                for state, values in zip(self._both, kept, strict=True):
+                    state.x.array[:] = values
+
+    @property
+    def _both(self) -> tuple[Any, Any]:
+        """The states of the flow and of its turbulence."""
+        return self._fluid.state, self.fields.state
+
+    def _lead(self, run: Solving, factor: float, how: Marching) -> None:
+        """Find a slower flow that leads to the scene's, its speed over this one's a factor, nearly."""
+        self._take(self._fluid, factor)
+        if not how.onwards:
+            self.enter(self._fluid)
+        with run.stage("flow"), self._timed():
+            solve_together(self._fluid, self.fields, self._tolerance, how)
 
     def _number(self, walls: ResolvedWalls) -> float:
         """u* d/nu of the flow along these walls, d the size of the grain, or else of the bed's forms."""
