@@ -40,6 +40,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
             yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
+            if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
+                why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
+                yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
             if scene.turbulence is not None and scene.turbulence.inflow == "profile":
                 why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
                 yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')

@@ -27,6 +27,7 @@ from incipient.scene import (
     Scene,
     Sinusoidal,
     Sphere,
+    SphereBed,
     Time,
     Turbulence,
     Uniform,
@@ -381,6 +382,17 @@ def test_ranks_agree(mpirun, wall):
                 "bed": {"kind": "ridges", "amplitude": 0.1, "wavelength": 1.0},
             },
             'domain.sides: "wall" past grains and bed forms is not simulated',
+        ),
+        (
+            {
+                "domain": IN_SPACE,
+                "bed": SphereBed(radius=0.2, spacing=0.5),
+                "body": Sphere(diameter=0.4, x=2.0, density=2.0, motion="released"),
+                "contact": Contact(friction=0.5),
+                "gravity": Gravity(acceleration=1.0),
+                "time": Time(step=0.1, end=1.0),
+            },
+            'time.start: is "rest", from which a grain that moves over bed forms in space',
         ),
         (
             {

@@ -81,9 +81,21 @@ class KOmegaFlow(TurbulentFlow):
             added=self._added,
             in_stream=walls.around_grain,
         )
-        if walls.around_grain or (domain.gdim == 3 and not walls.plane):
+        if walls.around_grain or self._begins_among_forms:
             fields.begin(self._at_start)
         return fields
+
+    @property
+    def _begins_among_forms(self) -> bool:
+        """Whether a flow from rest begins between forms of the bed in space, where there is no k of the stream above.
+
+        Past a grain that moves off at once the eddies of the stream help the first step, which goes by turns.
+        """
+        geometry = self._setup.geometry
+        bed = geometry.bed
+        return (
+            geometry.gdim == 3 and bed is not None and bool(np.isfinite(bed.feature)) and not geometry.moves
+        )
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
