@@ -188,7 +188,8 @@ def test_a_sphere_that_leaves_its_pocket_goes_about_the_two_in_front_of_it(settl
     (x, z), (u, w) = (
         [column(tmp_path, name) for name in names] for names in (("x", "z"), ("velocity_x", "velocity_z"))
     )
-    assert (u > 0.009).all() and u[1] > 1.5 * u[0]
+    # Measured where it settled: 0.0094 after the first step.
+    assert (u > (0.009 if settle == "true" else 0.01)).all() and u[1] > 1.5 * u[0]
     assert w / u == pytest.approx((4.2887 - x) / z, rel=1e-3)
     assert found.trajectory["on_bed"]["mode"]
 
