@@ -42,6 +42,7 @@ OF_TURBULENCE = (
     "forms.wall_friction",
     "fluid.friction",
     "effects.turbulence.along_walls",
+    "effects.turbulence.coupled_flow",
     "effects.turbulence.fields",
     "effects.turbulence.iteration",
     "effects.turbulence.k_epsilon",

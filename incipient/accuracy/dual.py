@@ -24,9 +24,8 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import turned
 from ..compat import petsc
-from ..coupled.tractions import Resultant, TractionProbe, shares_of_the_whole
+from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.raised import enriched
 from ..fluid.solvers.two_level import ROUGH
@@ -149,7 +148,9 @@ class GoalErrors:
     def _weigh(self, goal: Floats, weight: Any) -> None:
         """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""
         finer = self.finer
-        weight.x.array[:] = finer.dual(self._rigid_motion(goal), ROUGH)
+        goal = goal * shares_of_the_whole(finer.domain)
+        motion = rigid_motion(finer, self._boundary, self._about, goal)
+        weight.x.array[:] = finer.dual(motion, ROUGH)
         weight.x.scatter_forward()
         here, there = self.fluid.space, finer.space
         for coarse, space, mine in (
@@ -161,14 +162,3 @@ class GoalErrors:
             function.interpolate(part)
             part.interpolate(function)
             weight.x.array[mine] -= part.x.array
-
-    def _rigid_motion(self, goal: Floats) -> Floats:
-        """(local unknowns,) the goal's rigid motion on the boundary, zero elsewhere."""
-        space = self.finer.space
-        gdim = space.gdim
-        blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
-        arms = self.finer.constraints.points[blocks, :gdim] - self._about
-        goal = goal * shares_of_the_whole(self.fluid.domain)
-        values = np.zeros_like(self.finer.state.x.array)
-        values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
-        return values

@@ -287,7 +287,7 @@ class RigidPart:
         space, size = self.fluid.space, self.body.size
         arms = self.fluid.constraints.points[self._blocks, : space.gdim] - end.place
         changes, resistance = np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size))
-        places = space.velocity_map.reshape(-1, space.gdim)[self._blocks]
+        places = space.unknowns_at_nodes[self._blocks]
         free = np.flatnonzero(self.body.mask)
         forcing = self._of_displacements(end, length, free)
         for k in free:

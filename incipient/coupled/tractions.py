@@ -20,7 +20,8 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import cross, spatial
+from ..arrays import Floats, cross, spatial
+from ..body.state import turned
 from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.solvers.mass import solve_mass_matrix
@@ -40,6 +41,16 @@ def shares_of_the_whole(domain: Domain) -> np.ndarray:
     if domain.halved:
         return WITH_MIRROR_IMAGE
     return np.ones(3 if domain.gdim == 2 else 6)
+
+
+def rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float] | Floats, motion: Floats) -> Floats:
+    """(local unknowns,) a velocity and a spin (3 or 6,) of a boundary about a point, zero elsewhere. Not collective."""
+    space, gdim = fluid.space, fluid.space.gdim
+    blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
+    arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
+    values = np.zeros_like(fluid.state.x.array)
+    values[space.unknowns_at_nodes[blocks]] = motion[:gdim] + turned(motion[gdim:], arms)
+    return values
 
 
 @dataclass(frozen=True)
@@ -182,8 +193,7 @@ class TractionProbe:
 
     def _unknowns(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""
-        gdim = self.fluid.space.gdim
-        return self.fluid.space.velocity_map.reshape(-1, gdim)[self._blocks]
+        return self.fluid.space.unknowns_at_nodes[self._blocks]
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         forces = spatial(forces)

@@ -17,12 +17,10 @@ import ufl
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import turned
 from ..compat import PETSc, petsc
-from ..coupled.tractions import shares_of_the_whole
+from ..coupled.tractions import rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.flow import EXACT
-from ..fluid.space import boundary_blocks
 from ..results.left_out import Omission
 from .effect import Solved
 
@@ -76,7 +74,7 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
     size, owned, mine = len(shares), len(tested), np.zeros(len(shares))
     for k in np.flatnonzero(shares):
         goal = shares[k] * np.eye(size)[k]
-        motion = _rigid_motion(fluid, boundary, about, goal)
+        motion = rigid_motion(fluid, boundary, about, goal)
         mine[k] = tested @ fluid.dual(motion, ROUGH)[:owned]
     changes = -fluid.domain.comm.allreduce(mine)
     force, couple = np.zeros(3), np.zeros(3)
@@ -108,16 +106,6 @@ def _tested(fluid: Fluid, term: Term) -> Floats:
     values = vector.array_r.copy()
     vector.destroy()
     return np.asarray(values)
-
-
-def _rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float], goal: Floats) -> Floats:
-    """(local unknowns,) a rigid motion (3 or 6,) of the boundary about a point, zero elsewhere."""
-    space, gdim = fluid.space, fluid.space.gdim
-    blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
-    arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
-    values = np.zeros_like(fluid.state.x.array)
-    values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
-    return values
 
 
 def _ratio(change: Floats, whole: Floats) -> float:

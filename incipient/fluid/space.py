@@ -31,6 +31,11 @@ class TaylorHood:
         return int(self.mixed.mesh.geometry.dim)
 
     @property
+    def unknowns_at_nodes(self) -> np.ndarray:
+        """Unknowns (n, gdim) of the velocity at nodes of this rank."""
+        return self.velocity_map.reshape(-1, self.gdim)
+
+    @property
     def unknowns(self) -> int:
         """Number of unknowns over all ranks."""
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)

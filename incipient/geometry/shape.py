@@ -53,6 +53,12 @@ def require_positive(name: str, *values: float) -> None:
             raise SceneError(f"{name} {value} is not a positive length; give a positive number")
 
 
+def require_not_negative(name: str, value: float) -> None:
+    """Refuse a length that is negative or no finite number."""
+    if not (np.isfinite(value) and value >= 0.0):
+        raise SceneError(f"{name} {value} is not a length; give a number that is not negative")
+
+
 def largest_distance(points: Floats) -> float:
     """The largest distance of two points (n, d); for many points among those of their hull."""
     if len(points) <= FEW:

@@ -84,7 +84,7 @@ class MovedMesh:
         points = [one.constraints.points for one in (fluid, other)]
         flows = self.run.setup.base_flow, self.setup.base_flow
         here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
-        places = other.space.velocity_map.reshape(-1, other.space.gdim)
+        places = other.space.unknowns_at_nodes
         other.state.x.array[places] += (there - here)[:, : other.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:

@@ -324,7 +324,7 @@ def test_flow_and_turbulence_are_corrected_alike_on_two_ranks(mpirun, tmp_path):
         import numpy as np
         from mpi4py import MPI
         from incipient import compat
-        from incipient.effects.turbulence.pseudo_time import MOST_AT_NODES, CoupledFlow
+        from incipient.effects.turbulence.coupled_flow import MOST_AT_NODES, CoupledFlow
         from incipient.scene.file import loads
         from incipient.simulation.build import prepared
 

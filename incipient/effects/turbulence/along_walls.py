@@ -148,7 +148,7 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
         f"lengths and normals of {boundary}",
         lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n)],
     )
-    rows = fluid.space.velocity_map.reshape(-1, gdim)[nodes]
+    rows = fluid.space.unknowns_at_nodes[nodes]
     columns = [
         space.tabulate_dof_coordinates()[nodes, :gdim],
         _at(lengths, nodes, gdim)[:, :1],

@@ -106,7 +106,7 @@ def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
 
 
 def relative_change(fluid: Fluid, change: np.ndarray) -> float:
-    """Size of a change of the flow, relative to it. Collective."""
+    """Size of a change of the flow (owned unknowns, or all local ones), relative to it. Collective."""
     whole = fluid.squared_velocities(fluid.state.x.array)
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 

@@ -12,9 +12,9 @@ from ... import compat
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.newton import Contraction, NewtonReport, solve_by_chords
+from .coupled_flow import CoupledFlow, bound
 from .fields import LARGEST_CORRECTION, TurbulenceFields
 from .iteration import InTime, relative_change
-from .pseudo_time import CoupledFlow, bound
 
 MOST_CORRECTIONS = 20
 # Size of corrections that is small enough also where a flow hardly changes; of the tolerance, what counts as none; and
@@ -103,18 +103,14 @@ class InTimeTogether(InTime):
         except ConvergenceError:
             return float("inf")
         bound(fluid, of_flow)
-        change = np.zeros_like(fluid.state.x.array)
-        change[: len(of_flow)] = of_flow
-        of_both = relative_change(fluid, change), turbulence.of_most(of_logarithms)
+        of_both = relative_change(fluid, of_flow), turbulence.of_most(of_logarithms)
         if (size := max(of_both)) < LOST:
             part = 1.0 if size < SLOW * self._last else 0.5
             if not np.isfinite(self._last):
                 self._begun = size
             self._first, self._last = np.inf, size
             bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
-            for state, values in ((fluid.state, of_flow), (turbulence.state, bounded)):
-                state.x.array[: len(values)] += part * values
-                state.x.scatter_forward()
+            self._system.carry_out(part * of_flow, part * bounded)
         found = max(of_both[0], OF_LOGARITHMS * of_both[1]) if size < LOST else np.inf
         return found if found > NONE * self._tolerance else 0.0
 

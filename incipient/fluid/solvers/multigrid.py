@@ -52,7 +52,7 @@ def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:
     scalar = compat.space(space.mixed.mesh, ("Lagrange", space.order))
     nodes = np.empty(local_size(scalar), dtype=np.int64)
     nodes[compat.cell_dofs(scalar)] = compat.cell_dofs(space.velocity)
-    return scalar, space.velocity_map.reshape(-1, space.gdim)[nodes].T
+    return scalar, space.unknowns_at_nodes[nodes].T
 
 
 class Levels:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
-from incipient.geometry.shape import require_positive
+from incipient.geometry.shape import require_not_negative, require_positive
 
 
 class Bed(ABC):
@@ -139,10 +139,7 @@ class Sinusoidal(Bed):
 
     def __post_init__(self) -> None:
         require_positive("wavelength", self.wavelength)
-        if not (np.isfinite(self.amplitude) and self.amplitude >= 0.0):
-            raise SceneError(
-                f"amplitude {self.amplitude} is not a length; give a number that is not negative"
-            )
+        require_not_negative("amplitude", self.amplitude)
 
     @property
     def feature(self) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.shape import require_positive
+from incipient.geometry.shape import require_not_negative, require_positive
 from incipient.geometry.space.pieces import Graph, HalfSpacesAndBalls, Pieces
 
 Sides = tuple[float, float]
@@ -270,10 +270,7 @@ class Ridges(SmoothTerrain):
 
     def __post_init__(self) -> None:
         require_positive("wavelength", self.wavelength)
-        if not (np.isfinite(self.amplitude) and self.amplitude >= 0.0):
-            raise SceneError(
-                f"amplitude {self.amplitude} is not a length; give a number that is not negative"
-            )
+        require_not_negative("amplitude", self.amplitude)
 
     @property
     def steepest(self) -> float:
