@@ -175,8 +175,9 @@ class Setup:
             return self.base_flow_at(speed).bed_stress()
         speed = speed if 0.0 < speed < float("inf") else 1.0
         faster = self.faster(speed)
-        walls = faster.resolved_walls if self.resolves_walls else faster.walls
-        return float(speed * walls.shear_velocity**2)
+        if self.resolves_walls:
+            return speed * faster.resolved_walls.bed_stress
+        return float(speed * faster.walls.shear_velocity**2)
 
     @property
     def wall_cell(self) -> float:

@@ -123,14 +123,16 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
         away = Away(point(placement.centre), BED_GROWTH, largest)
     if bed is None or not np.isfinite(bed.feature):
         yield Near(size, GROWTH, boundary=walls.names[0], away=away)
-    if walls.number > 1:
-        yield Near(largest, GROWTH, boundary=setup.sides.top)
+    for name in walls.names:
+        if name in (setup.sides.top, *setup.sides.across):
+            yield Near(largest, GROWTH, boundary=name)
 
 
 def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
     """Cells behind the grain, where the base flow carries its wake."""
     grain = setup.geometry.grain
-    assert grain is not None and placement is not None
+    if grain is None or placement is None:
+        return []
     centre = np.array(placement.centre)
     velocity = setup.base_flow.velocity(centre[:, None], 0.0)[:, 0]
     speed = float(np.linalg.norm(velocity))

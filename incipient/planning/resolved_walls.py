@@ -113,6 +113,13 @@ class ResolvedWalls:
         return min(self.depth, 0.5 * (self.sides[1] - self.sides[0])) if self.sides else self.depth
 
     @property
+    def bed_stress(self) -> float:
+        """Shear stress of what enters on the lower wall, fluid density one; between sides that in the middle."""
+        if self.duct is None:
+            return self.shear_velocity**2
+        return float(self.duct.stresses[1][-1] * self.mean**2)
+
+    @property
     def layer_over_forms(self) -> bool:
         """Whether a measured boundary layer, in a stream with hardly any k, goes over smooth forms of the bed."""
         return self.measured is not None and self.smooth
@@ -196,8 +203,8 @@ class ResolvedWalls:
 
     def _in_duct(self, x: Floats) -> tuple[Floats, Floats]:
         """Distances (n,) of places (3, n) from the next side, and from floor or top, over the depth."""
-        away = np.minimum(x[1] - self.sides[0], self.sides[1] - x[1])
-        return np.maximum(away, 0.0) / self.depth, self.from_next(x) / self.depth
+        from_side = np.minimum(x[1] - self.sides[0], self.sides[1] - x[1])
+        return np.maximum(from_side, 0.0) / self.depth, self.from_next(x) / self.depth
 
     def _along(self, speed: Floats) -> Floats:
         return np.vstack([speed, *np.zeros((self.up, len(speed)))])
@@ -213,11 +220,16 @@ class ResolvedWalls:
         if self.stream is not None:
             return np.repeat(np.array([self.stream.logarithms]).T, x.shape[1], axis=1)
         if self.duct is not None:
-            units = np.log([[self.mean**2], [self.mean / self.depth]])
-            return self.duct.logarithms(*self._in_duct(x)) + units
+            return self._of_duct(*self._in_duct(x))
         if self.measured is None:
             return self.logarithms_at(self.from_next(x))
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
+
+    def _of_duct(self, from_side: Floats, from_floor: Floats) -> Floats:
+        """ln k and ln omega (2, n) that enter at distances (n,) from side and floor, over the depth."""
+        assert self.duct is not None
+        units = np.log([[self.mean**2], [self.mean / self.depth]])
+        return self.duct.logarithms(from_side, from_floor) + units
 
     def logarithms_at(self, away: Floats) -> Floats:
         """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
@@ -241,10 +253,14 @@ class ResolvedWalls:
     def start(self, places: Floats, away: Floats) -> tuple[Floats, Floats]:
         """Velocity (gdim, n) and both logarithms (2, n) at places (n, gdim), distances (n,) from walls: a first guess.
 
-        It is the developed flow; over a plate that within its boundary layer, and the stream outside. Not collective.
+        It is the developed flow; over a plate that within its boundary layer, and the stream outside. Between sides it
+        is that of a place of the duct whose next wall is as far away, in the same proportion from side and floor. Not
+        collective.
         """
         if self.duct is not None:
-            return self.velocity(places.T, 0.0), self.logarithms(places.T)
+            section = np.array(self._in_duct(places.T))
+            section *= np.minimum(away / self.depth / np.maximum(section.min(axis=0), 1e-300), 1.0)
+            return self._along(self.mean * self.duct.speed(*section)), self._of_duct(*section)
         velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
         if self.stream is None:
             return velocity, logarithms

@@ -35,11 +35,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        if in_space and kind not in LEVEL and scene.turbulence is not None and scene.turbulence.roughness:
-            why = f'is "rough", but on bed forms in space sand {_NOT_TO_THE_WALL}'
-            yield problem("turbulence.wall", why, f"use smooth walls, leave domain.width out, {_OTHER}")
         if in_space:
-            yield from _of_resolved_walls_in_space(scene.domain, level, scene.turbulence)
+            if scene.sides == "wall":
+                yield from _of_sides(scene.moves, scene.turbulence)
             if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
                 why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
                 yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
@@ -82,13 +80,11 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_resolved_walls_in_space(
-    domain: Domain, level: bool, turbulence: Turbulence | None
-) -> Iterator[Problem]:
-    """What the k-omega model serves in the plane only, or in a `level` channel without a grain."""
-    rough = turbulence is not None and turbulence.roughness > 0.0
-    if domain.sides == "wall" and (rough or not level):
-        what = "with rough walls" if level else "past grains and bed forms"
+def _of_sides(moves: bool, turbulence: Turbulence | None) -> Iterator[Problem]:
+    """What the k-omega model does not serve between sides with friction."""
+    rough = turbulence is not None and (turbulence.roughness or turbulence.upstream_roughness)
+    if rough or moves:
+        what = "with rough walls, upstream or not," if rough else "past a grain that moves"
         yield problem(
             "domain.sides", f'"wall" {what} {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}'
         )

@@ -7,30 +7,38 @@ import incipient
 from incipient.planning.duct import duct_mean
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
+    Contact,
     Domain,
     Effects,
+    Flat,
     Fluid,
+    Gravity,
     Numerics,
     OpenChannel,
     Output,
     Poiseuille,
+    RidgeBed,
     Scene,
+    Sphere,
     Time,
     Turbulence,
 )
 
+HARDLY = RidgeBed(amplitude=1e-4, wavelength=1.0)  # forms, for which the mesh has layers, of no height
 
-def duct(reynolds, mesh_size, flow, error_bars=False, **domain):
+
+def duct(reynolds, mesh_size, flow, error_bars=False, sections=(), **domain):
     """A duct of height one; Re by that and the mean velocity, both one."""
-    return Scene(
-        domain=Domain(height=1.0, sides="wall", **domain),
-        fluid=Fluid(reynolds=reynolds, scale="flow"),
-        flow=flow,
-        effects=Effects(turbulence=True),
-        turbulence=Turbulence(model="k-omega-sst"),
-        numerics=Numerics(mesh_size=mesh_size, order=2, error_bars=error_bars),
-        output=Output(fields=False),
-    )
+    given = {
+        "domain": Domain(height=1.0, sides="wall", **domain),
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": flow,
+        "effects": Effects(turbulence=True),
+        "turbulence": Turbulence(model="k-omega-sst"),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=error_bars),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**given, **dict(sections)})
 
 
 @pytest.mark.parametrize("symmetric", [True, False])
@@ -82,3 +90,40 @@ def test_a_duct_in_time_has_the_steady_flow(start, end, within):
     later = incipient.run(scene.model_copy(update={"time": Time(step=0.5, end=end, start=start)})).turbulence
     assert later.shear_velocities == pytest.approx(steady.shear_velocities, rel=within)
     assert later.each == pytest.approx(steady.each, rel=within)
+
+
+def test_a_slow_channel_over_forms_between_sides_is_laminar():
+    """u*^2 in the mean along bed and sides is gradient times area over their length, by White's series (exact).
+
+    Half of the channel, with layers of cells along bed and side that meet in the corner. u* along each wall at the
+    outflow is that of finite volumes in a section; of the bed it is read along one line, since it may have forms.
+    """
+    scene = duct(20.0, 2.0, OpenChannel(), sections={"bed": HARDLY}, length=1.5, width=1.0)
+    walls = Setup(scene).resolved_walls
+    side, floor = (walls.mean * u for u in walls.duct.shear_velocities)
+    found = incipient.run(scene).turbulence
+    exact = np.sqrt(1.0 / 20.0 / duct_mean(1.0, 2.0) / 3.0)
+    assert found.applicable and not found.plane
+    at_outflow, along = found.shear_velocities
+    assert along == pytest.approx(exact, rel=2e-3) and at_outflow == pytest.approx(exact, rel=0.01)
+    assert found.each["left"] == pytest.approx(side, rel=0.01)
+    assert found.each["bed"] == pytest.approx(floor, rel=0.03)
+
+
+@pytest.mark.slow
+def test_in_slow_flow_a_sphere_between_sides_bears_what_it_does_without_the_model():
+    """Drag, lift, and stress on the bed in the middle, u* d/nu = 4.3: as laminar flow on its own mesh has them."""
+    sections = {
+        "bed": Flat(),
+        "body": Sphere(diameter=0.4, x=0.8, density=2.65),
+        "gravity": Gravity(acceleration=10.0),
+        "contact": Contact(friction=0.5, gap=0.03),
+    }
+    averaged = duct(20.0, 2.0, OpenChannel(), sections=sections, length=2.0, width=1.2)
+    laminar = averaged.model_copy(update={"effects": Effects(), "turbulence": None})
+    laminar = Scene.model_validate(laminar.model_dump())
+    (drag, _, lift), exact = (incipient.run(one).force.flow for one in (averaged, laminar))
+    print(drag, lift, exact)
+    assert drag == pytest.approx(exact[0], rel=0.01)
+    assert lift == pytest.approx(exact[2], rel=0.04)
+    assert Setup(averaged).bed_stress() == pytest.approx(Setup(laminar).bed_stress(), rel=0.01)

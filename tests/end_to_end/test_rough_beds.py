@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from one_dimensional import k_omega_channel
 from turbulent import column, resumed_as_whole
 
 import incipient
+from incipient.coupled.tractions import TractionProbe
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
 from incipient.planning.developed_channel import developed, of_discharge
@@ -23,12 +25,15 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Output,
+    RidgeBed,
     Scene,
     Sinusoidal,
     Sphere,
+    SphereBed,
     Time,
     Turbulence,
 )
+from incipient.simulation.build import prepared
 
 
 def over_sand(roughness, reynolds, mesh_size, domain, **changes):
@@ -200,6 +205,45 @@ def test_a_sphere_on_hydraulically_smooth_sand_bears_what_it_does_on_a_smooth_be
     assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
 
 
+@pytest.mark.slow
+def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_among_smooth_spheres():
+    """In space, u* d/nu = 9 and u* k_s/nu = 0.9, on a bed of equal spheres: within 1% of the loads without sand."""
+    pocket = {
+        "bed": SphereBed(
+            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.0 + 12.0**-0.5, 3.0)
+        ),
+        "body": Sphere(diameter=1.0, x=4.0, density=2.5),
+        "contact": Contact(friction=0.5, gap=0.05),
+        "fluid": Fluid(reynolds=100.0, scale="grain"),
+    }
+    domain = Domain(length=9.0, width=5.0, height=5.866)
+    rough, smooth = (incipient.run(over_sand(k, 1.0, 2.5, domain, **pocket)) for k in (0.1, 0.0))
+    print(rough.force.flow, smooth.force.flow)
+    assert rough.force.flow == pytest.approx(smooth.force.flow, rel=0.01, abs=1e-6)
+    assert rough.couple.flow == pytest.approx(smooth.couple.flow, rel=0.01, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_ridges_of_sand_across_a_slice_bear_what_waves_in_the_plane_do():
+    """Force along the stream on a bed by its width, friction and pressure: within 1% of the plane's; u* within 2%.
+
+    The lift, nearly all of it pressure on troughs less that on crests, within 4%.
+    """
+    forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
+    for bed, across in ((Sinusoidal(**forms), {}), (RidgeBed(**forms), {"width": 0.3})):
+        domain = Domain(length=4.0, height=1.0, **across)
+        with prepared(over_sand(0.02, 22000.0, 1.41, domain, bed=bed), MPI.COMM_SELF) as run:
+            part, gdim = run.part("turbulence"), run.fluid.domain.gdim
+            part.solve(run)
+            force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get("width", 1.0)
+            found.append([force[0], force[gdim - 1], part.wall_report().shear_velocity])
+    plane, space = np.array(found)
+    print(plane, space / plane)
+    assert space[0] == pytest.approx(plane[0], rel=0.01)
+    assert space[1] == pytest.approx(plane[1], rel=0.04)
+    assert space[2] == pytest.approx(plane[2], rel=0.02)
+
+
 @pytest.mark.parametrize("roughness", [0.05, pytest.param(0.02, marks=pytest.mark.slow)])
 def test_a_slice_of_a_rough_channel_is_the_plane_s(roughness):
     """u* in space between sides without friction, in as many rows: within 0.5% of the plane's."""
@@ -232,5 +276,13 @@ def test_sand_is_told_that_is_as_large_as_forms():
     waves = Sinusoidal(amplitude=0.08, wavelength=1.0)
     channel = over_sand(0.065, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
     assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(channel).warnings)
+    ridges = over_sand(
+        0.065,
+        22000.0,
+        2.0,
+        Domain(length=4.0, width=0.5, height=1.0),
+        bed=RidgeBed(amplitude=0.08, wavelength=1.0),
+    )
+    assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(ridges).warnings)
     finer = over_sand(0.06, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
     assert not any("forms" in one for one in make_plan(finer).warnings)

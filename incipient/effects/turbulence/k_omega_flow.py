@@ -285,9 +285,16 @@ class KOmegaFlow(TurbulentFlow):
         mean, around = float(found @ shares / shares.sum()), walls.around_grain
         last, each = mean if around else bottom.at_outflow(), {}
         if walls.sides:
-            ends = {name: one.part_at_outflow() for name, one in along.items()}
-            mean, last = of_mean_stress(along.values()), of_mean_stress(ends.values())
-            each = {name: of_mean_stress([one]) for name, one in ends.items()}
+            fixed = {name: one for name, one in along.items() if name != "body"}
+            bed = self._setup.geometry.bed
+            forms = {walls.names[0]} if bed is not None and np.isfinite(bed.feature) else set()
+            each = {
+                name: of_mean_stress([one.part_at_outflow(strip=name not in forms)])
+                for name, one in fixed.items()
+            }
+            areas = [one.lengths.sum() for one in fixed.values()]
+            mean = of_mean_stress(fixed.values())
+            last = math.sqrt(np.average(np.square([*each.values()]), weights=areas))
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),

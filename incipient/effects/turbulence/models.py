@@ -138,11 +138,11 @@ class KOmegaModel(TurbulenceModel):
 
 
 def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
-    """That sand is not small beside the forms of the bed, where these are not lines, which may be short."""
+    """That sand is not small beside forms of the bed that are no lines in the plane, which may be short."""
     sand, bed, domain = setup.resolved_walls.roughness, setup.geometry.bed, setup.geometry.domain
     if bed is None or sand <= COARSEST * bed.feature:
         return
-    if not len(bed.corners(domain.left, domain.right)):
+    if setup.geometry.gdim == 3 or not len(bed.corners(domain.left, domain.right)):
         yield (
             f"the sand of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of its "
             f"forms, {bed.feature:.3g}: the model takes it as thin beside them, which it is up to "
