@@ -37,7 +37,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("turbulence.upstream_roughness", why, "leave it out")
         if in_space:
             if scene.sides == "wall":
-                yield from _of_sides(scene.moves, scene.turbulence)
+                yield from _of_sides(scene.turbulence)
             if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
                 why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
                 yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
@@ -80,14 +80,11 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_sides(moves: bool, turbulence: Turbulence | None) -> Iterator[Problem]:
+def _of_sides(turbulence: Turbulence | None) -> Iterator[Problem]:
     """What the k-omega model does not serve between sides with friction."""
-    rough = turbulence is not None and (turbulence.roughness or turbulence.upstream_roughness)
-    if rough or moves:
-        what = "with rough walls, upstream or not," if rough else "past a grain that moves"
-        yield problem(
-            "domain.sides", f'"wall" {what} {_NOT_TO_THE_WALL}', f'use "slip", without friction, {_OTHER}'
-        )
+    if turbulence is not None and (turbulence.roughness or turbulence.upstream_roughness):
+        why = f'"wall" with rough walls, upstream or not, {_NOT_TO_THE_WALL}'
+        yield problem("domain.sides", why, f'use "slip", without friction, {_OTHER}')
 
 
 def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:

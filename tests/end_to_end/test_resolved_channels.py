@@ -370,17 +370,6 @@ def test_ranks_agree(mpirun, wall):
         (
             {
                 "domain": IN_SPACE | {"sides": "wall"},
-                "bed": Flat(),
-                "body": Sphere(diameter=0.2, x=2.0, density=2.0, motion="released"),
-                "contact": Contact(friction=0.5),
-                "gravity": Gravity(acceleration=1.0),
-                "time": Time(step=0.1, end=1.0),
-            },
-            'domain.sides: "wall" past a grain that moves is not simulated',
-        ),
-        (
-            {
-                "domain": IN_SPACE | {"sides": "wall"},
                 "bed": {"kind": "ridges", "amplitude": 0.1, "wavelength": 1.0},
                 "turbulence": {"upstream_roughness": 0.05},
             },
