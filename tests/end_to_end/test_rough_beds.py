@@ -224,24 +224,27 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
 
 
 @pytest.mark.slow
-def test_ridges_of_sand_across_a_slice_bear_what_waves_in_the_plane_do():
-    """Force along the stream on a bed by its width, friction and pressure: within 1% of the plane's; u* within 2%.
+@pytest.mark.parametrize(
+    ("sand", "mesh_size", "within"), [(0.02, 1.41, (0.01, 0.04, 0.02)), (0.0, 1.2, (0.02, 0.1, 0.02))]
+)
+def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, within):
+    """Force on a bed by its width along the stream and up, and u*, on `mesh_size` 1.41 in space: the plane's.
 
-    The lift, nearly all of it pressure on troughs less that on crests, within 4%.
+    The lift is nearly all pressure on troughs less that on crests. Over smooth ridges the velocity changes by 0.2% for
+    ever, the force on the bed hardly, for which the flow is taken. In the plane that is not found on 1.41.
     """
     forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
-    for bed, across in ((Sinusoidal(**forms), {}), (RidgeBed(**forms), {"width": 0.3})):
+    in_plane, in_space = (Sinusoidal(**forms), mesh_size, {}), (RidgeBed(**forms), 1.41, {"width": 0.3})
+    for bed, size, across in (in_plane, in_space):
         domain = Domain(length=4.0, height=1.0, **across)
-        with prepared(over_sand(0.02, 22000.0, 1.41, domain, bed=bed), MPI.COMM_SELF) as run:
+        with prepared(over_sand(sand, 22000.0, size, domain, bed=bed), MPI.COMM_SELF) as run:
             part, gdim = run.part("turbulence"), run.fluid.domain.gdim
             part.solve(run)
             force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get("width", 1.0)
             found.append([force[0], force[gdim - 1], part.wall_report().shear_velocity])
     plane, space = np.array(found)
     print(plane, space / plane)
-    assert space[0] == pytest.approx(plane[0], rel=0.01)
-    assert space[1] == pytest.approx(plane[1], rel=0.04)
-    assert space[2] == pytest.approx(plane[2], rel=0.02)
+    assert (np.abs(space / plane - 1.0) < within).all()
 
 
 @pytest.mark.parametrize("roughness", [0.05, pytest.param(0.02, marks=pytest.mark.slow)])

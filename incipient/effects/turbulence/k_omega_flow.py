@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...arrays import Floats
+from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.transient import Interface, TimeStep
@@ -63,7 +64,7 @@ class KOmegaFlow(TurbulentFlow):
 
     fields: KOmegaSST
     _started = False  # from a flow on another mesh, in space also from a slower or faster one
-    _spread = 0.0  # of the loads on the grain, over their size, where the flow still changes
+    _spread = 0.0  # of the loads on the grain, else on the bed, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
         walls, left = self._walls, self._setup.sides.left
@@ -247,12 +248,18 @@ class KOmegaFlow(TurbulentFlow):
         self._started = True
 
     def _loads(self, run: Solving) -> Callable[[], Floats] | None:
-        """A function that returns force and couple over the grain's size, (6,); in the plane None."""
-        probe, grain = run.probe, self._of_run.geometry.grain
-        if probe is None or grain is None or self._scene.gdim == 2:
+        """A function that returns force and couple over the grain's size, (6,), or else the force on the bed, (3,).
+
+        In the plane None.
+        """
+        if self._scene.gdim == 2:
             return None
+        probe, grain = run.probe, self._of_run.geometry.grain
+        if probe is None or grain is None:
+            on_bed = TractionProbe(self._fluid, self._walls.names[0], (0.0, 0.0, 0.0))
+            return lambda: on_bed.resultant().force
         if run.fluid is not self._fluid:  # the steady flow that one in time begins with
-            probe = type(probe)(self._fluid, probe.boundary, probe.about)
+            probe = TractionProbe(self._fluid, probe.boundary, probe.about)
 
         def found() -> Floats:
             resultant = probe.resultant()

@@ -96,8 +96,8 @@ def solve_together(
 ) -> tuple[Round, ...]:
     """Find the steady flow with its turbulence from their present states, by steps of pseudo-time. Collective.
 
-    `watch` is called with each step. `loads` are those on the grain, all in units of a force: a flow that still changes
-    is taken where these hardly do, and the last round has their spread.
+    `watch` is called with each step. `loads` are those on the grain, or on the bed, in units of a force: a flow that
+    still changes is taken where these hardly do, and the last round has their spread.
 
     Raises:
         ConvergenceError: there is none that could be found.
