@@ -69,7 +69,7 @@ def test_a_flow_that_still_changes_is_told_everywhere(spread, told):
     report = TurbulenceEffect().findings({"turbulence": walls.to_dict()})
     texts = ("\n".join(walls.lines()), in_words(row), report.sentence)
     words = (
-        "NOT QUITE STEADY: the loads on the grain still change by 1.2%",
+        "NOT QUITE STEADY: the loads still change by 1.2%",
         "NOT QUITE STEADY",
         "not quite steady",
     )

@@ -77,11 +77,7 @@ class TurbulenceEffect(Effect):
             for key, words, column, error, ends in AT_WALLS
         ),
         OutputQuantity("turbulence.applicable", "the walls are as the model asks", column="applicable"),
-        OutputQuantity(
-            "turbulence.spread",
-            "what loads on grain or bed still change by",
-            column="load_spread",
-        ),
+        OutputQuantity("turbulence.spread", "what loads still change by", column="load_spread"),
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
@@ -173,9 +169,7 @@ class TurbulenceEffect(Effect):
         rows += [("shorter places where it does", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
         if spread := found.get("spread"):
-            sentence += (
-                f" Warning: not quite steady; loads on grain or bed still change by {100 * spread:.2g}%."
-            )
+            sentence += f" Warning: not quite steady; loads still change by {100 * spread:.2g}%."
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def kind_of_cost(self, setup: Setup) -> str:
