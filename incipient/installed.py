@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import sys
@@ -62,6 +63,17 @@ def free_bytes() -> float:
         with suppress(OSError, ValueError):
             free.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
     return min(free)
+
+
+def return_freed_memory() -> None:
+    """Return memory that was freed to the system, where the C library (glibc) else keeps it. Not collective.
+
+    Approximate factors of a matrix are many small blocks, which it keeps by the gigabyte: those after them, and other
+    programs, would find that memory taken.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def missing(error: BaseException) -> str | None:

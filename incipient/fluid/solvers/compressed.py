@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
+from ...installed import return_freed_memory
 from .block import UnsolvedError
 from .direct import NOT_FINITE, Direct, fits
 
@@ -70,6 +71,7 @@ class CompressedFactors:
         if self._factors is not None:
             self._factors.destroy()
             self._factors = None
+            return_freed_memory()
 
 
 class Compressed(Direct):
@@ -96,3 +98,8 @@ class Compressed(Direct):
         if not np.isfinite(self.matrix.norm()):  # as in a step that is too long
             raise UnsolvedError(NOT_FINITE)
         super()._factorise()
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        super().destroy()
+        return_freed_memory()
