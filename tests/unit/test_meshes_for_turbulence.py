@@ -1,0 +1,159 @@
+"""Meshes of scenes with turbulence: where they begin at walls, and how fine they are there."""
+
+import numpy as np
+import pytest
+from turbulent import channel, grain
+
+from incipient import make_plan
+from incipient.fluid.conditions import Friction
+from incipient.planning.flow_setup import Setup
+from incipient.planning.meshing import lay_out
+from incipient.planning.wall_conditions import conditions, entering
+from incipient.scene import (
+    Domain,
+    Fluid,
+    HeapBed,
+    Numerics,
+    OpenChannel,
+    Poiseuille,
+    Polyline,
+    Sinusoidal,
+    Sphere,
+    Turbulence,
+)
+
+
+def entering_of(scene):
+    setup = Setup(scene)
+    return entering(setup.walls, setup.turbulence)
+
+
+def test_the_mesh_ends_where_the_law_of_the_wall_begins():
+    """50 nu/u* from one wall, or from two; the mean of the logarithmic law over the depth is u+(h) - 1/kappa."""
+    one, two = channel(), channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3)))
+    found = Setup(one).walls
+    mean = np.log(found.shear_velocity * 11000) / 0.41 + 5.2 - 1 / 0.41
+    assert found.shear_velocity * mean == pytest.approx(1.0, rel=1e-6)
+    assert found.distance * found.shear_velocity * 11000 == pytest.approx(50.0)
+    grid = lay_out(Setup(one), make_plan(one)).shape
+    assert (grid.origin[1], grid.height) == pytest.approx((found.distance, 1 - found.distance))
+    grid, far = lay_out(Setup(two), make_plan(two)).shape, Setup(two).walls.distance
+    assert (grid.origin[1], grid.height) == pytest.approx((3 + far, 2 - 2 * far))
+    asked = channel(turbulence=Turbulence(wall_distance=0.1))
+    assert Setup(asked).walls.distance == 0.1
+
+
+def test_a_bed_with_forms_bounds_the_mesh_itself():
+    """The wall below is a distance of the law under it, that on top still a distance above the mesh."""
+    bed = Sinusoidal(amplitude=0.1, wavelength=2, phase=90)
+    found = channel(bed=bed, flow=Poiseuille(), domain=Domain(length=20, height=2))
+    walls, layout = Setup(found).walls, lay_out(Setup(found), make_plan(found))
+    assert walls.floor == pytest.approx(0.1 - walls.distance) and walls.depth == pytest.approx(0.95)
+    assert layout.shape.top == pytest.approx(2.0 - walls.distance)
+    places = np.array([0.1, 0.1 + walls.distance, 1.7, 2.0 - walls.distance])
+    assert walls.from_next(places) == pytest.approx(
+        walls.distance * np.array([1, 2, 0.3 / walls.distance, 1])
+    )
+    weak, strong = (one for one in conditions(Setup(found)) if isinstance(one, Friction))
+    assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
+    inner = np.linspace(0.1, 2.0 - walls.distance, 20001)
+    mean = entering_of(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
+    layer = walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance) * walls.shear_velocity
+    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
+
+
+def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
+    """Half of it where it is its own mirror image; two cells across at the least."""
+    scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
+    found, plane = lay_out(Setup(scene), make_plan(scene)).shape, channel(numerics=Numerics(order=2))
+    of_plane = lay_out(Setup(plane), make_plan(plane)).shape
+    assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
+    assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
+    assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
+
+
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
+    """The mesh stands off from all walls; the mean over the section, layers included, is the flow's; u* by Keulegan."""
+    duct = Domain(length=20, height=1, width=0.8, sides="wall")
+    scene = channel(
+        domain=duct, flow=flow, fluid=Fluid(reynolds=1e5, scale="flow"), numerics=Numerics(order=2)
+    )
+    walls, found = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
+    away, open_top = walls.distance, flow.kind == "open-channel"
+    assert walls.sides == (0.0, 0.8) and walls.reach == (0.4 if open_top else 0.5 * 0.8)
+    assert found.across == pytest.approx((0.4, 0.8 - away)) and found.sides == ("symmetry", "left")
+    thickness = np.diff([0.0, *found.ends])
+    assert found.ends[-1] == 1.0 and (np.diff(thickness) < 0.0).all()
+    rubbing = {one.boundary: one.axis for one in conditions(Setup(scene)) if isinstance(one, Friction)}
+    assert rubbing == {"bottom": 2, "left": 1} | ({} if open_top else {"top": 2})
+
+    y, z = (np.linspace(low, high, 801) for low, high in ((away, 0.8 - away), (away, walls.ceiling)))
+    places = np.meshgrid(0.5 * (z[1:] + z[:-1]), 0.5 * (y[1:] + y[:-1]))
+    assert walls.from_next(np.array([0.5]), np.array([0.1])) == pytest.approx(0.1)
+    mean = entering_of(scene).speed(*(one.ravel() for one in places)).mean()
+    beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, scene.viscosity, away)
+    along = walls.beside * (y[-1] - y[0]) + 2 * (z[-1] - z[0])
+    assert mean * (y[-1] - y[0]) * (z[-1] - z[0]) + along * beyond == pytest.approx(0.8, rel=1e-3)
+    assert "no secondary flow" in make_plan(scene).text()
+    hydraulic = 0.8 / (0.8 * walls.number + 2.0)
+    estimate = walls.law.velocity(walls.shear_velocity, scene.viscosity, hydraulic) - 1 / walls.law.kappa
+    assert walls.shear_velocity * estimate == pytest.approx(1.0)
+
+
+def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
+    """At the upper corner of a step down, and along its shear layer for six heights; not at the lower corner."""
+    bed = Polyline(points=[(0, 0.2), (5, 0.2), (5, 0), (20, 0)])
+    scene = channel(bed=bed, turbulence=Turbulence(wall_distance=0.02), numerics=Numerics(order=2))
+    walls, at_corner, lee = lay_out(Setup(scene), make_plan(scene)).sizes.near[-3:]
+    assert (walls.boundary, walls.size) == ("bed", pytest.approx(0.06))
+    assert at_corner.points == ((5.0, 0.2),) and at_corner.size == pytest.approx(0.05 * 0.06)
+    assert lee.points[0] == (5.0, 0.2) and lee.points[-1] == pytest.approx((6.2, 0.0))
+    assert lee.size == pytest.approx(0.09 * 0.2)
+
+
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+@pytest.mark.parametrize("mesh_size", [2.0, 1.0])
+def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow, mesh_size):
+    """The first row is as thick as the distance, times mesh_size; none over 1/14 of a depth; they grow by degrees."""
+    numerics = Numerics(order=2, mesh_size=mesh_size)
+    scene = channel(flow=flow, fluid=Fluid(reynolds=1e6, scale="flow"), numerics=numerics)
+    walls, grid = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
+    thick = np.diff([0.0, *grid.ends]) * grid.height
+    assert len(thick) == grid.rows and thick.sum() == pytest.approx(1.0 - walls.number * walls.distance)
+    assert 0.7 < thick[0] / (mesh_size * walls.distance) < 1.4
+    assert thick.max() <= 0.75 * mesh_size * walls.depth / 14 * (1 + 1e-9)
+    if walls.number == 2:
+        assert thick == pytest.approx(thick[::-1])
+        thick = thick[: len(thick) // 2]
+    assert (np.diff(thick) > -1e-12).all() and (thick[1:] / thick[:-1]).max() < 1.0 + 0.45 * mesh_size
+
+
+def test_level_ground_about_a_grain_in_space_is_at_the_datum():
+    """Far from the grain level ground takes the place of a bed with forms: where the profile of the inflow starts."""
+    scene = channel(
+        domain=Domain(length=10, width=10, height=5),
+        fluid=Fluid(reynolds=20_000.0, scale="grain"),
+        flow=OpenChannel(velocity=20.0, datum=0.7),
+        body=Sphere(diameter=1.0, centre=(5.0, 5.0, 1.7)),
+        bed=HeapBed(spheres=((5.0, 4.0, 0.9, 0.45), (5.0, 6.0, 0.9, 0.45)), posts=((4.0, 5.0, 0.5, 0.5),)),
+        numerics=Numerics(error_bars=False, meshed_bed=0.6),
+    )
+    assert Setup(scene).walls.depth == pytest.approx(4.3)
+    without = scene.model_copy(update={"flow": OpenChannel(velocity=20.0)})
+    assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest
+
+
+def test_the_first_cells_at_resolved_walls_are_as_thick_as_asked():
+    """In nu/u* of what enters, in rows between planes and in layers at a bed; at a grain half as thick."""
+    asked = Turbulence(model="k-omega-sst", first_cell=2.0)
+    plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
+    rows = lay_out(plane, make_plan(plane.scene)).shape.ends
+    unit = plane.resolved_walls.unit
+    assert rows[0] == pytest.approx(2.0 * unit, rel=0.2)  # of a height of one; rows grow from the wall on
+    assert "first cells 2 nu/u* thick" in plane.resolved_walls.text()
+    sand = Setup(grain(0.05).model_copy(update={"turbulence": asked})).resolved_walls
+    layers = sand.thin_layers(2).first
+    assert layers[sand.names[0]] == pytest.approx(2.0 * sand.unit) and layers["body"] == pytest.approx(
+        sand.unit
+    )
