@@ -63,6 +63,14 @@ class DevelopedChannel:
         """Whether k dies out at this Re_tau."""
         return bool(self.log_k.max() <= LAMINAR)
 
+    def logarithms(self, heights: Floats) -> Floats:
+        """ln k and ln omega (2, ...) at heights; next to a smooth wall they are those of the first one above it."""
+        if self.sand:
+            return np.array([np.interp(heights, self.heights, one) for one in (self.log_k, self.log_omega)])
+        nodes = self.heights[1:]
+        at = np.log(np.maximum(heights, nodes[0]))
+        return np.array([np.interp(at, np.log(nodes), one[1:]) for one in (self.log_k, self.log_omega)])
+
 
 class _Column:
     """The equations of one Re_tau and sand roughness over the depth."""

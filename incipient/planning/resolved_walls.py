@@ -72,7 +72,8 @@ class ResolvedWalls:
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
-    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
+    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth;
+                    sides are smooth upstream, too
     measured:       what enters in place of developed flow; None: that does
     stream:         that which passes a plate; None: there is none
     edge:           abscissa at which a plate begins; None: there is no plate
@@ -168,7 +169,8 @@ class ResolvedWalls:
         if not self.upstream:
             return told
         return (
-            f"{told}, that upstream, where the bed is rough (u* k_s/nu about {self.upstream / self.unit:.3g})"
+            f"{told}, that upstream, where the bed is rough (u* k_s/nu about "
+            f"{self.upstream * math.sqrt(self.bed_stress) / self.viscosity:.3g})"
         )
 
     @property
@@ -236,18 +238,14 @@ class ResolvedWalls:
         if self.measured is not None:
             return self.measured.logarithms(np.minimum(away, self.depth))
         found, first = self.developed, self.developed.heights[1]
-        if found.sand:
-            profiles = found.log_k + 2.0 * math.log(self.shear_velocity), found.log_omega
-            log_k, log_omega = (np.interp(away / self.depth, found.heights, one) for one in profiles)
-            return np.array([log_k, log_omega + math.log(self.shear_velocity / self.depth)])
-        heights = np.maximum(away / self.depth, SLOWEST * first)
-        nodes = np.log(found.heights[1:])
-        unit = self.shear_velocity
-        log_k = np.interp(np.log(heights), nodes, found.log_k[1:]) + 2.0 * math.log(unit)
-        log_omega = np.interp(np.log(heights), nodes, found.log_omega[1:]) + math.log(unit / self.depth)
-        below = heights < first
-        log_k[below] += EXPONENT * np.log(heights[below] / first)
-        log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
+        heights, unit = away / self.depth, self.shear_velocity
+        units = np.log([[unit**2], [unit / self.depth]])
+        log_k, log_omega = found.logarithms(heights) + units
+        if not found.sand:
+            heights = np.maximum(heights, SLOWEST * first)
+            below = heights < first
+            log_k[below] += EXPONENT * np.log(heights[below] / first)
+            log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
         return np.array([log_k, log_omega])
 
     def start(self, places: Floats, away: Floats) -> tuple[Floats, Floats]:
@@ -402,7 +400,8 @@ def resolved_walls_of(
     body = () if geometry.grain is None else ("body",)
     duct, (low, high), walled = None, domain.across if geometry.walled else (0.0, 0.0), geometry.walled
     if walled:
-        duct = developed_duct(mean * depth / viscosity, 0.5 * (high - low) / depth)
+        sand = roughness / depth, (upstream or roughness) / depth
+        duct = developed_duct(mean * depth / viscosity, 0.5 * (high - low) / depth, sand=sand)
     return ResolvedWalls(
         depth=depth,
         number=number,

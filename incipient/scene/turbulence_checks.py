@@ -36,8 +36,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
         if in_space:
-            if scene.sides == "wall":
-                yield from _of_sides(scene.turbulence)
             if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
                 why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
                 yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
@@ -78,13 +76,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("effects.unsteadiness", why, "leave [time] out")
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
-
-
-def _of_sides(turbulence: Turbulence | None) -> Iterator[Problem]:
-    """What the k-omega model does not serve between sides with friction."""
-    if turbulence is not None and (turbulence.roughness or turbulence.upstream_roughness):
-        why = f'"wall" with rough walls, upstream or not, {_NOT_TO_THE_WALL}'
-        yield problem("domain.sides", why, f'use "slip", without friction, {_OTHER}')
 
 
 def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:

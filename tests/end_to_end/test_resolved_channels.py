@@ -364,18 +364,6 @@ def test_ranks_agree(mpirun, wall):
     ("changes", "told"),
     [
         (
-            {"domain": IN_SPACE | {"sides": "wall"}, "turbulence": ROUGH},
-            'domain.sides: "wall" with rough walls, upstream or not, is not simulated',
-        ),
-        (
-            {
-                "domain": IN_SPACE | {"sides": "wall"},
-                "bed": {"kind": "ridges", "amplitude": 0.1, "wavelength": 1.0},
-                "turbulence": {"upstream_roughness": 0.05},
-            },
-            'domain.sides: "wall" with rough walls, upstream or not, is not simulated',
-        ),
-        (
             {
                 "domain": IN_SPACE,
                 "bed": SphereBed(radius=0.2, spacing=0.5),

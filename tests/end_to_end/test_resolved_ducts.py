@@ -56,29 +56,35 @@ def test_a_slow_duct_is_laminar(symmetric):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("reynolds", "flow", "domain"),
+    ("reynolds", "flow", "domain", "sand"),
     [
-        (5e3, Poiseuille(), {"length": 3.0, "width": 1.0}),
-        (1.1e4, OpenChannel(), {"length": 6.0, "width": 2.0}),
+        (5e3, Poiseuille(), {"length": 3.0, "width": 1.0}, 0.0),
+        (1.1e4, OpenChannel(), {"length": 6.0, "width": 2.0}, 0.0),
+        (5e3, Poiseuille(), {"length": 3.0, "width": 1.0}, 0.02),
+        (1.1e4, OpenChannel(), {"length": 6.0, "width": 2.0}, 0.1),
     ],
 )
-def test_a_duct_keeps_the_developed_flow(reynolds, flow, domain):
+def test_a_duct_keeps_the_developed_flow(reynolds, flow, domain, sand):
     """u* of all walls along the duct, and of each at its end, within 0.5% of finite volumes in a section, which enter.
 
-    The error bar by two coarser meshes holds the difference, and is less than 3% of u*.
+    The error bar by two coarser meshes holds the difference, and is less than 3% of u*. With sand u* k_s/nu is 7 and,
+    where 0.6% are asked for (0.2% on cells smaller by 1.41), 100.
     """
-    scene = duct(reynolds, 2.0, flow, error_bars=True, **domain)
+    within = 6e-3 if sand == 0.1 else 5e-3
+    walls = {"wall": "rough", "roughness": sand} if sand else {}
+    sections = {"turbulence": Turbulence(model="k-omega-sst", **walls)}
+    scene = duct(reynolds, 2.0, flow, error_bars=True, sections=sections, **domain)
     walls = Setup(scene).resolved_walls
     side, floor = (walls.mean * u for u in walls.duct.shear_velocities)
     result = incipient.run(scene)
     found, bars = result.turbulence, result.error_bars.shear
     print(found.shear_velocities, walls.shear_velocity, found.each, floor, side, bars)
-    assert found.applicable and 1.0 < found.largest < 2.5
-    assert found.shear_velocities == pytest.approx([walls.shear_velocity] * 2, rel=5e-3)
+    assert found.applicable and (sand or 1.0 < found.largest < 2.5)
+    assert found.shear_velocities == pytest.approx([walls.shear_velocity] * 2, rel=within)
     assert (np.abs(found.shear_velocities - walls.shear_velocity) < bars).all()
     assert (bars < 0.03 * walls.shear_velocity).all()
-    assert found.each["left"] == pytest.approx(side, rel=5e-3)
-    assert found.each["bottom"] == pytest.approx(floor, rel=5e-3)
+    assert found.each["left"] == pytest.approx(side, rel=within)
+    assert found.each["bottom"] == pytest.approx(floor, rel=within)
 
 
 @pytest.mark.slow
@@ -137,13 +143,18 @@ def test_in_slow_flow_a_sphere_let_go_between_sides_goes_as_without_the_model():
 
 
 @pytest.mark.slow
-def test_in_slow_flow_a_sphere_between_sides_bears_what_it_does_without_the_model():
-    """Drag, lift, and stress on the bed in the middle, u* d/nu = 4.3: as laminar flow on its own mesh has them."""
+@pytest.mark.parametrize("sand", [{}, {"wall": "rough", "roughness": 0.05}])
+def test_in_slow_flow_a_sphere_between_sides_bears_what_it_does_without_the_model(sand):
+    """Drag, lift, and stress on the bed in the middle, u* d/nu = 4.3: as laminar flow on its own mesh has them.
+
+    Sand with u* k_s/nu = 0.5 is smooth.
+    """
     sections = {
         "bed": Flat(),
         "body": Sphere(diameter=0.4, x=0.8, density=2.65),
         "gravity": Gravity(acceleration=10.0),
         "contact": Contact(friction=0.5, gap=0.03),
+        "turbulence": Turbulence(model="k-omega-sst", **sand),
     }
     averaged = duct(20.0, 2.0, OpenChannel(), sections=sections, length=2.0, width=1.2)
     laminar = without_the_model(averaged)

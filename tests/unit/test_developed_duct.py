@@ -8,14 +8,15 @@ from turbulent import channel
 from incipient import make_plan
 from incipient.cost import calibration
 from incipient.forms.k_omega_sst import EXPONENT
-from incipient.planning.developed_channel import developed
+from incipient.planning.developed_channel import developed, of_discharge
 from incipient.planning.developed_duct import developed_duct, middles
 from incipient.planning.duct import duct_mean, duct_speed
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshing import lay_out
-from incipient.scene import Domain, Fluid, Numerics, OpenChannel, Poiseuille, Turbulence
+from incipient.scene import Domain, Fluid, Numerics, OpenChannel, Poiseuille, RidgeBed, Turbulence
 
 SQUARE = 1.0  # half width over depth, of which a closed duct has two
+SMOOTH = (0.0, 0.0)
 
 
 def prandtl(reynolds):
@@ -27,11 +28,22 @@ def prandtl(reynolds):
 
 
 @pytest.mark.parametrize(
-    ("reynolds", "half_width"), [(1.0, 0.3), (3500.0, 1.0), (9900.0, 2.5), (1e4, 0.05), (1e4, 50.0)]
+    ("reynolds", "half_width", "sand"),
+    [
+        (1.0, 0.3, SMOOTH),
+        (3500.0, 1.0, SMOOTH),
+        (9900.0, 2.5, SMOOTH),
+        (1e4, 0.05, SMOOTH),
+        (1e4, 50.0, SMOOTH),
+        (1e4, 0.5, (0.1, 0.1)),
+        (2000.0, 1.0, (0.0, 0.2)),
+        # Where a smooth side meets the floor a limiter of the model switches to and fro.
+        pytest.param(1e6, 1.0, (0.0, 0.05), marks=pytest.mark.slow),
+    ],
 )
-def test_walls_bear_what_the_pressure_does_and_the_discharge_is_that_asked_for(reynolds, half_width):
+def test_walls_bear_what_the_pressure_does_and_the_discharge_is_that_asked_for(reynolds, half_width, sand):
     """Momentum: the mean stress on the walls is the pressure's gradient times area over length of walls (exact)."""
-    found = developed_duct(reynolds, half_width)
+    found = developed_duct(reynolds, half_width, sand=sand)
     area = half_width
     assert found.shear_velocity**2 * (1.0 + half_width) == pytest.approx(found.gradient * area, rel=1e-9)
     y, z = (np.diff(ends) for ends in found.ends)
@@ -66,6 +78,73 @@ def test_amid_a_wide_duct_the_flow_is_that_between_planes(coarse, near):
     plane = developed(1.1e4 * u)
     k = np.interp(0.5, plane.heights, np.exp(plane.log_k))
     assert np.interp(0.5, heights, np.exp(log_k)) / u**2 == pytest.approx(k, rel=near)
+
+
+@pytest.mark.parametrize(("coarse", "near"), [(1.0, 0.015), pytest.param(0.5, 5e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("side", [0.0, 0.05])
+def test_amid_a_wide_duct_over_sand_the_flow_is_that_over_a_rough_plane(side, coarse, near):
+    """At the discharge of the middle: speeds, ln k and ln omega of finite volumes in one dimension, and u*.
+
+    Sides are smooth or as rough as the floor.
+    """
+    found = developed_duct(1.1e4, 8.0, coarse, (side, 0.05))
+    mean = float(found.values[0, -1] @ np.diff(found.ends[1]))
+    plane = of_discharge(1.1e4 * mean, 0.05)
+    u = mean / plane.mean
+    assert found.stresses[1][-1] == pytest.approx(u**2, rel=0.4 * near)
+    z, y = np.geomspace(1e-3, 1.0, 20), np.full(20, 8.0)
+    assert found.speed(y, z) == pytest.approx(u * np.interp(z, plane.heights, plane.speed), rel=near)
+    log_k = np.interp(z, plane.heights, plane.log_k) + 2.0 * np.log(u)
+    log_omega = np.interp(z, plane.heights, plane.log_omega) + np.log(u)
+    assert np.abs(found.logarithms(y, z) - [log_k, log_omega]).max() < near
+
+
+def test_walls_of_little_sand_are_smooth():
+    """u* of a square duct, where u* k_s/nu is 0.46."""
+    smooth, sandy = (developed_duct(5e4, SQUARE, sand=(one, one)) for one in (0.0, 2e-4))
+    assert sandy.shear_velocity == pytest.approx(smooth.shear_velocity, rel=1e-3)
+
+
+@pytest.mark.parametrize("reynolds", [5e4, pytest.param(5e5, marks=pytest.mark.slow)])
+def test_rough_square_ducts_bear_by_nikuradses_law(reynolds):
+    """u* is that of pipes with the hydraulic diameter within 1.5%, where u* k_s/nu is 470 and 4700.
+
+    f = (2 log10(3.7 D/k_s))^-2, f = 8 (u*/V)^2 (Nikuradse 1933, VDI-Forschungsheft 361).
+    """
+    found = developed_duct(reynolds, SQUARE, sand=(0.1, 0.1))
+    side, floor = found.shear_velocities
+    print(reynolds, side, floor)
+    assert side == pytest.approx(floor, rel=1e-9)
+    assert found.shear_velocity == pytest.approx(8.0**-0.5 / (2.0 * np.log10(37.0 * 2.0)), rel=0.015)
+
+
+def test_a_stream_from_a_rough_bed_onto_a_smooth_one_comes_between_smooth_sides():
+    """In the middle of a wide channel what enters is that over the rough plane; next to a side it is at rest.
+
+    `tau_b` is the stress on the bed in the middle, where it was rough; cells at walls are those of smooth ones.
+    """
+    scene = channel(
+        domain=Domain(length=8, height=1, width=16, sides="wall"),
+        flow=OpenChannel(),
+        fluid=Fluid(reynolds=1.1e4, scale="flow"),
+        numerics=Numerics(order=2, mesh_size=2.0),
+        bed=RidgeBed(amplitude=0.02, wavelength=1.0),
+        turbulence=Turbulence(model="k-omega-sst", upstream_roughness=0.05),
+    )
+    walls = Setup(scene).resolved_walls
+    assert walls.rough == () and walls.names == ("bed", "left")
+    z = np.geomspace(0.01, 1.0, 9) * walls.depth
+    middle = np.array([np.zeros(9), np.full(9, 8.0), walls.floor + z])
+    speed = walls.velocity(middle, 0.0)[0]
+    rough = of_discharge(1.1e4 * walls.depth, 0.05 / walls.depth)
+    assert speed / speed[-1] == pytest.approx(
+        np.interp(z / walls.depth, rough.heights, rough.speed) / rough.speed[-1], rel=0.01
+    )
+    assert np.abs(walls.velocity(middle * [[1.0], [0.0], [1.0]], 0.0)).max() < 1e-12
+    u = speed[-1] / rough.speed[-1]
+    assert walls.bed_stress == pytest.approx(u**2, rel=0.01)
+    told = float(walls.text().rpartition("u* k_s/nu about ")[2].rstrip(")"))
+    assert told == pytest.approx(0.05 * np.sqrt(walls.bed_stress) * 1.1e4, rel=5e-3)
 
 
 @pytest.mark.slow
