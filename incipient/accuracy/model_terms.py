@@ -205,9 +205,11 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
-    """What a bed that is meshed as it is everywhere would change, from a run with more of it meshed so."""
+    """What a bed that is meshed as it is everywhere would change, from a run with more of it, or all, meshed so."""
     how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
     share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
+    if not _has_level_ground(Setup(wider)):
+        how, share = "a run with the bed meshed as it is everywhere", 1.0
     return Term.of_difference(GROUND, solve(wider), computed, share, how)
 
 

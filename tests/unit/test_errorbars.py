@@ -432,6 +432,12 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     near, far = (resolved_bed(Setup(one).geometry, scene.placement, datum_of(one)) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [*5 * [1.0], 1.5]
+    # Where a larger part is all of the bed nothing is left out, and the difference is the error.
+    nearly = changed(scene, numerics={"meshed_bed": 3.0})
+    everywhere = on_more_bed(nearly)
+    assert everywhere is not None and everywhere.numerics.meshed_bed == 4.5
+    whole = of_level_ground(everywhere, solve(nearly), solve)
+    assert whole.force == pytest.approx([0.2 / 3.0 - 0.2 / 4.5, 0.0, 0.0]) and "everywhere" in whole.how
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
     assert on_more_bed(wide) is None and on_more_bed(grain_on_bed()) is None
     # With an accuracy it is not estimated, so that none of all errors is known to be reached.
