@@ -63,14 +63,12 @@ class DuctSection:
 
     def __init__(self, reynolds: float, half_width: float, sand: tuple[float, float], coarse: float = 1.0):
         self.viscosity, self.sand = 1.0 / reynolds, sand
-        radius, shorter = half_width / (1.0 + half_width), min(half_width, 1.0)
+        self._radius = radius = half_width / (1.0 + half_width)
         self._channels = tuple(of_discharge(reynolds * radius, one / radius) for one in sand)
-        self._radius = radius
         units = [one.mean / reynolds for one in self._channels]  # nu/u* as estimated
         self.least = LEAST / (max(units) * reynolds) ** 2
         self._typical = tuple(1.0 / (one * reynolds) for one in units)  # u*
-        first = min(FIRST * max(units), LARGEST_FIRST * shorter)
-        self.first = first
+        self.first = first = min(FIRST * max(units), LARGEST_FIRST * min(half_width, 1.0))
         side, floor = (
             _ends_on_sand(one, one / unit, long, coarse) if one else _ends(first, long, coarse)
             for one, unit, long in zip(sand, units, (half_width, 1.0), strict=True)
