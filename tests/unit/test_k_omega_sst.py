@@ -279,6 +279,15 @@ def test_fast_flows_in_space_are_found_from_slower_ones(number, expected):
         assert np.exp(factors[0]) < 2.0
 
 
+def test_a_flow_that_is_not_found_is_sought_from_slower_ones():
+    """From one half way to the last that was found, else from a slower one; not for ever."""
+    from incipient.effects.turbulence.k_omega_flow import flow_between
+
+    assert flow_between(64.0, 100.0) == pytest.approx(80.0)
+    assert flow_between(0.0, 100.0) == pytest.approx(62.5)
+    assert flow_between(95.0, 100.0) is None and flow_between(0.0, 30.0) is None
+
+
 @pytest.mark.parametrize("in_layers", [False, True])
 def test_in_crevices_of_a_bed_in_space_corrections_do_not_rule_a_step(in_layers):
     """Where eddies make 1e-6 of the viscosity a correction of ln k by ten is bounded by itself, and hardly counts."""

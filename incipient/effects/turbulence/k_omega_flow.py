@@ -36,7 +36,9 @@ LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for eve
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
 # and of a factor what is not worth a slower flow.
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
-NEAREST = 1.1  # u* d/nu of a flow that is not found over that of a slower one, up to which no other is sought between
+# u* d/nu of a flow that is not found over that of a slower one, up to which no other is sought between; and of the
+# slowest that may lead to one that is not found from the start: past a grain of a random bed at 100 the flow was not.
+NEAREST, SLOWEST_TO_LEAD = 1.1, 25.0
 # u* d/nu from which on a flow in space needs care (`fast` in `Marching`), and of the first one that leads to it.
 # Past one grain of a random bed, on a mesh for 300, the flow at 100 was lost from the start (steps of 0.08 cells after
 # seven), that at 40 found. Past the bead at 138 care and slower flows from 40 take more than 260 s in place of 239.
@@ -57,6 +59,12 @@ def slower_flows(number: float) -> tuple[float, ...]:
     apart = math.log(number / slowest)
     count = math.ceil(apart / math.log(FASTER) - SLIGHTLY)
     return tuple(slowest * math.exp(apart * i / count) for i in range(count))
+
+
+def flow_between(found: float, number: float) -> float | None:
+    """u* d/nu of a flow that leads from one that was found, 0: none, to one that was not; None: none does."""
+    between = math.sqrt(found * number) if found else number / FASTER
+    return None if number < NEAREST * found or between < SLOWEST_TO_LEAD else between
 
 
 class KOmegaFlow(TurbulentFlow):
@@ -137,7 +145,8 @@ class KOmegaFlow(TurbulentFlow):
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow with its turbulence as `TurbulentFlow.solve` does, in space from slower ones.
 
-        A flow that is not found from a slower one is sought from one half way between both.
+        A flow that is not found from a slower one is sought from one half way between both, one that is not found from
+        the start from a slower one.
         """
         if self._scene.gdim == 3:
             self._started = onwards
@@ -155,9 +164,10 @@ class KOmegaFlow(TurbulentFlow):
                 )
                 before = ahead.pop(0)
             except ConvergenceError:
-                if not before or number < NEAREST * before:
+                between = flow_between(before, number)
+                if between is None:
                     raise
-                ahead.insert(0, math.sqrt(before * number))
+                ahead.insert(0, between)
                 for state, values in zip(self._both, kept, strict=True):
                     state.x.array[:] = values
 
