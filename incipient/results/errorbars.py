@@ -32,6 +32,8 @@ class Loads:
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
+    # (2,) x at which a turbulent flow along the bed separates and reattaches; (0,): it does not
+    separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
     moved: bool = False  # whether they were computed on the mesh of another run, moved
@@ -51,7 +53,8 @@ class Loads:
         """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls."""
         of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
-        found = cls(of_force, of_couple, place, elevations, shear)
+        separated = None if walls is None else walls.separated
+        found = cls(of_force, of_couple, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
         return replace(found, unsteady=found.part(spread, size)) if spread else found
 
@@ -86,6 +89,7 @@ class Term:
     elevation: Floats | None = None  # (stations,) of a free surface, the largest ones within the run
     level: Floats | None = None  # (stations,) of these at the end
     shear: Floats | None = None  # (2,) of u* at the outflow, and of its mean along the walls
+    separated: Floats | None = None  # (2,) of x at which the flow along the bed separates and reattaches
     centreline: Floats | None = None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
     # Factor by which the safety factor may be larger or smaller at the same load, for another reason
     ratio: float = 1.0
@@ -128,15 +132,15 @@ class Term:
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
         """The sum of terms."""
         force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
-        place, elevation, level, shear = (
-            _sum_of(parts, of) for of in ("place", "elevation", "level", "shear")
+        place, elevation, level, shear, separated = (
+            _sum_of(parts, of) for of in ("place", "elevation", "level", "shear", "separated")
         )
-        return cls(name, force, couple, how, place, 1.0, parts, elevation, level, shear)
+        return cls(name, force, couple, how, place, 1.0, parts, elevation, level, shear, separated)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         """The error that is a share of what two runs differ by, and of what each of them still changes by."""
-        place = elevation = level = shear = centreline = None
+        place = elevation = level = shear = separated = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
         if one.elevations is not None and other.elevations is not None:
@@ -144,6 +148,8 @@ class Term:
             level = share * one.elevations.apart_at_the_end(other.elevations)
         if one.shear is not None and other.shear is not None:
             shear = share * np.abs(one.shear - other.shear)
+        if one.separated is not None and len(one.separated):
+            separated = share * _apart(one.separated, other.separated)
         if one.centreline is not None and other.centreline is not None:
             # A single one of them may be the same on two meshes by chance.
             apart = np.abs(one.centreline - other.centreline)
@@ -152,9 +158,8 @@ class Term:
         force = np.abs(one.force - other.force) + still[:number]
         couple = np.abs(one.couple - other.couple) + still[3 : 3 + number]
         of_loads = share * force, share * couple
-        return cls(
-            name, *of_loads, how, place, elevation=elevation, level=level, shear=shear, centreline=centreline
-        )
+        others = elevation, level, shear, separated, centreline
+        return cls(name, *of_loads, how, place, 1.0, (), *others)
 
     def with_components_alike(self) -> Term:
         """The term with errors of components, unless they vanish, as large as force's and couple's, and of both u*."""
@@ -170,9 +175,10 @@ class Term:
 
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
-        names = ("force", "couple", "place", "elevation", "level", "shear", "centreline")
+        names = ("force", "couple", "place", "elevation", "level", "shear", "separated", "centreline")
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
-        return replace(self, **{n: np.maximum(a, b) for n, (a, b) in pairs.items() if a is not None})
+        known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
+        return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json: null for what there is not."""
@@ -244,6 +250,11 @@ class ErrorBars:
         return _sum_of(self.terms, "shear")
 
     @property
+    def separated(self) -> Floats | None:
+        """(2,) absolute error of x at which the flow along the bed separates and reattaches."""
+        return _sum_of(self.terms, "separated")
+
+    @property
     def centreline(self) -> Floats | None:
         """(3,) absolute error of the extreme velocities on the centrelines of a lid-driven box."""
         return _sum_of(self.terms, "centreline")
@@ -257,6 +268,7 @@ class ErrorBars:
             "elevation": self.elevation,
             "level": self.level,
             "shear_velocity": self.shear,
+            "separated": self.separated,
             "centreline": self.centreline,
             "terms": [term.to_dict() for term in self.terms],
             "left_out": self.left_out,
@@ -282,6 +294,13 @@ def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
     return np.sum(found, axis=0) if found else None
 
 
+def _apart(one: Floats, other: Floats | None) -> Floats:
+    """(2,) how far the ends of an interval are from those of another one; where there is none, its own length."""
+    if other is None or not len(other):
+        return np.full(2, one[1] - one[0])
+    return np.asarray(np.abs(one - other))
+
+
 def _if_any(errors: Floats) -> Floats | None:
     return errors if len(errors) else None
 
@@ -297,6 +316,8 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
         said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
     if term.shear is not None:
         said.append("u* {:.1e} at the outflow, {:.1e} in the mean".format(*term.shear))
+    if term.separated is not None:
+        said.append("x of separation {:.1e}, of reattachment {:.1e}".format(*term.separated))
     if term.centreline is not None:
         said.append(f"velocity on the centrelines {float(term.centreline.max()):.1e}")
     return "   ".join(said)

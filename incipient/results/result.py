@@ -212,7 +212,8 @@ def _lines(result: Result) -> list[str]:
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        lines += result.turbulence.lines(None if result.error_bars is None else result.error_bars.shear)
+        bars = result.error_bars
+        lines += result.turbulence.lines(*(() if bars is None else (bars.shear, bars.separated)))
     if result.steady is not None:
         lines.append(result.steady.line())
     if result.coefficients is not None:

@@ -69,6 +69,11 @@ class WallReport:
         return np.array([self.at_outflow, self.shear_velocity])
 
     @property
+    def separated(self) -> Floats:
+        """(2,) x at which the flow along the bed separates and reattaches, farthest apart; (0,) where it does not."""
+        return np.array(max(self.backward, key=lambda span: span[1] - span[0], default=()))
+
+    @property
     def leading(self) -> int:
         """Which of `shear_velocities` stands for the flow: next to a bed that is not level that of one place does not.
 
@@ -96,13 +101,16 @@ class WallReport:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         found = {"applicable": self.applicable, "suitable_distance": self.suitable, "model": self.model}
+        found["separated"] = self.separated if self.backward else None
         return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
 
-    def lines(self, errors: Floats | None = None) -> list[str]:
-        """The lines for a reader, with errors (2,) of the shear velocities where they are known."""
+    def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
+        """The lines for a reader, with errors (2,) of both shear velocities and of `separated` where they are known."""
         (first, *others), friction = self._judged(), self._friction(errors)
         if self.backward:
-            friction += f"; the flow next to the bed runs upstream from x = {self._spans()}{self._of_model()}"
+            friction += (
+                f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
+            )
         lines = [first, friction] if others else [first + friction]
         return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
@@ -133,10 +141,12 @@ class WallReport:
         lowest, highest = self._law.bounds(self.shear_velocity, self.viscosity, self.reach)
         return f"a distance of {lowest:.3g} to {highest:.3g}"
 
-    def _spans(self) -> str:
+    def _spans(self, ends: Floats | None) -> str:
         """The intervals of x in which the flow next to the bed runs upstream."""
         told, others = longest(self.backward)
-        spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in told)
+        within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
+        main = tuple(self.separated)
+        spans = ", ".join(f"{one[0]:.5g} to {one[1]:.5g}{within * (tuple(one) == main)}" for one in told)
         return spans + (f", and in {others} shorter places" if others else "")
 
     def _friction(self, errors: Floats | None) -> str:

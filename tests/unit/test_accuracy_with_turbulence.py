@@ -24,7 +24,7 @@ from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.order import order_of
 from incipient.planning.wall_cells import coarsest
-from incipient.results.errorbars import Loads, Term
+from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.resolved_wall_report import ResolvedWallReport
 from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
@@ -234,6 +234,46 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
         "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places" + error
     )
     assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01" + error)
+
+
+# On three meshes x of separation and reattachment; the last case: the coarsest flow does not separate.
+MESHES = (
+    ((1.0, 5.31), (1.02, 5.27), (1.1, 5.24)),
+    ((1.0, 5.31), (1.02, 5.27), ()),
+)
+
+
+@pytest.mark.parametrize("ends", MESHES)
+def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
+    """By the differences of meshes as u* has them: a share of the finer ones at order one, of the coarser at two."""
+    spans = [((0.2, 0.4), one) if one else () for one in ends]
+    walls = [WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one) for one in spans]
+    finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
+    near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
+    found = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
+    far = (0.08, 0.03) if ends[2] else (4.25, 4.25)
+    assert found.separated == pytest.approx(np.maximum((0.048, 0.096), 1.2 * np.array(far)))
+    bars = ErrorBars((found,))
+    stored = {
+        "verdict": None,
+        "turbulence": walls[0].to_dict(),
+        "error_bars": bars.to_dict() | {"safety_factor": None},
+    }
+    table, within = quantities("run", stored), 1.2 * np.array(far)
+    assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
+    assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
+    words = "x = 0.2 to 0.4, 1 to 5.31 (within {:.1e} and {:.1e})".format(*found.separated)
+    assert words in "\n".join(walls[0].lines(bars.shear, bars.separated))
+    assert "x of separation" in "\n".join(bars.lines())
+
+
+def test_a_flow_that_does_not_separate_has_no_error_bars_of_where():
+    walls = WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09)
+    loads = Loads.at_the_end(None, None, None, None, walls)
+    found = Term.of_difference("discretisation", loads, loads, 1.0, "")
+    assert found.separated is None and found.shear is not None
+    table = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
+    assert "separation" not in table and "reattachment" not in table
 
 
 def in_space(mesh_size):

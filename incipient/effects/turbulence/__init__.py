@@ -52,6 +52,14 @@ AT_WALLS = (
     ("shear_velocity", "shear velocity u* along the walls, mean", "", "error_bars.shear_velocity.1", None),
     ("at_outflow", "shear velocity u* at the outflow", "bed_shear_velocity", "", _of_shear_velocity),
     ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
+    (
+        "separated.0",
+        "x at which the flow along the bed separates",
+        "separation",
+        "error_bars.separated.0",
+        None,
+    ),
+    ("separated.1", "x at which it reattaches", "reattachment", "error_bars.separated.1", None),
 )
 
 
