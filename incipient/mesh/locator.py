@@ -7,7 +7,7 @@ Newton's method. Reference coordinates alone decide, so that a neighbour is neve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from math import factorial
@@ -53,6 +53,11 @@ class Places:
     def at(self, rows: Any) -> Places:
         """The places of some of the points."""
         return Places(self.cells[rows], self.reference[rows], self.distances[rows], self.remoteness[rows])
+
+    @property
+    def in_cells(self) -> Places:
+        """The places, those outside of their cells moved to near points of these."""
+        return replace(self, reference=_clipped(_barycentric(self.reference))[:, 1:])
 
     @classmethod
     def joined(cls, parts: list[Places]) -> Places:

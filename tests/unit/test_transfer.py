@@ -97,6 +97,26 @@ def test_points_outside_take_the_polynomial(mesh: str, order: int, degree: int) 
     assert 0.095 * np.cos(lean) - 1e-9 < transfer.farthest < 0.095 + 1e-9
 
 
+def test_points_outside_may_take_the_value_next_to_them() -> None:
+    """What is steep at a boundary is not extrapolated: values stay between those of the cell, points inside do."""
+    source = unit_box(2, 4).mesh
+    s = np.linspace(0.05, 0.95, 10)
+    points = np.column_stack([-0.1 * s, s, 0 * s])
+    points[::5, 0] = 0.1
+
+    def steep(x: np.ndarray) -> np.ndarray:
+        return np.array([1000.0 * x[0] ** 2 - 500.0 * x[0], x[1]])
+
+    known = field(source, 2, steep, 2)
+    found = Transfer(source, points, extrapolate=False).values(known)
+    assert found[::5] == pytest.approx(steep(points[::5].T).T, abs=1e-10)
+    outside = np.delete(found, [0, 5], axis=0)
+    assert (outside[:, 0] <= 1e-10).all() and (outside[:, 0] >= -62.5).all()
+    assert outside[:, 1] == pytest.approx(np.delete(s, [0, 5]), abs=0.25)
+    extrapolated = np.delete(Transfer(source, points).values(known), [0, 5], axis=0)
+    assert (extrapolated[:, 0] > 1.0).all()
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_a_round_boundary_meshed_anew(order: int) -> None:
     """Nodes off the old mesh lie out by what its cells cut off the circle, less than h^2/8; a line is exact."""
