@@ -85,7 +85,7 @@ shields: setup ## a natural bed and beads in a fluctuating stream beside flumes 
 	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
-turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump and a cylinder, against measurements: docs/turbulence.md, large_grains.md
+turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump and a cylinder, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_plate.py

@@ -2,7 +2,7 @@
 
 Cost:    about a minute.
 Run:     python benchmarks/turbulence.py
-Results: docs/figures/turbulence.png, the table in docs/turbulence.md
+Results: docs/figures/turbulence.png, the table in docs/wall_functions.md
 """
 
 import csv
@@ -16,7 +16,7 @@ from tables import put
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-PAGE, FIGURE = ROOT / "docs/turbulence.md", ROOT / "docs/figures/turbulence.png"
+PAGE, FIGURE = ROOT / "docs/wall_functions.md", ROOT / "docs/figures/turbulence.png"
 PROFILES = ROOT / "tests/reference/channel_dns.csv"
 BEGIN, END = "<!-- channels: begin -->", "<!-- channels: end -->"
 # U_b+ and C_f by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).

@@ -6,7 +6,7 @@ quoted, not read off the papers.
 
 Cost:    an hour.
 Run:     python benchmarks/turbulent_cylinder.py
-Results: the table in docs/turbulence.md
+Results: the table in docs/k_omega.md
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from tables import put
 
 ROOT = Path(__file__).parents[1]
-PAGE, SCENE = ROOT / "docs/turbulence.md", ROOT / "benchmarks/scenes/turbulent_cylinder.toml"
+PAGE, SCENE = ROOT / "docs/k_omega.md", ROOT / "benchmarks/scenes/turbulent_cylinder.toml"
 BEGIN, END = "<!-- cylinder: begin -->", "<!-- cylinder: end -->"
 PERIODIC = 20.0  # time from which means are taken
 # Reynolds number, numerics.stabilisation and numerics.mesh_size.

@@ -6,7 +6,7 @@ By k-epsilon the hump is a held grain, by k-omega SST a smooth bed.
 
 Cost:    about ten minutes.
 Run:     python benchmarks/turbulent_hump.py
-Results: the tables in docs/large_grains.md and docs/turbulence.md
+Results: the tables in docs/large_grains.md and docs/k_omega.md
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, DATA = ROOT / "docs/large_grains.md", ROOT / "benchmarks/reference"
 BEGIN, END = "<!-- hump: begin -->", "<!-- hump: end -->"
 PAGE_TO_WALL, BEGIN_TO_WALL, END_TO_WALL = (
-    ROOT / "docs/turbulence.md",
+    ROOT / "docs/k_omega.md",
     "<!-- hump to the wall: begin -->",
     "<!-- hump to the wall: end -->",
 )

@@ -32,7 +32,7 @@ class Loads:
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
-    # (2,) x at which a turbulent flow along the bed separates and reattaches; (0,): it does not
+    # (2,) x at which a mean flow along the bed separates and reattaches; (0,): it does not
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None

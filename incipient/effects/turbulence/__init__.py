@@ -37,7 +37,7 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them; by k and omega, solved
 # together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed; and what time adds to that, where a
-# steady flow is found first: 1.49 GB of 50,600 unknowns, 0.62 of 15,500 (docs/turbulence.md).
+# steady flow is found first: 1.49 GB of 50,600 unknowns, 0.62 of 15,500 (docs/k_omega_in_space.md).
 BYTES, BYTES_TOGETHER, BYTES_IN_TIME = 2500.0, 17000.0, 6500.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (

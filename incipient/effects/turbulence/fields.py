@@ -25,7 +25,7 @@ from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
 # By dimension: on a new mesh over a bed of spheres crevices need 22 corrections, with 20 steps of 0.25 became 0.004
-# (docs/turbulence.md, grains that move in space).
+# (docs/k_omega_in_space.md, grains that move in space).
 MOST_CORRECTIONS = {2: 20, 3: 40}
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 HALF_WAY = (
