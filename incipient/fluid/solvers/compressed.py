@@ -17,6 +17,9 @@ from .direct import NOT_FINITE, Direct, fits
 # less; with 0.05 they take 7.7 s and 24 iterations in place of 5.
 LEFT_OUT = 0.01
 LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1
+# Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
+# of it at 100,000 unknowns, by 0.55 at 260,000 (benchmarks/natural_bed.py --turbulent).
+PART = 0.6
 ROUGH = 1e-3  # residual, relative to the right-hand side, of a correction that is one of several
 
 
@@ -39,7 +42,7 @@ class CompressedFactors:
     @staticmethod
     def serve(matrix: Any) -> bool:
         """Whether PETSc has MUMPS, and factors fit into the memory."""
-        return bool(PETSc.Sys.hasExternalPackage("mumps")) and fits(matrix)
+        return bool(PETSc.Sys.hasExternalPackage("mumps")) and fits(matrix, PART)
 
     def assemble(self) -> None:
         """Make factors of the matrix as it is now.

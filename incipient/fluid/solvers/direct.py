@@ -27,15 +27,15 @@ NOT_FINITE = (
 )
 
 
-def bytes_of_factors(matrix: Any) -> float:
-    """Memory that LU factors of a flow's matrix in space take. Not collective."""
-    return float(LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
+def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
+    """Memory that LU factors of a flow's matrix in space take, or such a part of it. Not collective."""
+    return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
 
 
-def fits(matrix: Any) -> bool:
-    """Whether LU factors of a flow's matrix in space fit into half of the memory that is free. Collective."""
+def fits(matrix: Any, part: float = 1.0) -> bool:
+    """Whether LU factors of a flow's matrix in space, or such a part, fit into half of the free memory. Collective."""
     least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
-    return bool(bytes_of_factors(matrix) < 0.5 * least)
+    return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 
 
 class Direct:
