@@ -230,7 +230,8 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
 def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, within):
     """Force on a bed by its width along the stream and up, and u*, on `mesh_size` 1.41 in space: the plane's.
 
-    The lift is nearly all pressure on troughs less that on crests. Over smooth ridges the velocity changes by 0.2% for
+    The lift is the level of the pressure, which the place of the outflow decides: in a domain of 4.25 wavelengths it is
+    ten times as large, and 2% off without sand. Over smooth ridges the velocity changes by 0.2% for
     ever, the force on the bed hardly, for which the flow is taken. In the plane that is not found on 1.41.
     """
     forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
