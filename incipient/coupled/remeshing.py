@@ -31,6 +31,10 @@ from .rigid import RigidPart
 LARGEST_CHANGE = 0.1
 # Places nearer to each other than this share of the mesh's extent are the same.
 SAME_PLACE = 1e-12
+# How far out of a cell of the old mesh its polynomials go on, in barycentric coordinates. In clefts between the spheres
+# of a bed, which coarse cells fill otherwise on each mesh, velocities else became half of the largest one, and there
+# was no step on the new mesh at u* d/nu = 133.
+REACH = 0.25
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,7 @@ class Carrier:
         # Most nodes are of several kinds: each place is looked up once.
         unit = SAME_PLACE * max(float(np.ptp(points)) if len(points) else 0.0, 1e-300)
         _, first, rows = np.unique(np.rint(points / unit), axis=0, return_index=True, return_inverse=True)
-        self.transfer = Transfer(mesh, points[first])
+        self.transfer = Transfer(mesh, points[first], REACH)
         ends = np.cumsum([len(places) for places in kinds.values()])[:-1]
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 

@@ -54,10 +54,11 @@ class Places:
         """The places of some of the points."""
         return Places(self.cells[rows], self.reference[rows], self.distances[rows], self.remoteness[rows])
 
-    @property
-    def in_cells(self) -> Places:
-        """The places, those outside of their cells moved to near points of these."""
-        return replace(self, reference=_clipped(_barycentric(self.reference))[:, 1:])
+    def within(self, reach: float) -> Places:
+        """The places, those farther out of their cells in barycentric coordinates moved to near points of these."""
+        coordinates = _barycentric(self.reference)
+        far = coordinates.min(axis=1) < -reach
+        return replace(self, reference=np.where(far[:, None], _clipped(coordinates)[:, 1:], self.reference))
 
     @classmethod
     def joined(cls, parts: list[Places]) -> Places:

@@ -38,24 +38,22 @@ class Transfer:
     Args:
         mesh: the mesh, of simplices, straight or curved.
         points: (n, gdim or 3) of this rank, in scene units.
-        extrapolate: whether polynomials go on outside; if not, a point takes the value at a near point of the cell, as
-            is needed for what is steep at a boundary.
+        reach: how far out of its cell, in barycentric coordinates, a polynomial goes on; farther out a point takes the
+            value at a near point of the cell, as is needed in clefts that coarse cells fill otherwise on each mesh.
 
     Attributes:
         outside: how many of the points of all ranks no cell holds.
         farthest: largest distance of any of them from the cell it takes its values from; zero if there are none.
     """
 
-    def __init__(self, mesh: Any, points: Floats, extrapolate: bool = True):
+    def __init__(self, mesh: Any, points: Floats, reach: float = np.inf):
         self._comm = mesh.comm
         self._points = np.asarray(points, dtype=float)[:, : mesh.geometry.dim]
         locator = Locator(mesh)
         within = self._exchange(self._candidates(locator), locator.inside)
         lost = np.setdiff1d(np.arange(len(self._points)), np.concatenate(within.rows))
         beyond = self._exchange([lost] * self._comm.size, locator.nearest)
-        if not extrapolate:
-            beyond = replace(beyond, places=beyond.places.in_cells)
-        self._exchanges = (within, beyond)
+        self._exchanges = within, replace(beyond, places=beyond.places.within(reach))
         self.outside = int(self._comm.allreduce(len(lost)))
         farthest = float(beyond.places.distances.max(initial=0.0))
         self.farthest = float(self._comm.allreduce(farthest, op=MPI.MAX))

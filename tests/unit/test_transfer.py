@@ -108,7 +108,7 @@ def test_points_outside_may_take_the_value_next_to_them() -> None:
         return np.array([1000.0 * x[0] ** 2 - 500.0 * x[0], x[1]])
 
     known = field(source, 2, steep, 2)
-    found = Transfer(source, points, extrapolate=False).values(known)
+    found = Transfer(source, points, reach=0.0).values(known)
     assert found[::5] == pytest.approx(steep(points[::5].T).T, abs=1e-10)
     outside = np.delete(found, [0, 5], axis=0)
     assert (outside[:, 0] <= 1e-10).all() and (outside[:, 0] >= -62.5).all()

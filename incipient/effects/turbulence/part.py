@@ -180,7 +180,7 @@ class TurbulentFlow(RunPart):
         assert old is not None and new is not None
         new.turbulence.follow()
         places = new.turbulence.space.tabulate_dof_coordinates()
-        transfer = Transfer(old.turbulence.domain.mesh, places, extrapolate=False)
+        transfer = Transfer(old.turbulence.domain.mesh, places, reach=0.0)
         values = dolfinx.fem.Function(old.turbulence.space)
         new.past = []
         for state in old.past:
