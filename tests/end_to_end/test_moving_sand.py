@@ -1,5 +1,7 @@
 """Sand that moves in a turbulent open channel by k-omega SST: paths, new meshes, resumed runs, ranks."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -28,7 +30,7 @@ from incipient.scene import (
     Sphere,
     Time,
 )
-from incipient.scene.file import dumps
+from incipient.scene.file import dumps, load
 from incipient.simulation.build import prepared
 
 COURSE = ("0.8*(1-exp(-t/0.02))", "0.2*(1-exp(-t/0.02))", "0.3")
@@ -259,3 +261,18 @@ def test_on_a_new_mesh_k_is_at_least_what_is_not_destroyed():
         beyond = np.delete(state[0::2], after.fields._within)
         assert beyond.min() == pytest.approx(least)
         assert (beyond < -5.5).mean() > 0.2 and (beyond > -5.5).mean() > 0.2
+
+
+@pytest.mark.slow
+def test_a_sphere_let_go_among_spheres_goes_on_after_a_new_mesh(tmp_path):
+    """At u* d/nu = 54, with a new mesh after the first step: the next one is as long as asked for.
+
+    Coarse cells fill the clefts of the bed otherwise on each mesh. With what lies there extrapolated no step was found.
+    """
+    scene = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
+    faster = ("fluid.reynolds=900", "gravity.acceleration=0.12", "time.end=0.5")
+    numerics = ("numerics.remesh_below=0.9999", "output.fields=false", "output.every=0")
+    incipient.run(load(scene, [*faster, *numerics]), tmp_path)
+    assert column(tmp_path, "step") == pytest.approx([0.25, 0.25])
+    assert column(tmp_path, "meshes")[-1] >= 2
+    assert column(tmp_path, "x")[-1] > 4.005
