@@ -212,8 +212,8 @@ def _lines(result: Result) -> list[str]:
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        bars = result.error_bars
-        lines += result.turbulence.lines(*(() if bars is None else (bars.shear, bars.separated)))
+        bars = result.error_bars or ErrorBars(())
+        lines += result.turbulence.lines(bars.shear, bars.separated)
     if result.steady is not None:
         lines.append(result.steady.line())
     if result.coefficients is not None:

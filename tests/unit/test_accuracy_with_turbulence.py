@@ -237,13 +237,13 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
 
 
 # On three meshes x of separation and reattachment; the last case: the coarsest flow does not separate.
-MESHES = (
+ENDS = (
     ((1.0, 5.31), (1.02, 5.27), (1.1, 5.24)),
     ((1.0, 5.31), (1.02, 5.27), ()),
 )
 
 
-@pytest.mark.parametrize("ends", MESHES)
+@pytest.mark.parametrize("ends", ENDS)
 def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     """By the differences of meshes as u* has them: a share of the finer ones at order one, of the coarser at two."""
     spans = [((0.2, 0.4), one) if one else () for one in ends]

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from ...fluid import Fluid
-from ...fluid.solvers.compressed import PART, CompressedFactors
+from ...fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
 from ...fluid.solvers.direct import bytes_of_factors
 from ...fluid.solvers.options import defaults, exact
 
@@ -78,7 +78,7 @@ class BlockByBlock:
         flow = self._blocks[0][0]
         self._lasting = CompressedFactors.serve(flow)
         if not self._lasting and nest.comm.rank == 0:
-            size = bytes_of_factors(flow, PART) / 1e9
+            size = bytes_of_factors(flow, PART_OF_EXACT) / 1e9
             log.warning(
                 f"factors of the flow's matrix take up to {size:.2g} GB, more than half of the memory that is free, or "
                 "PETSc has no MUMPS: the flow is solved by blocks, which is slower and may fail"

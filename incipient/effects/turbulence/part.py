@@ -174,7 +174,7 @@ class TurbulentFlow(RunPart):
         """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
 
         At each point the new mesh takes what the old one has there or next to it, in cells at walls what is given: both
-        quantities stay positive. In clefts of a bed ln omega beyond a curved old wall was 148 by its polynomials.
+        quantities stay positive. In clefts of a bed ln omega was 311 by the polynomials of old cells next to them.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None

@@ -19,7 +19,7 @@ LEFT_OUT = 0.01
 LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1
 # Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
 # of it at 100,000 unknowns, by 0.55 at 260,000 (benchmarks/natural_bed.py).
-PART = 0.6
+PART_OF_EXACT = 0.6
 ROUGH = 1e-3  # residual, relative to the right-hand side, of a correction that is one of several
 
 
@@ -42,7 +42,7 @@ class CompressedFactors:
     @staticmethod
     def serve(matrix: Any) -> bool:
         """Whether PETSc has MUMPS, and factors fit into the memory."""
-        return bool(PETSc.Sys.hasExternalPackage("mumps")) and fits(matrix, PART)
+        return bool(PETSc.Sys.hasExternalPackage("mumps")) and fits(matrix, PART_OF_EXACT)
 
     def assemble(self) -> None:
         """Make factors of the matrix as it is now.
