@@ -49,7 +49,7 @@ class Projection:
         Values on boundaries where the velocity is prescribed stay to the last digit: set them first if the transfer
         has not. The pressure is left alone. On open boundaries p vanishes weakly. In a closed domain the prescribed
         velocities must let as much in as out; continuity at the pressure's pinned node then follows from that
-        elsewhere, else the node takes up what is left (see `net_flux`). The change of a fluid at rest is zero.
+        elsewhere, else the node takes up what is left. The change of a fluid at rest is zero.
 
         Raises:
             ConvergenceError: the system could not be factorised.
@@ -74,19 +74,6 @@ class Projection:
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)
         self._correction.x.scatter_forward()
-
-
-def restore_incompressibility(fluid: Fluid) -> float:
-    """Project the velocity of a fluid's state once; returns the relative change, see `Projection.apply`. Collective."""
-    with Projection(fluid) as projection:
-        return projection.apply()
-
-
-def net_flux(fluid: Fluid) -> float:
-    """Integral of v . n over the whole boundary, of the state on the mesh as it is now. Collective."""
-    v, _ = ufl.split(fluid.state)
-    one = fluid.space.constant(1.0)
-    return -_assembled(fluid, _compiled(fluid, continuity(v, one, fluid.model.reference_map)))
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:

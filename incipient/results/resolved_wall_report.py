@@ -56,9 +56,11 @@ class ResolvedWallReport(WallReport):
         """What to do where walls are not resolved."""
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
-    def columns(self) -> dict[str, float]:
-        """Columns of the history."""
-        return super().columns() | dict(zip(SEPARATIONS, self.separates, strict=False))
+    def _separation(self) -> dict[str, float]:
+        """Columns of where the flow separates: around a grain in a stream angles in place of x."""
+        return (
+            dict(zip(SEPARATIONS, self.separates, strict=True)) if self.separates else super()._separation()
+        )
 
     def _of_model(self) -> str:
         return ""

@@ -96,7 +96,15 @@ class WallReport:
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
-        return {"shear_velocity": self.at_outflow, "y_plus_min": self.least, "y_plus_max": self.largest}
+        found = {"shear_velocity": self.at_outflow, "y_plus_min": self.least, "y_plus_max": self.largest}
+        return found | self._separation()
+
+    def _separation(self) -> dict[str, float]:
+        """Columns of where the flow separates and reattaches, in the plane: x of `separated`, NaN without."""
+        if not self.along:
+            return {}
+        separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
+        return {"separation": float(separation), "reattachment": float(reattachment)}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""

@@ -176,6 +176,19 @@ def test_a_step_reattaches_where_the_standard_model_does():
 
 
 @pytest.mark.slow
+def test_the_history_tells_how_the_flow_behind_a_step_separates(tmp_path):
+    """Set off from rest it is attached at first; then it runs back from the corner over a length that grows."""
+    settings = ["numerics.mesh_size=4.0", "output.fields=false", "time.end=3.0", "time.step=0.5"]
+    found = incipient.run(load(DEMOS / "backward_facing_step.toml", settings), tmp_path)
+    with (tmp_path / "history.csv").open(newline="") as file:
+        rows = [(row["separation"], row["reattachment"]) for row in csv.DictReader(file)]
+    apart = np.array([row for row in rows if all(row)], dtype=float)
+    assert rows[0] == ("", "") and len(apart) > 3
+    assert (apart[:, 0] < 0.2).all() and (np.diff(apart[:, 1]) > 0.0).all()
+    assert apart[-1] == pytest.approx(found.turbulence.separated)
+
+
+@pytest.mark.slow
 def test_a_channel_between_walls_is_two_open_ones():
     one = incipient.run(channel(11000.0, 20.0)).turbulence
     between = channel(22000.0, 20.0, domain=Domain(length=20.0, height=2.0), flow=Poiseuille())

@@ -1,5 +1,6 @@
 """What is told of a turbulent flow: its errors and what they cost, its walls, and where it runs upstream."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from incipient.planning.flow_setup import Setup
 from incipient.planning.order import order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import ErrorBars, Loads, Term
-from incipient.results.resolved_wall_report import ResolvedWallReport
+from incipient.results.resolved_wall_report import SEPARATIONS, ResolvedWallReport
 from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
     Contact,
@@ -234,6 +235,18 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
         "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places" + error
     )
     assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01" + error)
+
+
+def test_the_history_tells_where_the_flow_separates():
+    """x of the longest place, NaN without; nothing in space, around a grain in a stream angles (all as defined)."""
+    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, along={"bottom": {}})
+    found = replace(walls, backward=((1.0, 1.5), (2.0, 4.0))).columns()
+    assert (found["separation"], found["reattachment"]) == (2.0, 4.0)
+    assert math.isnan(walls.columns()["separation"])
+    assert "separation" not in replace(walls, along={}).columns()
+    grain = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, separates=(80.0, 90.0))
+    assert [grain.columns()[name] for name in SEPARATIONS] == [80.0, 90.0]
+    assert "separation" not in grain.columns()
 
 
 # On three meshes x of separation and reattachment; the last case: the coarsest flow does not separate.
