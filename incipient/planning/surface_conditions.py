@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
-from ..fluid.conditions import Condition, Entering, FreeSurface, IncomingWave, Open, Slip, Sponge
+from ..fluid.conditions import (
+    Condition,
+    Entering,
+    FreeSurface,
+    IncomingWave,
+    Open,
+    Seeping,
+    Slip,
+    Sponge,
+)
 from ..scene import Surface
 from ..scene.expression import Expression
 from .base_flow import BaseFlow
@@ -24,6 +33,25 @@ Profile = Callable[[Floats, float], Floats]
 
 # A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
 ABSORBED = 5.0
+
+
+def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
+    """What a free surface decides of the conditions at the ends, below and above; without it under a rigid `lid`.
+
+    Places of which it decides nothing are missing. Not collective.
+    """
+    asked, sides, up, found = setup.surface, setup.sides, setup.geometry.up, dict[str, list[Condition]]()
+    if setup.scene.domain.kind != "channel" and asked.ends == "wall":
+        found["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
+    if asked.bottom == "slip":
+        found["below"] = [Slip(sides.bottom, axis=up)]
+    elif asked.seepage != "0":
+        found["below"] = [Seeping(sides.bottom, seepage(asked, up))]
+    if lid:
+        return found
+    if setup.scene.domain.kind == "channel":
+        found["ends"] = ends(setup)
+    return found | {"above": [free_surface(setup)]}
 
 
 def free_surface(setup: Setup) -> FreeSurface:
