@@ -87,9 +87,9 @@ def of_entrainment(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient entrainment`."""
     add = parser.add_argument
     _scene_to(parser, "_entrainment")
-    text = "of motion at an instant, for which the Shields number is found (default: 0.001 0.01 0.05 0.5)"
-    usual = [0.001, 0.01, 0.05, 0.5]
-    add("--probabilities", type=float, nargs="+", default=usual, metavar="P", help=text)
+    usual = "0.001 0.01 0.05 0.5, of those what data can tell"
+    text = f"of motion at an instant, for which the Shields number is found (default: {usual})"
+    add("--probabilities", type=float, nargs="+", default=[], metavar="P", help=text)
     text = "mean flows over the scene's, for a curve (default: some that show it)"
     add("--strengths", type=float, nargs="+", default=[], metavar="FACTOR", help=text)
     text = "directory of incipient gust: finds how often gusts last long enough, too"

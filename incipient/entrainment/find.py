@@ -35,13 +35,15 @@ ON_CURVE, ENDS = (
     (1e-4, 0.99),
 )  # strengths of a curve without given ones, and probabilities between which they are
 WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one, between which probabilities are looked for
+ENOUGH = 10.0  # mean flow over the critical one in which a curve ends
+FARTHEST = 1e6  # mean flow over the scene's, or its inverse, that may be asked for
 NODES = 15  # of the quadrature over the flow's growth
 
 
 def find_entrainment(
     setup: Setup,
     comm: Comm,
-    probabilities: Sequence[float] = PROBABILITIES,
+    probabilities: Sequence[float] = (),
     strengths: Sequence[float] = (),
     weakest: WeakestGusts | None = None,
     voice: Silent | None = None,
@@ -50,7 +52,8 @@ def find_entrainment(
 
     Args:
         setup: of a grain that rests on a bed, in a steady flow, with [gusts].
-        probabilities: of motion at an instant, for which the mean flow is found.
+        probabilities: of motion at an instant, for which the mean flow is found; default: `PROBABILITIES`, of those
+            what the data can tell.
         strengths: mean flows over the scene's, for which the probability is found; default: some that show the curve.
         weakest: gusts that move the grain out of its pocket; then the rate of those as strong is found, too.
 
@@ -64,30 +67,47 @@ def find_entrainment(
     stream = Stream(setup, gusts)
     stream.require_intensity()  # what is wrong is said before anything is computed
     law = _law_of(gusts, stream, 1.0)
-    for one in probabilities:
+    asked = probabilities or _told(law)
+    for one in asked:
         law.level(one)
     if weakest is not None:
         Course.of(law, stream.integral_time(1.0))
     threshold = find_threshold(scene, comm, voice)
     if not threshold.is_critical:
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
+    if weakest is not None:
+        weakest.require_of(threshold.factor)
     growth, without_growth = None, _without_growth(setup, gusts)
     if not without_growth:
         growth = load_of_growth(setup, comm)
     assert scene.contact is not None
     motion = Motion(gusts, stream, threshold, growth, scene.contact.friction, weakest)
-    points = tuple(motion.quantile(one) for one in probabilities)
+    points = tuple(motion.quantile(one) for one in asked)
     chosen = strengths or _for_curve(motion)
     curve = tuple(motion.at(one) for one in chosen)
-    assumed = tuple(_assumed(motion, without_growth))
+    assumed = (*_assumed(motion, without_growth), *_left_out(asked, probabilities))
     return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
 
 
 def _require(probabilities: Sequence[float], strengths: Sequence[float]) -> None:
-    if not probabilities or not all(0.0 < one < 1.0 for one in probabilities):
+    if not all(0.0 < one < 1.0 for one in probabilities):
         raise SceneError("probabilities: give one or more, each between 0 and 1")
-    if not all(0.0 < one < math.inf for one in strengths):
-        raise SceneError("strengths: give numbers above zero")
+    if not all(1.0 / FARTHEST <= one <= FARTHEST for one in strengths):
+        raise SceneError(f"strengths: give numbers from {1.0 / FARTHEST:g} to {FARTHEST:g}")
+
+
+def _told(law: Law) -> Sequence[float]:
+    """The usual probabilities; those that data can tell, if there are some."""
+    if isinstance(law, Gaussian):
+        return PROBABILITIES
+    least, most = law.told
+    return [one for one in PROBABILITIES if least <= one <= most] or PROBABILITIES
+
+
+def _left_out(asked: Sequence[float], given: Sequence[float]) -> list[str]:
+    """A line on the usual probabilities that the data cannot tell."""
+    missing = ", ".join(f"{one:g}" for one in PROBABILITIES if not given and one not in asked)
+    return [f"left out, since the data cannot tell them: probabilities {missing}"] if missing else []
 
 
 def _without_growth(setup: Setup, gusts: Gusts) -> str:
@@ -183,6 +203,8 @@ class Motion:
         law, factor = self.law(strength), self.threshold.factor
         found = self.probability(strength, law)
         ranges = [self.probability(strength, law, one / factor) for one in self._bounds()]
+        if isinstance(law, Gaussian):
+            ranges.append(self.probability(strength, law.other()))
         spread = law.spread(found)
         low, high = min([*ranges, found]) - spread, max([*ranges, found]) + spread
         rate = law.upcrossings(factor / strength)
@@ -210,13 +232,19 @@ class Motion:
         return Quantile(probability, strength, shields, terms, rate, self._lasting(strength, law))
 
     def _lasting(self, strength: float, law: Law) -> RateOfLasting | None:
-        """The rate of gusts that last long enough, where they are known."""
+        """The rate of gusts that last long enough, where they are known, and a correlation has both times there."""
         if self._weakest is None:
             return None
-        return rate_of_lasting(Course.of(law, self.stream.integral_time(strength)), self._weakest, strength)
+        try:
+            course = Course.of(law, self.stream.integral_time(strength))
+        except SceneError:
+            return None
+        return rate_of_lasting(course, self._weakest, strength)
 
     def probability(self, strength: float, law: Law, share: float = 1.0) -> float:
-        """Probability of motion at an instant in a mean flow; `share` multiplies the critical strength."""
+        """Probability of motion at an instant in a mean flow; `share`, even infinite, multiplies what is critical."""
+        if math.isinf(share):
+            return 0.0
         if self._critical is None or not isinstance(law, Gaussian) or law.microscale is None:
             return law.exceeded(share * self.threshold.factor / strength)
         # The rate of the Gaussian process is independent of it, of variance 2/lambda^2.
@@ -238,16 +266,26 @@ class Motion:
     ) -> float:
         """The mean flow in which motion has a probability.
 
-        share: multiplies the critical strength
-        other: with the other law of the same intensity
-        clipped: or with the nearest probability that a measured series can tell
+        share: multiplies the critical strength; infinite: so is the mean flow
+        other: with the other law of the same intensity; infinite where that reaches it in no mean flow
+        clipped: or with the nearest probability that data can tell, and that a flow of `ENOUGH` has
         """
         critical = share * self.threshold.factor
+        if math.isinf(share):
+            return math.inf
         if self._measured is not None:
             if clipped:
                 least, most = self._measured.told
+                most = min(most, max(least, self._measured.exceeded(1.0 / ENOUGH)))
                 probability = min(max(probability, least), most)
-            return critical / self._measured.level(probability)
+            level = self._measured.level(probability)
+            if not level > 0.0:
+                raise _not_reached(probability)
+            return critical / level
+        if clipped:
+            probability = min(
+                probability, self.probability(ENOUGH * critical, self.law(ENOUGH * critical), share)
+            )
 
         def excess(logarithm: float) -> float:
             """Probability in a mean flow beyond that wanted, in standard deviations of a Gaussian."""
@@ -258,16 +296,20 @@ class Motion:
 
         ends = [math.log(one * critical) for one in (WEAKEST, STRONGEST)]
         if not excess(ends[0]) < 0.0 < excess(ends[1]):
-            raise SceneError(f"probabilities: {probability:g} is not reached in any mean flow; give another")
+            if other:
+                return math.inf
+            raise _not_reached(probability)
         return math.exp(brentq(excess, *ends, xtol=1e-9))
 
     def _bounds(self) -> list[float]:
         bars = self.threshold.bars
         if bars is None or not bars.terms:
             return []
-        return [
-            max(one, WEAKEST * self.threshold.factor) for one in (bars.low, bars.high) if math.isfinite(one)
-        ]
+        return [max(one, WEAKEST * self.threshold.factor) for one in (bars.low, bars.high)]
+
+
+def _not_reached(probability: float) -> SceneError:
+    return SceneError(f"probabilities: {probability:g} is not reached in any mean flow; give another")
 
 
 def _standard(probability: float) -> float:

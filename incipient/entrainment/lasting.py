@@ -15,14 +15,14 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from .laws import Events, Law, Measured
+from .laws import NONE_FOUND, Events, Law, Measured
 
 PER_MICROSCALE = 16  # points of a series that is made
 MOST_POINTS = 4_000_000
 LENGTH = 20_000.0  # of it, in integral times
 LEVELS = 40  # strengths between those of the curve
 SEED = 7
-NONE_FOUND = 3.0  # gusts that may have been expected where none came, with a probability of 5%
+DIFFERENT = 1.25  # factor between critical steady flows from which on they are those of different scenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +40,33 @@ class WeakestGusts:
 
     @classmethod
     def of(cls, stored: dict[str, object]) -> WeakestGusts:
-        """Reads them from what a gusts.json holds; raises SceneError where it has less than two durations."""
+        """Reads them from what a gusts.json holds.
+
+        Raises SceneError where it has less than two durations, or holds something else.
+        """
         points = stored["points"]
-        assert isinstance(points, list)
-        rows = sorted((one["duration"], one["strength"], one["error"] or 0.0) for one in points)
+        try:
+            assert isinstance(points, list)
+            rows = [[float(one[name] or 0.0) for name in ("duration", "strength", "error")] for one in points]
+            static = float(str(stored["static"]))
+        except (AssertionError, KeyError, TypeError, ValueError):
+            raise SceneError("gusts.json: holds no gusts; search them anew with incipient gust") from None
         if len(rows) < 2:
             raise SceneError(
                 "gusts.json: has less than two durations; search more with incipient gust --durations"
             )
-        durations, strengths, errors = np.array(rows).T
-        return cls(durations, strengths, errors, float(str(stored["static"])))
+        durations, strengths, errors = np.array(sorted(rows)).T
+        if not (durations > 0.0).all() or not (strengths > errors).all():
+            raise SceneError(
+                "gusts.json: has a strength within its error; search it anew with incipient gust"
+            )
+        return cls(durations, strengths, errors, static)
+
+    def require_of(self, critical: float) -> None:
+        """Raise SceneError where they are those of a flow that moves the grain at another strength than `critical`."""
+        if not critical / DIFFERENT < self.static < critical * DIFFERENT:
+            why = f"there a steady flow moves the grain from {self.static:.3g} on, here from {critical:.3g}"
+            raise SceneError(f"gusts.json: {why}; search gusts of this scene with incipient gust")
 
     def needed(self, sign: float = 0.0) -> tuple[Floats, Floats]:
         """Strengths (m,), larger ones in proportion to their errors by `sign`, and how long each has to last (m,)."""
@@ -81,6 +98,9 @@ class Course:
             raise SceneError(
                 "gusts.integral_time: is missing, by which gusts last; give it and gusts.microscale"
             )
+        if integral_time < math.sqrt(2.0) * law.microscale:
+            why = f"is {integral_time:.3g}, less than the microscale {law.microscale:.3g} times the square root of two"
+            raise SceneError(f"gusts.integral_time: {why}; give both as numbers, or no gusts that last")
         step = law.microscale / PER_MICROSCALE
         count = int(min(LENGTH * integral_time / step, MOST_POINTS))
         return cls(law.factor(_gaussian_series(count, step, integral_time, law.microscale)), step)
@@ -133,7 +153,7 @@ def rate_of_lasting(course: Course | Events, weakest: WeakestGusts, strength: fl
 
 def _gaussian_series(count: int, step: float, integral_time: float, microscale: float) -> Floats:
     """(count,) values of variance one of the process with the given times, the same in each call."""
-    root = math.sqrt(max(integral_time**2 - 2.0 * microscale**2, 0.0))
+    root = math.sqrt(integral_time**2 - 2.0 * microscale**2)
     times = [0.5 * (integral_time + sign * root) for sign in (1.0, -1.0)]
     angular = 2.0 * np.pi * np.fft.rfftfreq(count, step)
     spectrum = 1.0 / ((1.0 + (angular * times[0]) ** 2) * (1.0 + (angular * times[1]) ** 2))

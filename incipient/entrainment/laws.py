@@ -21,6 +21,7 @@ from ..arrays import Floats
 from ..errors import SceneError
 
 SHORTEST = 20.0  # a series in units of its integral time
+NONE_FOUND = 3.0  # gusts that may have been expected where none came, with a probability of 5%
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,9 @@ class Measured:
         return float(np.count_nonzero(rises)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a share of the time, by the number of independent samples."""
+        """Standard error of a share of the time, by the number of independent samples, none or all of which show it."""
+        if not 0.0 < probability < 1.0:
+            return NONE_FOUND / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
 
 
@@ -208,9 +211,11 @@ class Events:
         return float(np.count_nonzero(self.strengths > level)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a share of the time, by the number of gusts that make it up."""
-        count = np.searchsorted(np.cumsum(self.lengths) / self.duration, probability) + 1
-        return probability / math.sqrt(float(count))
+        """Standard error of a share of the time, by the gusts that make it up, which come by chance (Poisson)."""
+        if not probability > 0.0:
+            return NONE_FOUND * float(self.lengths.mean()) / self.duration
+        count = int(np.searchsorted(np.cumsum(self.lengths) / self.duration, probability)) + 1
+        return math.sqrt(float((self.lengths[:count] ** 2).sum())) / self.duration
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
         """Number of gusts that are above one of the levels for as long as its duration."""

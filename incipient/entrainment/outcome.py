@@ -16,7 +16,8 @@ class OfStrength:
     """Motion in one mean flow.
 
     strength: of the mean flow over the scene's; shields: its Shields number
-    probability: of motion at an instant; low, high: between which it is by the errors of threshold and series
+    probability: of motion at an instant; low, high: between which it is by the errors of threshold and series, and with
+        the other law of the same intensity
     rate: how often the critical strength is exceeded anew in unit time; None: not known
     lasting: how often by a gust that lasts long enough to move the grain out of its pocket; None: not asked for
     """
@@ -103,10 +104,11 @@ class Entrainment:
         if own.lasting is not None:
             rate += f", {own.lasting.words()}"
         steady = with_error(critical.shields, critical.errors["shields"])
+        of_law = "" if critical.bars is not None and critical.bars.terms else "; error of the flow not known"
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
-            f"({own.low:.2g} to {own.high:.2g}); exceeded anew {rate}",
+            f"({own.low:.2g} to {own.high:.2g}{of_law}); exceeded anew {rate}",
             "probability of motion at an instant, and the mean flow",
             *(one.line() for one in self.quantiles),
             *(f"assumed             {one}" for one in self.assumed),

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..arrays import Point
-from ..entrainment.find import PROBABILITIES, find_entrainment
+from ..entrainment.find import find_entrainment
 from ..entrainment.lasting import WeakestGusts
 from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
@@ -42,7 +42,7 @@ COLUMNS = (
 def entrainment(
     scene: Scene,
     directory: Path | str | None = None,
-    probabilities: Sequence[float] = PROBABILITIES,
+    probabilities: Sequence[float] = (),
     strengths: Sequence[float] = (),
     gusts: Path | str | None = None,
     data: Path | str | None = None,
@@ -54,7 +54,8 @@ def entrainment(
     Args:
         scene: a grain that rests on a bed, in a steady flow, with [gusts].
         directory: where to write entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
-        probabilities: of motion at an instant, for which the mean flow and its Shields number are found.
+        probabilities: of motion at an instant, for which the mean flow and its Shields number are found; default: 0.1%,
+            1%, 5% and 50%, of those what data can tell.
         strengths: mean flows over the scene's, for a curve; default: some that show it.
         gusts: directory of `incipient gust`; then the rate of gusts that last long enough is found, too.
         data: CSV of Shields number and probability, measured, for the picture.
@@ -101,6 +102,11 @@ def _stored(path: Path) -> dict[str, Any]:
 def _points(path: Path) -> list[Point]:
     """Measured Shields numbers and probabilities; raises SceneError."""
     try:
-        return read_points(path, 1, "data")
+        points = read_points(path, 1, "data")
     except ValidationError as error:
         raise SceneError(one_line("--data", problems_of(error, Gusts))) from None
+    for shields, probability in points:
+        if not (shields > 0.0 and 0.0 <= probability <= 1.0):
+            why = f"has the Shields number {shields:g} with the probability {probability:g}"
+            raise SceneError(f"--data: {path} {why}; give numbers above zero, and probabilities from 0 to 1")
+    return points

@@ -7,10 +7,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from .messages import either, shown
 from .points import file_key, read_points, with_file_read
-from .section import Pair, Positive, Section, key
+from .section import SMALLEST, Pair, Positive, Section, contradiction, is_number, key
 
 FEWEST, FEWEST_EVENTS = 100, 20  # points of a measured series; gusts that were counted
 GIVEN = ("measured", "events")  # laws of data
@@ -61,6 +62,14 @@ class Gusts(Section):
         "its mean, and how long it stayed as high [-, time]",
         (),
     )
+
+    @field_validator("intensity", "microscale", "integral_time", mode="before")
+    @classmethod
+    def _is_a_size(cls, value: Any, info: ValidationInfo) -> Any:
+        words = (NEAR_WALL, MODEL) if info.field_name == "intensity" else (MODEL,)
+        if value is None or value in words or (is_number(value) and SMALLEST <= value < math.inf):
+            return value
+        raise contradiction(f"is {shown(value)}", f"give a number above zero, or {either(words)}")
 
     @model_validator(mode="before")
     @classmethod
@@ -130,4 +139,4 @@ class Gusts(Section):
 
 
 def _series(path: Path) -> dict[str, Any]:
-    return {"points": read_points(path, FEWEST, "Gusts")}
+    return {"points": read_points(path, 1, "Gusts")}

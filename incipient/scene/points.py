@@ -63,7 +63,7 @@ def read_numbers(
     if rows and not any(_is_number(cell) for cell in rows[0][1]):
         rows = rows[1:]
     if not fewest <= len(rows) <= most:
-        number = {1: "one", 2: "two"}.get(fewest, "three")
+        number = {1: "one", 2: "two", 3: "three"}.get(fewest, str(fewest))
         raise about_file(
             section,
             f"{path} has {counted(len(rows), 'point')}",

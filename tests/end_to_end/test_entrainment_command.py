@@ -23,9 +23,9 @@ SCENE = (
     .replace("fields = false", "pictures = true")
 )
 LOGNORMAL = SCENE + "[gusts]\nintensity = 0.3\nmicroscale = 1.0\nintegral_time = 4.0\n"
-# Weakest gusts as those of a disc in its pocket in docs/released.md.
+# Weakest gusts like those of a disc in its pocket in docs/released.md; a steady flow of 2.4 moves this one.
 GUSTS = {
-    "static": 1.601,
+    "static": 2.4,
     "points": [
         {"duration": 0.5, "strength": 6.87, "error": 0.2},
         {"duration": 4.0, "strength": 2.58, "error": 0.1},
@@ -39,6 +39,7 @@ def scene(tmp_path: Path) -> Path:
     (tmp_path / "gusts").mkdir()
     (tmp_path / "gusts" / "gusts.json").write_text(json.dumps(GUSTS))
     (tmp_path / "flume.csv").write_text("shields,probability\n0.003,0.01\n0.005,0.1\n")
+    (tmp_path / "percent.csv").write_text("shields,percent\n0.003,50\n")
     return tmp_path / "scene.toml"
 
 
@@ -83,7 +84,8 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
     [
         (("--set", "gusts.intensity=-1"), "gusts.intensity"),
         (("--probabilities", "2"), "probabilities: give one or more, each between 0 and 1"),
-        (("--strengths", "0"), "strengths: give numbers above zero"),
+        (("--strengths", "0"), "strengths: give numbers from 1e-06 to 1e+06"),
+        (("--data", "percent.csv"), "percent.csv has the Shields number 0.003 with the probability 50"),
         (("--gusts", "nowhere"), "--gusts: nowhere/gusts.json cannot be read; give the directory"),
         (("--data", "nowhere.csv"), "nowhere.csv cannot be read"),
         (("--set", 'gusts.intensity="model"'), 'gusts.intensity: "model" needs a turbulence model'),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -308,7 +310,24 @@ class TestEvents:
         )
         assert self.LAW.upcrossings(1.4) == pytest.approx(0.03)
         assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx((0.005, 0.05))
-        assert self.LAW.spread(0.02) == pytest.approx(0.02 / math.sqrt(3.0))
+        # The sum of a Poisson number of lengths has the variance of the sum of their squares: 0.25 + 0.25 + 1.
+        assert self.LAW.spread(0.02) == pytest.approx(math.sqrt(1.5) / 100.0)
+
+    def test_records_made_anew_scatter_by_the_spread(self) -> None:
+        """Gusts of exponential lengths that come by chance, 100 in a record on average, two fifths above a level."""
+        chance = np.random.default_rng(11)
+        shares, spreads = [], []
+        for _ in range(2000):
+            count = chance.poisson(100)
+            points = np.column_stack([chance.uniform(1.0, 2.0, count), chance.exponential(0.5, count)])
+            law = Events.of(points, 1000.0)
+            shares.append(law.exceeded(1.6))
+            spreads.append(law.spread(shares[-1]))
+        assert np.mean(spreads) == pytest.approx(np.std(shares), rel=0.05)
+
+    def test_where_no_gust_is_above_a_few_may_have_been_missed(self) -> None:
+        """Three may be expected where none came, with 5% (Poisson); they last 1.25 in the mean."""
+        assert self.LAW.spread(0.0) == pytest.approx(3.0 * 1.25 / 100.0)
 
     @pytest.mark.parametrize("probability", [0.001, 0.06])
     def test_probabilities_beyond_them_are_refused(self, probability: float) -> None:
@@ -354,6 +373,28 @@ def test_events_that_are_wrong_are_refused_by_name(words: str, said: str) -> Non
         loads(POCKET.replace("intensity = 0.3", given))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ('intensity = "nearwall"', 'is "nearwall"; give a number above zero, or "near-wall" or "model"'),
+        ("intensity = 0", 'is 0; give a number above zero, or "near-wall" or "model"'),
+        ('intensity = 0.3\nmicroscale = "modell"', 'is "modell"; give a number above zero, or "model"'),
+    ],
+)
+def test_words_that_are_not_known_are_told_with_those_that_are(words: str, said: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        loads(POCKET.replace("intensity = 0.3", words))
+    assert str(refused.value).endswith(f": {said}") and "error" not in str(refused.value)
+
+
+def test_twenty_events_in_a_file_are_enough(tmp_path: Path) -> None:
+    (tmp_path / "gusts.csv").write_text("\n".join(f"{1.0 + 0.05 * k},0.5" for k in range(1, 21)))
+    given = 'law = "events"\nrecord = 100.0\nfile = "gusts.csv"'
+    (tmp_path / "scene.toml").write_text(POCKET.replace("intensity = 0.3", given))
+    gusts = load(tmp_path / "scene.toml").gusts
+    assert gusts is not None and len(gusts.points) == 20
+
+
 class TestLasting:
     WEAKEST = WeakestGusts(np.array([0.5, 2.0]), np.array([4.0, 2.0]), np.zeros(2), static=1.5)
 
@@ -392,6 +433,31 @@ class TestLasting:
         with pytest.raises(SceneError, match=r"gusts\.integral_time: is missing"):
             Course.of(Gaussian(0.3, True, 0.5), None)
 
+    def test_times_that_no_correlation_has_are_refused(self) -> None:
+        """T1 + T2 is at least the root of 4 T1 T2, the microscale times the root of two."""
+        with pytest.raises(SceneError, match=r"gusts\.integral_time: is 0\.7, less than the microscale 0\.5"):
+            Course.of(Gaussian(0.3, True, 0.5), 0.7)
+
+    def test_gusts_of_another_flow_are_refused(self) -> None:
+        self.WEAKEST.require_of(1.6)
+        with pytest.raises(
+            SceneError, match=r"gusts\.json: there a steady flow .* from 1\.5 on, here from 2\.3"
+        ):
+            self.WEAKEST.require_of(2.3)
+
+    @pytest.mark.parametrize(
+        ("static", "points", "said"),
+        [
+            (1.5, [{"duration": 1.0, "error": 0.1}] * 2, "holds no gusts"),
+            (None, [{"duration": 1.0, "strength": 3.0, "error": 0.1}] * 2, "holds no gusts"),
+            (1.5, {"a": 1}, "holds no gusts"),
+            (1.5, [{"duration": 1.0, "strength": 3.0, "error": 4.0}] * 2, "within its error"),
+        ],
+    )
+    def test_files_that_are_damaged_are_refused(self, static: Any, points: Any, said: str) -> None:
+        with pytest.raises(SceneError, match=rf"gusts\.json: .*{said}"):
+            WeakestGusts.of({"static": static, "points": points})
+
 
 @pytest.fixture(scope="module")
 def found() -> Entrainment:
@@ -427,6 +493,50 @@ class TestEntrainment:
         own = found.scene
         assert own.probability == pytest.approx(Gaussian(0.3).exceeded(found.threshold.factor), rel=1e-9)
         assert own.low <= own.probability <= own.high and own.rate is None
+        # The normal law of the same intensity, far out less probable, is within the range.
+        assert own.low <= Gaussian(0.3, lognormal=False).exceeded(found.threshold.factor) < own.probability
+
+    def motion(self, found: Entrainment, words: str, **changes: Any) -> Motion:
+        """The motion of the disc by other gusts about the threshold that was found, or one that is changed."""
+        scene = loads(POCKET.replace("intensity = 0.3", words))
+        assert scene.gusts is not None
+        return Motion(
+            scene.gusts, Stream(Setup(scene), scene.gusts), replace(found.threshold, **changes), None, 0.6
+        )
+
+    def test_a_normal_law_that_does_not_reach_a_probability(self, found: Entrainment) -> None:
+        """The factor is above zero with the probability of 1/I deviations: 0.977 at 0.5."""
+        motion = self.motion(found, 'law = "normal"\nintensity = 0.5')
+        with pytest.raises(SceneError, match=r"probabilities: 0\.99 is not reached in any mean flow"):
+            motion.strength(0.99)
+        ended = motion.strength(0.99, clipped=True)
+        assert ended == pytest.approx(10.0 * found.threshold.factor, rel=1e-6)
+        # A lognormal factor reaches it; what a normal one would need is without bound.
+        quantile = self.motion(found, "intensity = 0.5").quantile(0.99)
+        assert quantile.terms["law of fluctuations"] == math.inf and math.isfinite(quantile.shields)
+
+    def test_a_series_that_flows_back(self, found: Entrainment) -> None:
+        """A sine of mean 1 and amplitude 2 is above zero in two thirds of the time: others move in no flow."""
+        times = np.arange(4000) * 0.25
+        rows = ", ".join(f"[{t}, {1.0 + 2.0 * math.sin(t)}]" for t in times)
+        motion = self.motion(found, f'law = "measured"\npoints = [{rows}]')
+        with pytest.raises(SceneError, match=r"probabilities: 0\.8 is not reached in any mean flow"):
+            motion.strength(0.8)
+        assert motion.strength(0.8, clipped=True) == pytest.approx(10.0 * found.threshold.factor, rel=1e-3)
+
+    def test_a_threshold_without_an_upper_bound(self, found: Entrainment) -> None:
+        assert found.threshold.bars is not None
+        motion = self.motion(found, "intensity = 0.3", bars=replace(found.threshold.bars, high=math.inf))
+        assert motion.at(2.0).low == 0.0
+        assert motion.quantile(0.01).terms["flow"] == math.inf
+
+    def test_usual_probabilities_that_events_cannot_tell_are_left_out(self) -> None:
+        """A hundred gusts for half a unit of time each, in 500: probabilities from 0.001 to 0.1."""
+        rows = ", ".join(f"[{1.0 + 0.05 * k}, 0.5]" for k in range(1, 101))
+        words = f'law = "events"\nrecord = 500.0\npoints = [{rows}]'
+        told = find_entrainment(Setup(loads(POCKET.replace("intensity = 0.3", words))), MPI.COMM_WORLD)
+        assert [one.probability for one in told.quantiles] == [0.001, 0.01, 0.05]
+        assert told.assumed[-1] == "left out, since the data cannot tell them: probabilities 0.5"
 
     def test_without_acceleration_slow_changes_are_the_limit(self, found: Entrainment) -> None:
         # With a long microscale the load of acceleration vanishes.

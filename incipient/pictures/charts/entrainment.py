@@ -27,7 +27,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
     names = ("shields", "probability", "low", "high")
     shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
     axes.fill_between(
-        shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="errors of the flow"
+        shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="its range by all errors"
     )
     axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
     given = stored["quantiles"]
@@ -51,6 +51,9 @@ def _figure(stored: dict[str, Any]) -> Figure:
 
 
 def _errors(given: list[dict[str, Any]]) -> np.ndarray:
-    """(2, n) errors below and above, none below zero."""
-    errors = np.array([one["error"] or sum(one["terms"].values()) for one in given])
+    """(2, n) errors below and above, none below zero; those without bound are ten times the number."""
+    terms = [
+        [10.0 * one["shields"] if term is None else term for term in one["terms"].values()] for one in given
+    ]
+    errors = np.array([sum(one) for one in terms])
     return np.array([np.minimum(errors, [0.99 * one["shields"] for one in given]), errors])
