@@ -142,7 +142,7 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
-    if scene.has_wall_layer and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
+    if scene.is_averaged and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most / COARSER_MESH) / 100.0))
     most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.resolves_uneven_walls and scene.numerics.mesh_size > most:

@@ -176,9 +176,11 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
 
 
 def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
-    """What the Shields number is, and what effects say of the flow there. Not collective."""
+    """What the Shields number is, and what effects say of the flow there. Collective."""
     of_effects = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, found.factor)]
     notes = [_shields_note(threshold, run.scene.gdim), *of_effects]
+    if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
+        notes.append(f"in the last flow of the search {doubt}")
     if found.rocking is not None:
         rocking, last = found.rocking, found.rocking.rests[-1]
         notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))

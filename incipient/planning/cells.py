@@ -82,13 +82,17 @@ class RowSizes:
     growth: float
     largest: float
 
+    def counted(self, part: float) -> tuple[float, float]:
+        """Rows to where they are largest, and in all, over the part of a height that goes with one wall."""
+        bend = min((self.largest - self.first) / self.growth, part)
+        to_bend = math.log1p(self.growth * bend / self.first) / self.growth
+        return to_bend, to_bend + (part - bend) / self.largest
+
 
 def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
     """Where rows end, as parts of a height with one wall or two; rows are larger by the factor `coarse`."""
     first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
-    bend = min((largest - first) / growth, part)  # where rows are largest
-    to_bend = math.log1p(growth * bend / first) / growth
-    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
+    to_bend, whole = sizes.counted(part)
     number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
     counted = whole * np.arange(1, number + 1) / number
     near = first * np.expm1(growth * np.minimum(counted, to_bend)) / growth

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..arrays import Floats
+from ..errors import SceneError
 from ..forms.k_omega_sst import BETA_STAR
 from .base_flow import BaseFlow
 from .developed_channel import DevelopedChannel
@@ -85,9 +86,10 @@ class MeasuredInflow:
     @cached_property
     def shear_velocities(self) -> tuple[float, float]:
         """u* at the lower wall and at the one on top."""
-        u = self.rows.rows[:, 1]
-        first, last = self.rows.walls.law.shear_velocity(u[[0, -1]], self.walls.viscosity, self._ends)
-        return float(first), float(last)
+        u, law = self.rows.rows[:, 1], self.rows.walls.law
+        places = [0, -1][: self.walls.number]
+        found = law.shear_velocity(u[places], self.walls.viscosity, self._ends[: self.walls.number])
+        return float(found[0]), float(found[-1])
 
     @property
     def _ends(self) -> Floats:
@@ -144,4 +146,6 @@ def resolved_walls_as_asked(
     """The walls of a flow that its model reaches, and what enters between them as its section asks. Not collective."""
     upstream = asked.upstream_roughness
     walls = resolved_walls_of(geometry, base_flow, names, asked.roughness, upstream=upstream)
+    if why := asked.rows_beyond(walls.number, walls.depth):
+        raise SceneError(why)
     return with_profile(walls, asked.profile, asked.intensity, asked.length)

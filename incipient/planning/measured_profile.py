@@ -114,19 +114,20 @@ class Measured:
         """Speeds and their slopes (n,)."""
         from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-        above, law = self.above(height), self.walls.law
+        above, law, walls = self.above(height), self.walls.law, self.walls.number
         y, u = self.rows[:, 0], self.rows[:, 1]
-        ends = np.array([y[0], self._between - y[-1]])
-        first, last = law.shear_velocity(u[[0, -1]], self.walls.viscosity, ends)
+        ends = np.array([y[0], self._between - y[-1]])[:walls]  # distances of the rows next to walls
+        found = law.shear_velocity(u[[0, -1][:walls]], self.walls.viscosity, ends)
+        first, last = found[0], found[-1]
         slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
         slopes[0] = first / law.kappa
-        slopes[-1] = -last / law.kappa * y[-1] / ends[1] if self.walls.number == 2 else 0.0
+        slopes[-1] = -last / law.kappa * y[-1] / ends[-1] if walls == 2 else 0.0
         between = CubicHermiteSpline(np.log(y), u, slopes)
         within = np.log(np.clip(above, y[0], y[-1]))
         down = np.maximum(self._between - above, self.walls.distance)
         near, far = above < y[0], above > y[-1]
         upper = (law.velocity(last, self.walls.viscosity, down) * last, last / (law.kappa * down))
-        if self.walls.number == 1:
+        if walls == 1:
             upper = (np.full_like(above, u[-1]), np.zeros_like(above))
         lower = (law.velocity(first, self.walls.viscosity, above) * first, first / (law.kappa * above))
         inner = (between(within), np.abs(between(within, 1)) / above)

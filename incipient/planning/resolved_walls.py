@@ -15,9 +15,10 @@ from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
 from ..meshes import Away, BoxGrid, Grid, Near, SolidGrid, WallLayers
 from ..meshes.region import PART
 from ..meshes.solid_region import SYMMETRY
+from ..scene import Domain
 from . import free_stream
 from .base_flow import BaseFlow
-from .cells import RowSizes, growing_rows, layer_ends
+from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
 from .developed_duct import DevelopedDuct, developed_duct
 from .free_stream import FreeStream, thickness
@@ -273,15 +274,30 @@ class ResolvedWalls:
         free = np.array([self.stream.logarithms]).T
         return velocity, np.where(outside < 1.0, (1.0 - outside) * logarithms + outside * free, free)
 
+    def coarsest(self, domain: Domain, order: int) -> float:
+        """The largest numerics.mesh_size by which rows become fewer, and columns where the flow develops along them.
+
+        No bound but between planes.
+        """
+        if not self.plane or self.edge is not None:
+            return math.inf
+        _, rows = self._row_sizes.counted(domain.height / self.number)
+        columns = domain.length / (COLUMN * self.depth * FEWEST_COLUMNS) if self.measured else math.inf
+        return min(rows / (FEWEST_ROWS // self.number), columns) / COARSENING.get(order, ORDER_THREE)
+
+    @property
+    def _row_sizes(self) -> RowSizes:
+        """Rows between planes, for cells of size one."""
+        return RowSizes(min(self.first, self.largest_row), GROWTH, self.largest_row)
+
     def channel_rows(
         self, geometry: Geometry, names: SideNames, order: int, mesh_size: float
     ) -> Grid | SolidGrid | BoxGrid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
-        coarse, largest = mesh_size * COARSENING.get(order, ORDER_THREE), self.largest_row
+        coarse, sizes = mesh_size * COARSENING.get(order, ORDER_THREE), self._row_sizes
         if self.edge is not None:
             return self._plate(self.edge, geometry, names, coarse)
-        sizes = RowSizes(min(self.first, largest), GROWTH, largest)
         if self.sides:
             return self._duct(sizes, geometry, names, coarse)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))

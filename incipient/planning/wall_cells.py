@@ -66,6 +66,8 @@ def coarsening(order: int) -> float:
 
 def coarsest(setup: Setup) -> float:
     """The largest numerics.mesh_size by which all cells become larger; no bound but between planes. Not collective."""
+    if setup.resolves_walls:
+        return setup.resolved_walls.coarsest(setup.geometry.domain, setup.order.number)
     walls, length = setup.walls, setup.geometry.domain.length
     if not walls.plane:
         return math.inf

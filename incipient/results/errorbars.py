@@ -295,10 +295,13 @@ def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
 
 
 def _apart(one: Floats, other: Floats | None) -> Floats:
-    """(2,) how far the ends of an interval are from those of another one; where there is none, its own length."""
+    """(2,) how far the ends of an interval are from those of another one; where there is none, its own length.
+
+    One end may be the same on coarse meshes, as next to a corner that they do not resolve: it errs like the other one.
+    """
     if other is None or not len(other):
         return np.full(2, one[1] - one[0])
-    return np.asarray(np.abs(one - other))
+    return np.full(2, np.abs(one - other).max())
 
 
 def _if_any(errors: Floats) -> Floats | None:

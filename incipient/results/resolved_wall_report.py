@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from ..arrays import Floats
-from .wall_report import MOST_OUTSIDE, WallReport
+from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
 SEPARATIONS = "separation_above", "separation_below"  # columns of the history
 
@@ -18,6 +18,7 @@ class ResolvedWallReport(WallReport):
     thickest, on_sand: up to which cells at smooth and at rough walls resolve them, in nu/u*; without smooth walls both
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
+    first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
     each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
     stress in the mean along all walls
     separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
@@ -28,6 +29,7 @@ class ResolvedWallReport(WallReport):
     thickest: float = 2.5
     on_sand: float = 0.0
     excess: float = 1.0
+    first_cell: float | None = None
     separates: tuple[float, ...] = ()
     each: dict[str, float] = field(default_factory=dict)
 
@@ -54,6 +56,8 @@ class ResolvedWallReport(WallReport):
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
+        if self.first_cell is not None:
+            return f"set {FIRST_CELL} = {0.9 / self.excess * self.first_cell:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
     def _separation(self) -> dict[str, float]:

@@ -11,6 +11,7 @@ from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
 
 REATTACHES = "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
+FIRST_CELL = "turbulence.first_cell"
 MOST_SPANS = 4  # along which the flow runs upstream, listed in words
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
@@ -93,6 +94,11 @@ class WallReport:
             return "use a larger fluid.reynolds"
         found = f"set turbulence.wall_distance = {self.suitable:.3g}"
         return found + (", or use a larger fluid.reynolds" if self.suitable > self.distance else "")
+
+    @property
+    def doubt(self) -> str:
+        """Where walls are not as the model asks, or the flow is not quite steady, what is said of them; else empty."""
+        return "" if self.applicable and not self.spread else self._judged()[0].removesuffix("; ")
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""

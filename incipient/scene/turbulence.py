@@ -152,3 +152,10 @@ class Turbulence(Section):
     def constants(self) -> tuple[float, ...]:
         """The five constants of the model, c_mu first."""
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
+
+    def rows_beyond(self, walls: int, depth: float) -> str:
+        """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not."""
+        if walls < 2 or not self.profile or self.profile[-1][0] < walls * depth:
+            return ""
+        whole = f"the wall on top is {walls * depth:.4g} above that below"
+        return f"turbulence.profile: has a row at {self.profile[-1][0]:g}, {whole}; leave out rows beyond it"

@@ -117,13 +117,16 @@ def table_of_cases(path: Path) -> list[Settings]:
     """Cases of a CSV file, a row each, under keys in the first row; empty cells change nothing. Raises SceneError."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.DictReader(stream))
+            reader = csv.DictReader(stream)
+            rows, heads = list(reader), list(reader.fieldnames or ())
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror}); give a CSV file of cases") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"{path}: is not a CSV file ({error}); save it as CSV in UTF-8") from None
     if not rows:
         raise SceneError(f"{path}: has no cases; write keys in the first row and a case in each one after it")
+    if twice := next((key for key in heads if heads.count(key) > 1), None):
+        raise SceneError(f"{path}: the first row has {twice} twice; leave one of both columns out")
     for number, row in enumerate(rows, 2):
         if None in row or None in row.values():
             raise SceneError(f"{path}: row {number} has not as many cells as the first; add or remove some")
@@ -149,4 +152,7 @@ def combined(axes: Sequence[VariedKey], together: bool, table: Iterable[Settings
     tuples = zip(*columns, strict=True) if together and columns else itertools.product(*columns)
     varied = [tuple(itertools.chain.from_iterable(one)) for one in tuples]
     listed = list(table) or [()]
+    in_table = {setting.split("=")[0].strip() for row in listed for setting in row}
+    if both := next((key for key in keys if key in in_table), None):
+        raise SceneError(f"--over {both}: the table of cases has it, too; leave one of them out")
     return [(*row, *settings) for row in listed for settings in varied]

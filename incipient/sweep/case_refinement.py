@@ -267,6 +267,12 @@ class SweepRefinement:
         if given is not None and rows and all(given not in row for row in rows.values()):
             there = ", ".join(dict.fromkeys(name for row in rows.values() for name in row))
             raise SceneError(f"--quantity {given}: no case has this column; available: {there}")
+        usual = {_USUAL.get(task, "safety_factor") for task, _ in found.values()}
+        if given is None and rows and not any({"mode", *usual} & row.keys() for row in rows.values()):
+            there = ", ".join(dict.fromkeys(name for row in rows.values() for name in row))
+            raise SceneError(
+                f"no case has a mode or {' or '.join(usual)}; give --quantity, available: {there}"
+            )
 
     def _seen(self, task: str, row: Mapping[str, Any]) -> Seen:
         name = self._aim.quantity or _USUAL.get(task, "safety_factor")

@@ -136,7 +136,7 @@ def in_words(row: Mapping[str, Any]) -> str:
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     if row.get("load_spread"):
         words += ", NOT QUITE STEADY"
-    return words if row["applicable"] else f"{words}, law of the wall NOT APPLICABLE"
+    return words if row["applicable"] else f"{words}, walls NOT as the model asks"
 
 
 def described(task: str, outcome: CaseOutcome) -> str:

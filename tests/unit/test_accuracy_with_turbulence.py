@@ -93,9 +93,9 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
-    assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"
+    assert in_words(row | {"applicable": False}) == "C_f 0.005, walls NOT as the model asks"
     judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
-    assert in_words(judged) == "rest, safety factor 2.673, law of the wall NOT APPLICABLE"
+    assert in_words(judged) == "rest, safety factor 2.673, walls NOT as the model asks"
 
 
 @pytest.mark.parametrize(("outside", "told"), [(0.0, False), (0.021, True)])
@@ -249,6 +249,25 @@ def test_the_history_tells_where_the_flow_separates():
     assert "separation" not in grain.columns()
 
 
+def test_the_mesh_size_that_coarser_meshes_need_is_told_between_planes() -> None:
+    """Of a channel with 6 rows coarser meshes have as many: the same flow, and an error bar of zero before."""
+    kind = {"turbulence": Turbulence(model="k-omega-sst"), "fluid": Fluid(reynolds=10000, scale="flow")}
+    scene = channel(**kind, numerics=Numerics(order=2, mesh_size=4.0))
+    walls, loads = WallReport(0.08, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-4, 0.09), Loads.at_the_end
+    computed = loads(None, None, None, None, walls)
+    with pytest.raises(
+        ConvergenceError, match=r"as few rows or columns of cells: use numerics\.mesh_size = 2\.77"
+    ):
+        by_coarser_mesh(scene, computed, lambda scene: computed)
+
+
+def test_a_large_first_cell_is_what_the_remedy_names() -> None:
+    walls = ResolvedWallReport(0.01, 16.0, 17.5, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=1.0, excess=7.0)
+    assert walls.doubt.endswith("set numerics.mesh_size = 0.13")
+    assert replace(walls, first_cell=20.0).doubt.endswith("set turbulence.first_cell = 2.6")
+    assert replace(walls, outside=0.0).doubt == ""
+
+
 # On three meshes x of separation and reattachment; the last case: the coarsest flow does not separate.
 ENDS = (
     ((1.0, 5.31), (1.02, 5.27), (1.1, 5.24)),
@@ -264,8 +283,9 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
     near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
     found = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
-    far = (0.08, 0.03) if ends[2] else (4.25, 4.25)
-    assert found.separated == pytest.approx(np.maximum((0.048, 0.096), 1.2 * np.array(far)))
+    # Each end errs by as much as the other one: 0.04 and 0.08 here, or the length on the mesh with a place alone.
+    far = (0.08, 0.08) if ends[2] else (4.25, 4.25)
+    assert found.separated == pytest.approx(np.maximum(0.096, 1.2 * np.array(far)))
     bars = ErrorBars((found,))
     stored = {
         "verdict": None,

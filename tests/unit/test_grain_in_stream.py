@@ -12,7 +12,7 @@ from test_turbulence import rectangle
 import incipient
 from incipient import compat, make_plan
 from incipient.compat import petsc
-from incipient.effects.turbulence.along_walls import AlongWall
+from incipient.effects.turbulence.along_walls import AlongWall, at_end
 from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.forms import terms
@@ -130,6 +130,35 @@ def test_where_the_flow_leaves_a_grain_is_where_the_stress_first_turns():
     order = np.lexsort(there.T[::-1])
     wall = AlongWall(there[order], there[order], np.ones(len(there)), stress[order], np.ones(len(there)))
     assert wall.separates(np.array([2.0, 1.0])) == pytest.approx((100.0, 85.0), abs=0.1)
+
+
+def along(velocities):
+    """A level wall with velocities at places one apart."""
+    count = len(velocities)
+    places = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
+    flow = np.column_stack([velocities, np.zeros(count)]).astype(float)
+    return AlongWall(places, np.tile([0.0, -1.0], (count, 1)), np.ones(count), flow, np.ones(count))
+
+
+@pytest.mark.parametrize(
+    ("velocities", "spans"),
+    [
+        ([1, -1, -1, 1], ((0.5, 2.5),)),
+        ([1, 0, -1, -2, 1], ((1.0, 3.0 + 2.0 / 3.0),)),
+        ([-1, 0, 1], ((0.0, 1.0),)),
+        ([0, -1, 1], ((1.0, 1.5),)),
+        ([1, 1, 0], ()),
+    ],
+)
+def test_where_the_flow_runs_upstream_also_with_nodes_at_rest(velocities, spans):
+    """By straight lines from node to node, but for those at rest (by hand)."""
+    assert np.ravel(along(velocities).backward()) == pytest.approx(np.ravel(spans))
+
+
+def test_the_outflow_is_at_the_end_wherever_a_domain_lies():
+    """Map coordinates: at a million, or at a billionth, only the last of ten nodes is there."""
+    for start, step in ((0.0, 1.0), (1e6, 0.1), (0.0, 1e-10)):
+        assert at_end(start + step * np.arange(10)).tolist() == [False] * 9 + [True]
 
 
 @pytest.mark.parametrize("gdim", [2, 3])

@@ -5,6 +5,7 @@ import pytest
 
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
+from incipient.planning.measured_profile import Measured
 from incipient.scene import Domain, Effects, Fluid, OpenChannel, Poiseuille, Scene, Turbulence
 
 
@@ -62,3 +63,23 @@ def test_what_is_not_simulated_is_refused():
         from incipient.effects.plan import make_plan
 
         make_plan(scene(asked([*rows, [1.2, 1.0]]), Poiseuille()))
+    with pytest.raises(SceneError, match="has a row at 1, the wall on top is 1 above that below"):
+        make_plan(scene(asked([*rows, [1.0, 1.0]]), Poiseuille()))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("model", ["k-omega-sst", "k-epsilon"])
+def test_a_row_at_the_water_surface_is_a_row_like_others(model):
+    """There is no wall to take a u* of; speeds between rows are the ones with a row just below it."""
+    found = []
+    for top in (1.0, 1.0 - 1e-9):
+        setup = Setup(scene(asked([[0.1, 0.7], [0.5, 0.9], [top, 1.0]], model=model)))
+        rows = setup.resolved_walls.measured.rows if model == "k-omega-sst" else entering_rows(setup)
+        found.append(rows.speed(np.array([0.3, 0.7, 0.95])))
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def entering_rows(setup):
+    """The measured rows between walls with wall functions."""
+    asked_for = setup.turbulence
+    return Measured.of(setup.walls, asked_for.profile, asked_for.intensity, asked_for.length, asked_for.c_mu)

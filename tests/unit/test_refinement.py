@@ -188,6 +188,18 @@ def test_wrong_refinements_are_refused(
     assert said in message(refused)
 
 
+def test_a_refinement_without_anything_that_changes_is_refused(tmp_path: Path, capsys: Any) -> None:
+    """A channel without a grain has no safety factor, and begins to move in no mode."""
+    scene = tmp_path / "channel.toml"
+    scene.write_text(
+        "[domain]\nlength = 4.0\nheight = 1.0\n[fluid]\nreynolds = 10.0\nscale = 'flow'\n[flow]\nkind = 'poiseuille'\n"
+        "[numerics]\nmesh_size = 4.0\nerror_bars = false\n[output]\nfields = false\n"
+    )
+    order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1", "--refine", "0.1"]
+    assert cli.main([*order, "--over", "fluid.reynolds=10,20"]) == 2
+    assert "no case has a mode or safety_factor; give --quantity, available:" in capsys.readouterr().err
+
+
 def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
     scene = tmp_path / "block.toml"
     order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1"]

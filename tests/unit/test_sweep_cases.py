@@ -97,6 +97,12 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     ragged = tmp_path / "cases.csv"
     ragged.write_text("a.x,a.y\n1\n")
     assert "row 2 has not as many cells" in message(lambda: table_of_cases(ragged))
+    ragged.write_text("a.x,a.x\n1,2\n")
+    assert "the first row has a.x twice" in message(lambda: table_of_cases(ragged))
+    ragged.write_text("a.x,a.y\n1,2\n")
+    assert "--over a.x: the table of cases has it, too" in message(
+        lambda: combined(pair[:1], False, table_of_cases(ragged))
+    )
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
     wrong = requested([SOURCE], [parsed("fluid.reynolds=1,-1")])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)

@@ -19,6 +19,7 @@ from ...fluid.space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
 STRIP = 2.0  # cells
+ROUNDING = 1e-6  # of the length of a wall: how far apart places are that are one
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class AlongWall:
         Nodes of tetrahedra along one line stand for unequal parts of a wall, in corners for too little.
         """
         x = self.places[:, 0]
-        last = np.isclose(x, x.max())
+        last = at_end(x)
         if strip:
             last |= x > x.max() - STRIP * math.sqrt(2.0 * self.lengths[last].mean())
         columns = self.places, self.normals, self.lengths, self.velocities, self.shear_velocities
@@ -67,6 +68,7 @@ class AlongWall:
         """
         level = np.abs(self.normals[:, 0]) < STEEP
         level &= np.linalg.norm(self.normals, axis=1) > CORNER
+        level &= self.velocities[:, 0] != 0.0
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
@@ -94,6 +96,11 @@ class AlongWall:
                 angle = float(np.interp(0.0, along[[i, i - 1]], angles[[i, i - 1]]))
             found.append(float(np.degrees(angle)))
         return found[0], found[1]
+
+
+def at_end(x: np.ndarray) -> np.ndarray:
+    """Which of places (n,) are the farthest, but for rounding, wherever the domain lies."""
+    return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
 
 
 def of_mean_stress(walls: Iterable[AlongWall]) -> float:
@@ -199,7 +206,7 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
     whole = whole[np.lexsort(whole[:, :3].T[::-1])]
     if rough:
         x = whole[:, 0]
-        whole = whole[~(np.isclose(x, x.min()) | np.isclose(x, x.max()))]
+        whole = whole[~(at_end(-x) | at_end(x))]
     places, area, normal, pull = np.split(whole, [3, 4, 7], axis=1)
     along = pull / area
     if rough:

@@ -15,7 +15,7 @@ from ...planning import wall_conditions
 from ...planning.base_flow import Velocity
 from ...planning.wall_layer import LayeredWalls
 from ...results.wall_report import WallReport
-from .along_walls import AlongWall, along_wall
+from .along_walls import AlongWall, along_wall, at_end
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .part import ORDER, TurbulentFlow
 
@@ -101,8 +101,8 @@ class KEpsilonFlow(TurbulentFlow):
             for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
         )
         y_plus = governing * walls.distance / scene.viscosity
-        at_end = np.isclose(x, x.max())
-        last = np.average(found[at_end], weights=shares[at_end])
+        end = at_end(x)
+        last = np.average(found[end], weights=shares[end])
         outside = ~walls.law.holds(governing, scene.viscosity, walls.distance, walls.reach)
         return WallReport(
             distance=walls.distance,

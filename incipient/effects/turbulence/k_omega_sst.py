@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from ... import compat
 from ...arrays import Floats, Integers
+from ...errors import SceneError
 from ...fluid import Fluid
 from ...fluid.space import size_along
 from ...forms import k_omega_sst as forms
@@ -143,7 +144,12 @@ class KOmegaSST(TurbulenceFields):
         away = self._from_smooth.x.array[self._near]
         beside = away[away > LEAST_DISTANCE * self.largest(self._distance.x.array)]
         # Nothing is computed from omega on the wall itself: it need not be that of the cell there.
-        least = ON_WALL / self.largest(1.0 / beside)
+        if not (nearest := self.largest(1.0 / beside)):
+            raise SceneError(
+                f"turbulence.first_cell: cells at walls are thinner than {LEAST_DISTANCE:g} of the largest distance "
+                "from a wall; enlarge it or numerics.mesh_size, or use a smaller fluid.reynolds"
+            )
+        least = ON_WALL / nearest
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
 
     def follow(self) -> None:

@@ -20,20 +20,11 @@ FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are rep
 BISECTIONS = 40
 
 
-def rows_beyond(setup: Setup, walls: int, depth: float) -> Iterator[str]:
-    """That a profile has rows beyond a wall on top, of two that are two depths apart."""
-    rows = setup.turbulence.profile
-    if walls > 1 and rows and rows[-1][0] >= walls * depth:
-        yield (
-            f"turbulence.profile: has a row at {rows[-1][0]:g}, the wall on top is {walls * depth:.4g} above that "
-            "below; leave out rows beyond it"
-        )
-
-
 def refusals(setup: Setup) -> Iterator[str]:
     """What in a scene the law of the wall is not for, with its key. Not collective."""
     walls, bed = setup.walls, setup.scene.bed
-    yield from rows_beyond(setup, walls.number, walls.depth)
+    if why := setup.turbulence.rows_beyond(walls.number, walls.depth):
+        yield why
     if float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance)) <= LEAST:
         yield (
             f"turbulence.roughness: is {walls.law.roughness:g}, and the law of the wall begins within the "

@@ -82,8 +82,6 @@ class KOmegaModel(TurbulenceModel):
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Flows that are laminar by the model, fine sand; coarse sand raises."""
         walls = setup.resolved_walls
-        for why in limits.rows_beyond(setup, walls.number, walls.depth):
-            raise SceneError(why)
         for name, size in (("roughness", walls.roughness), ("upstream_roughness", walls.upstream)):
             if (share := size / walls.depth) > COARSEST:
                 raise SceneError(
