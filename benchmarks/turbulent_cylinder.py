@@ -24,7 +24,7 @@ PAGE, SCENE = ROOT / "docs/k_omega.md", ROOT / "benchmarks/scenes/turbulent_cyli
 BEGIN, END = "<!-- cylinder: begin -->", "<!-- cylinder: end -->"
 PERIODIC = 20.0  # time from which means are taken
 # Reynolds number, numerics.stabilisation and numerics.mesh_size.
-CASES = ((1e5, "auto", 2.0), (3.6e6, "on", 2.0), (3.6e6, "on", 2.0**0.5))
+CASES = ((1e5, "auto", 2.0), (1e5, "auto", 2.0**0.5), (3.6e6, "on", 2.0), (3.6e6, "on", 2.0**0.5))
 MEASURED = (
     "| measured | 1e+05 |  |  |  | 1.2 | 0.18 to 0.2 |  | 80 |  |",
     "| measured | 3.6e+06 |  |  |  | 0.7 to 0.76 | 0.27 |  | 115 |  |",
