@@ -59,7 +59,11 @@ class Stream:
         return self._near_wall(strength) if asked == NEAR_WALL else self._of_model
 
     def require_intensity(self) -> None:
-        """Raise SceneError where the intensity in the scene's flow is that of no stream."""
+        """Raise SceneError where the intensity in the scene's flow, or the depth, is that of no stream."""
+        grain, depth = self.setup.scene.grain, self.gusts.depth
+        if grain is not None and depth is not None and depth < grain.size:
+            why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
+            raise SceneError(f"gusts.depth: {why}; give the depth of the stream")
         if self.gusts.law not in GIVEN and not (found := self.intensity(1.0)) < LARGEST:
             why = f"is {found:.3g}, of a velocity at the grain of {self.speed:.3g}"
             raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")

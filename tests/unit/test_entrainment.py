@@ -550,5 +550,8 @@ class TestEntrainment:
         text = POCKET[: POCKET.index("[gusts]")]
         with pytest.raises(SceneError, match=r"gusts: is missing; add \[gusts\]"):
             find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
+        shallow = POCKET.replace("intensity = 0.3", 'intensity = "near-wall"\ndepth = 0.01')
+        with pytest.raises(SceneError, match=r"gusts\.depth: is 0\.01, less than the grain's size of 1"):
+            find_entrainment(Setup(loads(shallow)), MPI.COMM_WORLD)
         with pytest.raises(SceneError, match="probabilities: give one or more, each between 0 and 1"):
             find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD, probabilities=[1.5])
