@@ -76,6 +76,12 @@ class Projection:
         self._correction.x.scatter_forward()
 
 
+def restore_incompressibility(fluid: Fluid) -> float:
+    """Project the velocity of a fluid's state once; returns the relative change, see `Projection.apply`. Collective."""
+    with Projection(fluid) as projection:
+        return projection.apply()
+
+
 def _forms(fluid: Fluid) -> tuple[Any, Any]:
     """Matrix of the projection, and the right-hand side that cancels the state's divergence."""
     mixed, where, dx = fluid.space.mixed, fluid.model.reference_map, fluid.quadrature()

@@ -14,7 +14,7 @@ from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat
 from incipient.fluid import Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.fluid.projection import Projection
+from incipient.fluid.projection import restore_incompressibility
 from incipient.mesh.domain import Domain
 from incipient.mesh.transfer import Transfer
 
@@ -40,12 +40,6 @@ def receive(fluid: Fluid, source: Fluid) -> None:
     pressure = fluid.space.pressure_map
     fluid.state.x.array[pressure] = np.random.default_rng(1).random(len(pressure))
     fluid.state.x.scatter_forward()
-
-
-def restore_incompressibility(fluid: Fluid) -> float:
-    """Project the velocity of a fluid's state once; the relative change."""
-    with Projection(fluid) as projection:
-        return projection.apply()
 
 
 def net_flux(fluid: Fluid) -> float:
@@ -214,7 +208,7 @@ from mpi4py import MPI
 from domains import square_in_box
 from incipient import compat
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.fluid.projection import Projection
+from incipient.fluid.projection import restore_incompressibility
 from incipient.mesh.sampling import sample
 from incipient.mesh.transfer import Transfer
 
@@ -233,8 +227,7 @@ for conditions in (channel, box):
             source.solve(1e-12)
             transfer = Transfer(source.domain.mesh, fluid.space.velocity_points())
             fluid.state.x.array[fluid.space.velocity_map] = transfer.values(source.velocity).ravel()
-            with Projection(fluid) as projection:
-                change = projection.apply()
+            change = restore_incompressibility(fluid)
             points = np.array([[0.3, 0.3], [1.0, 0.8], [1.3, 0.5], [1.9, 0.1]])
             velocities = sample(fluid.velocity, points)
             found += [transfer.outside, change, *velocities.ravel().tolist()]
