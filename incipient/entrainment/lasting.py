@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,17 +40,16 @@ class WeakestGusts:
     static: float
 
     @classmethod
-    def of(cls, stored: dict[str, object]) -> WeakestGusts:
+    def of(cls, stored: dict[str, Any]) -> WeakestGusts:
         """Reads them from what a gusts.json holds.
 
         Raises SceneError where it has less than two durations, or holds something else.
         """
-        points = stored["points"]
+        names = "duration", "strength", "error"
         try:
-            assert isinstance(points, list)
-            rows = [[float(one[name] or 0.0) for name in ("duration", "strength", "error")] for one in points]
-            static = float(str(stored["static"]))
-        except (AssertionError, KeyError, TypeError, ValueError):
+            rows = [[float(one[name] or 0.0) for name in names] for one in stored["points"]]
+            static = float(stored["static"])
+        except (KeyError, TypeError, ValueError):
             raise SceneError("gusts.json: holds no gusts; search them anew with incipient gust") from None
         if len(rows) < 2:
             raise SceneError(

@@ -104,11 +104,11 @@ class Entrainment:
         if own.lasting is not None:
             rate += f", {own.lasting.words()}"
         steady = with_error(critical.shields, critical.errors["shields"])
-        of_law = "" if critical.bars is not None and critical.bars.terms else "; error of the flow not known"
+        unknown = "" if critical.bars is not None and critical.bars.terms else "; error of the flow not known"
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
-            f"({own.low:.2g} to {own.high:.2g}{of_law}); exceeded anew {rate}",
+            f"({own.low:.2g} to {own.high:.2g}{unknown}); exceeded anew {rate}",
             "probability of motion at an instant, and the mean flow",
             *(one.line() for one in self.quantiles),
             *(f"assumed             {one}" for one in self.assumed),
