@@ -125,7 +125,7 @@ def table_of_cases(path: Path) -> list[Settings]:
         raise SceneError(f"{path}: is not a CSV file ({error}); save it as CSV in UTF-8") from None
     if not rows:
         raise SceneError(f"{path}: has no cases; write keys in the first row and a case in each one after it")
-    if twice := next((key for key in heads if heads.count(key) > 1), None):
+    if twice := next((key for key in heads if key.strip() and heads.count(key) > 1), None):
         raise SceneError(f"{path}: the first row has {twice} twice; leave one of both columns out")
     for number, row in enumerate(rows, 2):
         if None in row or None in row.values():

@@ -99,6 +99,8 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert "row 2 has not as many cells" in message(lambda: table_of_cases(ragged))
     ragged.write_text("a.x,a.x\n1,2\n")
     assert "the first row has a.x twice" in message(lambda: table_of_cases(ragged))
+    ragged.write_text("a.x,,\n1,,\n")  # empty columns, as spreadsheets write them
+    assert table_of_cases(ragged) == [("a.x=1",)]
     ragged.write_text("a.x,a.y\n1,2\n")
     assert "--over a.x: the table of cases has it, too" in message(
         lambda: combined(pair[:1], False, table_of_cases(ragged))

@@ -1,0 +1,138 @@
+"""Laws of the velocity in a fluctuating stream: levels, rates, measured series, gusts that were counted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from incipient.entrainment.lasting import WeakestGusts, rate_of_lasting
+from incipient.entrainment.laws import Events, Gaussian, Measured
+from incipient.errors import SceneError
+
+PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
+
+
+class TestLaws:
+    def test_levels_of_a_lognormal_factor(self) -> None:
+        # exp(z s - s^2/2) with s^2 = log(1.09) and z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
+        expected = (2.3728, 1.8962, 1.5524, 0.9578)
+        found = [Gaussian(0.3).level(one) for one in PROBABILITIES]
+        assert found == pytest.approx(expected, abs=5e-5)
+
+    def test_levels_of_a_normal_factor(self) -> None:
+        found = [Gaussian(0.3, lognormal=False).level(one) for one in PROBABILITIES]
+        assert found == pytest.approx([1.0 + 0.3 * z for z in (3.090232, 2.326348, 1.644854, 0.0)], abs=1e-6)
+
+    @pytest.mark.parametrize("lognormal", [True, False])
+    def test_mean_and_intensity(self, lognormal: bool) -> None:
+        nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+        factors = Gaussian(0.3, lognormal).factor(nodes)
+        mean = weights @ factors / weights.sum()
+        assert mean == pytest.approx(1.0, abs=1e-12)
+        assert weights @ (factors - 1.0) ** 2 / weights.sum() == pytest.approx(0.09, rel=1e-10)
+
+    @pytest.mark.parametrize("lognormal", [True, False])
+    def test_upcrossings_of_a_series_with_a_stated_microscale(self, lognormal: bool) -> None:
+        # A Gaussian process with the correlation exp(-(t/lambda)^2), made of its spectrum exp(-(omega lambda)^2/4).
+        law, step, count = Gaussian(0.3, lognormal, microscale=0.5), 0.05, 2**21
+        angular = 2.0 * np.pi * np.fft.rfftfreq(count, step)
+        amplitude = np.exp(-((angular * 0.5) ** 2) / 8.0)
+        noise = np.random.default_rng(3).standard_normal((2, len(angular)))
+        values = np.fft.irfft(amplitude * (noise[0] + 1j * noise[1]), count)
+        factors = law.factor(values / values.std())
+        for level in (1.0, 1.3, 1.6):
+            rises = np.count_nonzero((factors[:-1] <= level) & (factors[1:] > level))
+            expected = law.upcrossings(level)
+            assert expected is not None
+            # Three standard errors of the count, and what steps of lambda/10 miss.
+            assert rises == pytest.approx(expected * count * step, rel=3.0 / math.sqrt(rises) + 0.01)
+
+    def test_without_a_microscale_rates_are_not_known(self) -> None:
+        assert Gaussian(0.3).upcrossings(1.5) is None
+
+
+class TestMeasured:
+    def test_share_of_the_time_and_rate_of_a_sine(self) -> None:
+        times = np.linspace(0.0, 200.0 * np.pi, 200_001)
+        law = Measured.of(np.column_stack([times, 3.0 + 1.5 * np.sin(times)]), integral_time=1.0)
+        assert law.intensity == pytest.approx(0.5 / math.sqrt(2.0), rel=1e-6)
+        # 1 + sin(t)/2 is above 1.25 from pi/6 to 5 pi/6: a third of the time, once in each period.
+        assert law.exceeded(1.25) == pytest.approx(1.0 / 3.0, abs=1e-5)
+        assert law.level(1.0 / 3.0) == pytest.approx(1.25, abs=1e-4)
+        assert law.upcrossings(1.25) == pytest.approx(0.5 / np.pi, rel=1e-9)
+
+    def test_integral_time_of_a_series(self) -> None:
+        # Values held for unit times that are independent: a triangular correlation, whose integral is 1/2.
+        values = np.random.default_rng(1).lognormal(size=20_000)
+        times = np.arange(200_000) * 0.1
+        law = Measured.of(np.column_stack([times, np.repeat(values, 10)]), None)
+        assert law.integral == pytest.approx(0.5, rel=0.1)
+
+    def test_series_too_short_is_refused(self) -> None:
+        times = np.linspace(0.0, 10.0, 200)
+        with pytest.raises(
+            SceneError, match=r"gusts\.points: the series lasts 10, less than 20 times.*longer"
+        ):
+            Measured.of(np.column_stack([times, 1.0 + 0.1 * np.sin(times)]), integral_time=1.0)
+
+    def test_probability_beyond_the_series_is_refused(self) -> None:
+        times = np.linspace(0.0, 200.0, 2001)
+        law = Measured.of(np.column_stack([times, 2.0 + np.sin(times)]), integral_time=1.0)
+        with pytest.raises(SceneError, match=r"0\.001 is beyond what the series can tell, 0\.01 to 0\.99"):
+            law.level(0.001)
+
+
+class TestEvents:
+    """Four gusts, counted by hand, and many of a stated law."""
+
+    LAW = Events.of(np.array([[1.2, 3.0], [2.0, 0.5], [1.5, 1.0], [1.8, 0.5]]), 100.0)
+
+    def test_shares_and_rates_are_those_counted(self) -> None:
+        assert [self.LAW.exceeded(one) for one in (1.0, 1.4, 1.8, 2.5)] == pytest.approx(
+            [0.05, 0.02, 0.005, 0.0]
+        )
+        assert self.LAW.upcrossings(1.4) == pytest.approx(0.03)
+        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx((0.005, 0.05))
+        # The sum of a Poisson number of lengths has the variance of the sum of their squares: 0.25 + 0.25 + 1.
+        assert self.LAW.spread(0.02) == pytest.approx(math.sqrt(1.5) / 100.0)
+
+    def test_records_made_anew_scatter_by_the_spread(self) -> None:
+        """Gusts of exponential lengths that come by chance, 100 in a record on average, two fifths above a level."""
+        chance = np.random.default_rng(11)
+        shares, spreads = [], []
+        for _ in range(2000):
+            count = chance.poisson(100)
+            points = np.column_stack([chance.uniform(1.0, 2.0, count), chance.exponential(0.5, count)])
+            law = Events.of(points, 1000.0)
+            shares.append(law.exceeded(1.6))
+            spreads.append(law.spread(shares[-1]))
+        assert np.mean(spreads) == pytest.approx(np.std(shares), rel=0.05)
+
+    def test_where_no_gust_is_above_a_few_may_have_been_missed(self) -> None:
+        """Three may be expected where none came, with 5% (Poisson); they last 1.25 in the mean."""
+        assert self.LAW.spread(0.0) == pytest.approx(3.0 * 1.25 / 100.0)
+
+    @pytest.mark.parametrize("probability", [0.001, 0.06])
+    def test_probabilities_beyond_them_are_refused(self, probability: float) -> None:
+        with pytest.raises(
+            SceneError, match=r"gusts\.points: probability .* beyond what the events can tell"
+        ):
+            self.LAW.level(probability)
+
+    def test_gusts_that_last_are_those_above_the_curve(self) -> None:
+        # The weakest gusts: 1.9 for 0.4, 1.4 for 2. Of the four, 2.0 for 0.5 is above it.
+        weakest = WeakestGusts(np.array([0.4, 2.0]), np.array([1.9, 1.4]), np.zeros(2), 1.1)
+        assert rate_of_lasting(self.LAW, weakest, 1.0).rate == pytest.approx(0.01)
+        # In a mean flow 1.25 times as strong they are 2.5, 2.25, 1.875 and 1.5: of 0.5, 0.5, 1 and 3.
+        assert rate_of_lasting(self.LAW, weakest, 1.25).rate == pytest.approx(0.04)
+
+    def test_events_of_a_lognormal_law_give_its_levels(self) -> None:
+        """Pieces of one length whose strengths are lognormal, of intensity 0.3: 1.8962 is exceeded with 1%."""
+        strengths = np.random.default_rng(5).lognormal(
+            -0.5 * math.log(1.09), math.sqrt(math.log(1.09)), 200_000
+        )
+        law = Events.of(np.column_stack([strengths, np.full(len(strengths), 0.5)]), 0.5 * len(strengths))
+        assert law.level(0.01) == pytest.approx(1.8962, rel=3.0 * 0.0025)
+        assert law.upcrossings(1.8962) == pytest.approx(0.02, rel=0.1)
