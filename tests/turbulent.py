@@ -63,12 +63,11 @@ def ends_on_ranks(mpirun, path):
     return found
 
 
-def resumed_as_whole(until, ends, directory, names):
-    """Check that a run kept at the first of two ends and resumed to the last ends as the whole one, with new meshes."""
+def resumed_and_whole(until, ends, directory, names):
+    """Columns of a run kept at the first of two ends and resumed to the last, and of the whole one, with new meshes."""
     whole = incipient.run(until(ends[1]), directory / "whole")
     incipient.run(until(ends[0]), directory / "cut")
     resumed = incipient.resume(directory / "cut", [f"time.end={ends[1]!r}"])
     assert len(whole.trajectory["remeshings"]) >= 3
     assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
-    for name in names:
-        assert column(directory / "cut", name) == pytest.approx(column(directory / "whole", name), rel=1e-10)
+    return [[column(directory / run, name) for name in names] for run in ("cut", "whole")]

@@ -99,14 +99,13 @@ def address(found: Any) -> str:
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_killed_worker_of_dask_loses_no_case(tmp_path: Path, times: int) -> None:
     with cluster() as found:
+
+        def pids() -> list[int]:
+            return [one.pid for one in found.workers.values()]
+
         for seed in range(times):
-            swept(
-                tmp_path,
-                LONG,
-                seed,
-                lambda: [one.pid for one in found.workers.values()],
-                executor=address(found),
-            )
+            file = swept(tmp_path, LONG, seed, pids, executor=address(found))
+            assert len(rows(file, "tries")) == NUMBER
 
 
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.slow)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.special import k0, k1
-from turbulent import column, ends_on_ranks, resumed_as_whole
+from turbulent import column, ends_on_ranks, resumed_and_whole
 
 import incipient
 from incipient.errors import ConvergenceError
@@ -99,9 +99,10 @@ def test_a_run_with_new_meshes_goes_on_where_it_was_kept(size, tmp_path):
     if size:
         names, body = ("x", "couple_y", "y_plus_max", "mesh_quality"), {"motion": "free", "density": 0.5}
         start, below = "steady", 0.99995
-    resumed_as_whole(
+    resumed, whole = resumed_and_whole(
         lambda end: moving(end, 0.02, start, below, 3, **size, **body), (0.06, 0.1), tmp_path, names
     )
+    assert resumed == [pytest.approx(one, rel=1e-10) for one in whole]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import ufl
 from mpi4py import MPI
 from test_large_grain import integral, stone
 from test_large_grain_in_space import stone as solid_stone
-from turbulent import column, ends_on_ranks, resumed_as_whole
+from turbulent import column, ends_on_ranks, resumed_and_whole
 
 import incipient
 from incipient.geometry.placement import Placement
@@ -90,7 +90,9 @@ def test_a_run_with_new_meshes_goes_on_where_it_was_kept(made, tmp_path):
     def until(end):
         return made(end, 1e-3, output=Output(fields=False, checkpoint=3))
 
-    resumed_as_whole(until, (3e-3, 5e-3), tmp_path, ("x", "velocity_x", "y_plus_max", "mesh_quality"))
+    names = ("x", "velocity_x", "y_plus_max", "mesh_quality")
+    resumed, whole = resumed_and_whole(until, (3e-3, 5e-3), tmp_path, names)
+    assert resumed == [pytest.approx(one, rel=1e-10) for one in whole]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from one_dimensional import k_omega_channel
-from turbulent import column, resumed_as_whole
+from turbulent import column, resumed_and_whole
 
 import incipient
 from incipient.coupled.tractions import TractionProbe
@@ -188,7 +188,10 @@ def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
 def test_a_run_over_sand_goes_on_where_it_was_kept(tmp_path):
     """Kept after three steps, with a new mesh after each: it ends where the whole run does."""
     names = ("x", "couple", "y_plus_max", "mesh_quality")
-    resumed_as_whole(lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names)
+    resumed, whole = resumed_and_whole(
+        lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names
+    )
+    assert resumed == [pytest.approx(one, rel=1e-10) for one in whole]
 
 
 @pytest.mark.slow
