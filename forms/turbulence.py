@@ -42,7 +42,9 @@ class Stream:
     added: (2,) what else makes both quantities, over these quantities themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
     reach: function of a direction that is a cell's size along it over the order of the elements; upwinding is
-        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
+        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v.
+        It then lasts no longer than what is made or destroyed takes to change a quantity by its own size: where omega
+        of a start is a millionth of what the strain makes, upwinding of that source else throws other nodes about
     across: function of a slope that is the square of the change from node to node; where that of ln k is large, D
         |grad K|^2 is bounded; None: nowhere
     slopes: whether what is upwinded has the slope of the diffusivity, with `reach`; in long cells that matters
@@ -134,6 +136,8 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
                 if stream.slopes:
                     strong -= ufl.dot(ufl.grad(known[i]), slope)
             delta = streamline_time(along, known[i], size)
+            if stream.reach is not None:
+                delta /= ufl.max_value(1, delta * abs(closure.sources(stream.known, stream)[i]))
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)
             form += delta * strong * ufl.dot(along, ufl.grad(test)) * stream.measure

@@ -159,12 +159,12 @@ class TurbulenceFields(ABC):
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
 
-    def stop(self) -> None:
-        """Let nothing change in time, and what is taken from an earlier state be taken from the present one."""
+    def stop(self, half_way: bool = False) -> None:
+        """Let nothing change in time, and what is taken from an earlier state be that of now, or `half_way` to it."""
         for one in self.rate:
             one.value = 0.0
-        known = self._before.x.array
-        known += (HALF_WAY if self.stretched or self.steep else 1.0) * (self.state.x.array - known)
+        known, half_way = self._before.x.array, half_way or self.stretched or self.steep
+        known += (HALF_WAY if half_way else 1.0) * (self.state.x.array - known)
 
     # -- its equations ------------------------------------------------------------------------------
 

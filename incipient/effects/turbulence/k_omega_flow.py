@@ -45,7 +45,7 @@ NEAREST, SLOWEST_TO_LEAD = 1.1, 25.0
 FAST, SLOWEST = 200.0, 40.0
 # k over V^2 that is added to k in its unknown where the edge of a boundary layer would be a front of ln k.
 ADDED = 1e-4
-# u* d/nu beyond which a flow in the plane is found from that on a coarser mesh: that of slower ones is found by turns.
+# u* d/nu beyond which a flow in the plane is found from that on a coarser mesh, not by turns, which finds slower ones.
 COARSER_BEYOND = 100.0
 FROM_COARSER = 20.0  # Courant number of the first step from a flow on a coarser mesh
 BY_TURNS = 0.1  # change up to which flow and turbulence are solved by turns before they are solved together
@@ -201,11 +201,12 @@ class KOmegaFlow(TurbulentFlow):
     def _steady(
         self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
     ) -> tuple[Round, ...]:
-        """Between plane walls by turns; past forms and grains in the plane they are a start, if they lead anywhere."""
+        """Between plane walls by turns; past forms and small grains in the plane that may be a start."""
         if self._walls.plane and self._walls.edge is None:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        if self._scene.gdim == 2 and self._walls.edge is None and not self._started:
+        by_turns = self._scene.gdim == 2 and self._walls.edge is None and not self._past_large_grain
+        if by_turns and not self._started:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
                 rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
@@ -249,10 +250,14 @@ class KOmegaFlow(TurbulentFlow):
         """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
         if self._walls.layer_over_forms:
             return True
-        grain = self._of_run.geometry.grain
-        if grain is None or self._scene.gdim == 3 or self._scene.time is not None or self._walls.around_grain:
+        if self._scene.gdim == 3 or self._scene.time is not None or self._walls.around_grain:
             return False
-        return bool(grain.size > COARSER_BEYOND * self._walls.unit)
+        return self._past_large_grain
+
+    @property
+    def _past_large_grain(self) -> bool:
+        grain = self._of_run.geometry.grain
+        return grain is not None and bool(grain.size > COARSER_BEYOND * self._walls.unit)
 
     def start_from(self, coarser: RunPart) -> None:
         """Let velocity and turbulence be those of a steady flow on another mesh."""

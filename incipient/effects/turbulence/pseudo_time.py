@@ -25,16 +25,16 @@ FIRST, NEAR, LEAST, NEWTON, LARGEST = 2.0, 100.0, 1e-3, 1e4, 1e12
 LARGEST_CORRECTION = 1.0  # of a logarithm at a node, in a step
 PROJECTION = 1e-2  # Courant number of a step that does little but make the start free of divergence
 # Corrections of logarithms, and of the flow relative to it, up to which the next step is longer by a factor; and those
-# beyond which it is half as long; by dimension. With half of these bounds a disc at u* d/nu = 102 takes more steps,
-# with twice them its wake is lost (tests/end_to_end/test_resolved_channels.py, slow). In space logarithms are judged
+# beyond which it is half as long; by dimension. In the plane, with 4, 0.1 and 20, 0.15 in the last places, a stone at
+# u* d/nu = 430 takes 85 to 188 steps on three meshes, with these 70 to 80. In space logarithms are judged
 # by their root mean square. Where steps double for logarithms up to 0.6 and the flow up to 0.05, not 0.3 and 0.03, a
 # sphere on a level bed at u* d/nu = 86 takes 15 of them, not 19. With the bounds of the plane one among others at 30
 # had no steady flow in 20 steps (before peaks of ln k were bounded).
 LONGER = {
-    2: ((6.0, 0.1, 0.01), (2.0, 1.0, 0.06), (1.3, 4.0, 0.1)),
+    2: ((6.0, 0.1, 0.01), (2.0, 0.7, 0.04), (1.3, 1.5, 0.08)),
     3: ((1e3, 0.02, 2e-3), (6.0, 0.05, 3e-3), (2.0, 0.6, 0.05), (1.3, 0.7, 0.08)),
 }
-TOO_LARGE = {2: (20.0, 0.15), 3: (3.0, 0.1)}
+TOO_LARGE = {2: (6.0, 0.12), 3: (3.0, 0.1)}
 # Likewise where a flow separates from a smooth wall, for the largest change of a velocity. Where a logarithm at a node
 # may change more, omega goes up and down from node to node in the wake, and stays so.
 GENTLY = ((2.0, 1.0, 0.05), (1.5, 2.0, 0.1), (1.2, 3.0, 0.15))
@@ -136,13 +136,15 @@ class _March:
     def step(self, number: int, loads: Callable[[], Floats] | None) -> bool:
         """Make a step if its corrections are not too large; else make the next one shorter, and return False."""
         fluid, turbulence, how = self._fluid, self._turbulence, self._how
-        of_flow, of_logarithms = self._system.correction(self.courant)
+        # All the way, one node at an outflow took turns between states whose ln k were 0.085 apart, for 240 steps.
+        settling = not self._in_space and self.courant >= NEWTON
+        of_flow, of_logarithms = self._system.correction(self.courant, half_way=settling)
         self._judge(of_flow, of_logarithms)
         if self._in_space and not self.rounds and self.courant > FIRST and self._sizes[1] > NEARBY:
             self.courant = FIRST
             return False
         finite = bool(np.isfinite(sum(self._sizes)))
-        if how.fast and finite:
+        if finite and (how.fast or not (self._in_space or how.gently)):
             self._system.slow_down(of_flow, of_logarithms)
         calmly = how.fast and (how.onwards or len(self.rounds) >= BEGINNING)
         burst = calmly and largest_change(fluid, of_flow) > BURST
