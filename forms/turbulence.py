@@ -42,12 +42,13 @@ class Stream:
     added: (2,) what else makes both quantities, over these quantities themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
     reach: function of a direction that is a cell's size along it over the order of the elements; upwinding is
-        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v.
-        It then lasts no longer than what is made or destroyed takes to change a quantity by its own size: where omega
-        of a start is a millionth of what the strain makes, upwinding of that source else throws other nodes about
+        then along what carries a change of a logarithm, v - 2 D grad K, which next to walls is not v; None: along v
     across: function of a slope that is the square of the change from node to node; where that of ln k is large, D
         |grad K|^2 is bounded; None: nowhere
     slopes: whether what is upwinded has the slope of the diffusivity, with `reach`; in long cells that matters
+    balanced: whether upwinding lasts no longer than what is made or destroyed takes to change a quantity by its own
+        size: where omega of a start is a millionth of what the strain makes, upwinding of that source else throws
+        other nodes about
     per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
@@ -62,6 +63,7 @@ class Stream:
     reach: Any = None
     slopes: bool = False
     across: Any = None
+    balanced: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
                 if stream.slopes:
                     strong -= ufl.dot(ufl.grad(known[i]), slope)
             delta = streamline_time(along, known[i], size)
-            if stream.reach is not None:
+            if stream.balanced:
                 delta /= ufl.max_value(1, delta * abs(closure.sources(stream.known, stream)[i]))
             # Much longer than a step in time the rate would weigh more along the flow than by itself.
             delta /= ufl.max_value(1, stream.per_step * delta / LONGEST_UPWINDING)
