@@ -260,6 +260,9 @@ def test_a_large_wake_is_found():
         numerics = Numerics(order=2, error_bars=False, mesh_size=size)
         found = incipient.run(channel(102.0 * 4.0 * mean, numerics=numerics, **grain))
         loads.append([*found.force.flow[:2], found.couple.flow[2]])
+        assert (
+            found.cost["iterations"]["turbulence"] < 60
+        )  # 187 to 298 where single nodes shorten all cells' steps
     assert loads[0] == pytest.approx(loads[1], rel=5e-3)
     assert loads[1] == pytest.approx([0.639798, 0.387428, -0.0088965], rel=5e-3)
 

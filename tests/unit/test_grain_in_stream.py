@@ -17,7 +17,7 @@ from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.forms import terms
 from incipient.forms import turbulence as forms
-from incipient.forms.k_omega_sst import at_smooth_wall
+from incipient.forms.k_omega_sst import BETA_STAR, Closure, at_smooth_wall
 from incipient.mesh.sampling import sample
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
@@ -187,6 +187,30 @@ def test_a_peak_of_k_at_one_node_does_not_grow(gdim):
 
     assert made(None) > 0.0
     assert made(across) < 0.0
+
+
+@pytest.mark.parametrize(("balance", "part"), [(0.5, 1.0), (4.0, 0.25), (4000.0, 0.00025)])
+def test_upwinding_lasts_no_longer_than_its_source(balance, part):
+    """By hand: |v| = 2 and cells 0.5 long are passed at the rate 8; beta* omega is `balance` times that."""
+    mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
+    space = compat.space(mesh, ("Lagrange", 1), (2,))
+    state, velocity = dolfinx.fem.Function(space), dolfinx.fem.Constant(mesh, (2.0, 0.0))
+    omega = 8.0 * balance / BETA_STAR
+    state.x.array[0::2], state.x.array[1::2] = -60.0, np.log(omega)
+    closure, logarithms = Closure(dolfinx.fem.Constant(mesh, 1.0)), ufl.split(state)
+    measure = ufl.dx(metadata={"quadrature_degree": 2})
+
+    def of_k(size, balanced):
+        stream = forms.Stream(
+            velocity, 1e-12, measure, size, logarithms, reach=lambda along: size, balanced=balanced
+        )
+        form = forms.residual(logarithms, None, ufl.TestFunctions(space), stream, closure)
+        return petsc.assemble_vector(compat.form(form)).array[0::2]
+
+    alone = of_k(None, False)
+    whole, found = of_k(0.5, False) - alone, of_k(0.5, True) - alone
+    assert np.abs(whole).max() > 0.1 * balance
+    assert found == pytest.approx(part * whole, rel=1e-6, abs=1e-9 * omega)
 
 
 @pytest.mark.parametrize(("step", "error"), [(3.0, 0.07), (30.0, 0.005)])

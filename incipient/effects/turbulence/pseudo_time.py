@@ -144,7 +144,7 @@ class _March:
             self.courant = FIRST
             return False
         finite = bool(np.isfinite(sum(self._sizes)))
-        if finite and (how.fast or not (self._in_space or how.gently)):
+        if finite and (how.fast or not self._in_space):
             self._system.slow_down(of_flow, of_logarithms)
         calmly = how.fast and (how.onwards or len(self.rounds) >= BEGINNING)
         burst = calmly and largest_change(fluid, of_flow) > BURST
