@@ -191,7 +191,7 @@ class TurbulenceFields(ABC):
             self.stretched,
             self._across,
             # In space steps are as many without, and no more flows are found with it.
-            balanced=self._reach is not None and mesh.geometry.dim == 2,
+            balanced=self._reach is not None and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         self.form = form = self._equations(rate, tests, stream)
