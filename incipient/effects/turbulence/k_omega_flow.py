@@ -270,13 +270,8 @@ class KOmegaFlow(TurbulentFlow):
         self.fields.state.x.array[:] = Transfer(mesh, places).values(coarser.fields.state).ravel()
         self._started = True
 
-    def _loads(self, run: Solving) -> Callable[[], Floats] | None:
-        """A function that returns force and couple over the grain's size, (6,), or else the force on the bed, (3,).
-
-        In the plane None.
-        """
-        if self._scene.gdim == 2:
-            return None
+    def _loads(self, run: Solving) -> Callable[[], Floats]:
+        """A function that returns force and couple over the grain's size, (6,), or else the force on the bed, (3,)."""
         probe, grain = run.probe, self._of_run.geometry.grain
         if probe is None or grain is None:
             on_bed = TractionProbe(self._fluid, self._walls.names[0], (0.0, 0.0, 0.0))
