@@ -216,7 +216,7 @@ class KOmegaFlow(TurbulentFlow):
             first = NEAR if rounds else FROM_COARSER if self._started else FIRST
             gently = self._walls.layer_over_forms and not rounds
             fast = self._scene.gdim == 3 and self._number(self._walls) > FAST
-            how = Marching(first, gently=gently, fast=fast, onwards=fast)
+            how = Marching(first, gently=gently, fast=fast, onwards=fast or self._started)
             rounds += solve_together(self._fluid, self.fields, self._tolerance, how, watch, loads)
             self._spread = rounds[-1].spread
             return rounds
