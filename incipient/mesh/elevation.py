@@ -138,18 +138,18 @@ class RisingDisplacement:
 
     def _nearest(self, elevation: Floats) -> Floats:
         """The nearest of the elevations that vanish where the surface is pinned."""
-        self.tested(elevation)
+        self._moments(elevation)
         return self.elevation_of(self._views[0])
 
-    def tested(self, elevation: Floats) -> Floats:
+    def _moments(self, elevation: Floats) -> Floats:
         """(owned nodes,) int q h (n . up) ds for an elevation (local nodes,)."""
         self.times(self.area, elevation)
         return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
 
     def mean(self, elevation: Floats, other: Floats | None = None) -> float:
         """The integral of an elevation, or of the product with another one, over the area below the surface."""
-        tested = self.tested(elevation)
-        mine = float(tested.sum() if other is None else tested @ other[: len(tested)])
+        moments = self._moments(elevation)
+        mine = float(moments.sum() if other is None else moments @ other[: len(moments)])
         return float(self.domain.comm.allreduce(mine))
 
     def on_nodes(self, elevation: Floats) -> Floats:
