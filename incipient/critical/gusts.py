@@ -116,7 +116,7 @@ class GustSearch:
                 change = abs(math.sqrt(nearby * high) - math.sqrt(held * leaves))
                 error = 0.5 * (leaves - held) + change
             runs = self._runs_with(coarse) - before
-            found.append(CriticalGust(duration, self._course()["shape"], held, leaves, error, runs))
+            found.append(CriticalGust(duration, self._course(duration)["shape"], held, leaves, error, runs))
             keep(found[-1])
         return found
 
@@ -155,15 +155,16 @@ class GustSearch:
         plain["numerics"] = {**plain.get("numerics", {}), "error_bars": False}
         return {**plain, "output": {"fields": False, "pictures": False}}
 
-    def _course(self) -> dict[str, Any]:
-        """Shape and start of the gusts."""
+    def _course(self, duration: float) -> dict[str, Any]:
+        """Shape, start and rise of the gusts; the rise is the share of the duration that it is in the scene."""
         gust = getattr(self.scene.flow, "gust", None) or Gust()
-        return {"shape": gust.shape, "start": gust.start}
+        found = {"shape": gust.shape, "start": gust.start}
+        return found if gust.rise is None else found | {"rise": gust.rise / gust.duration * duration}
 
     def _in_gust(self, strength: float, duration: float) -> Scene:
         plain, time = self._plain(), self.scene.time
         assert time is not None
-        gust = Gust(**self._course(), duration=duration, strength=strength)
+        gust = Gust(**self._course(duration), duration=duration, strength=strength)
         plain["flow"]["gust"] = gust.model_dump(exclude_unset=True)
         end, step = float(gust.knots().max()) + time.end, min(time.step, duration / STEPS_IN_GUST)
         plain["time"] |= {"until": "out-of-pocket", "end": end, "step": self.longer * step}

@@ -19,7 +19,7 @@ from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..effects.effect import SlowestFlow
 from ..effects.known import EFFECTS
-from ..errors import ConvergenceError
+from ..errors import ConvergenceError, SceneError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import from_first
 from ..planning.effects import EffectName
@@ -187,7 +187,7 @@ class CriticalSearch:
         self._solve(bound.factor)
         if self.trials[-1].safety_factor < 1.0:
             slowest = f"the slowest flow {bound.why}, {bound.factor:.3g} times the scene's"
-            raise ConvergenceError(f"the grain moves in {slowest}: use a heavier grain, or {bound.remedy}")
+            raise SceneError(f"flow: the grain moves in {slowest}; use a heavier grain, or {bound.remedy}")
         return self._upwards(bound.factor)
 
     def near(self, before: Found) -> Found:
@@ -299,8 +299,11 @@ class CriticalSearch:
         try:
             self._solve(factor, here)
         except ConvergenceError:
-            reached = self.run.fluid.reynolds / self.run.plan.reynolds
             self.unsolved.append(factor)
+            if self.run.setup.is_averaged:  # sought as a whole: what is left of it is no flow
+                self.run.voice.say(f"flow x {factor:.6g}: no steady flow found")
+                return False
+            reached = self.run.fluid.reynolds / self.run.plan.reynolds
             self.run.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
             if not here and reached > APART * max((one for one in self._states if one < factor), default=0.0):
                 self._try(reached, here=True)  # on the way flows are solved less well: this may fail, too

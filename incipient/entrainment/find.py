@@ -77,7 +77,7 @@ def find_entrainment(
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
     if weakest is not None:
         weakest.require_of(threshold.factor)
-    growth, without_growth = None, _without_growth(setup, gusts)
+    growth, without_growth = None, _without_growth(setup, gusts, threshold)
     if not without_growth:
         growth = load_of_growth(setup, comm)
     assert scene.contact is not None
@@ -85,7 +85,7 @@ def find_entrainment(
     points = tuple(motion.quantile(one) for one in asked)
     chosen = strengths or _for_curve(motion)
     curve = tuple(motion.at(one) for one in chosen)
-    assumed = (*_assumed(motion, without_growth), *_left_out(asked, probabilities))
+    assumed = (*_assumed(motion, without_growth), *_left_out(asked, probabilities), *_without_errors(weakest))
     return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
 
 
@@ -110,7 +110,16 @@ def _left_out(asked: Sequence[float], given: Sequence[float]) -> list[str]:
     return [f"left out, since the data cannot tell them: probabilities {missing}"] if missing else []
 
 
-def _without_growth(setup: Setup, gusts: Gusts) -> str:
+def _without_errors(weakest: WeakestGusts | None) -> list[str]:
+    """A line on a curve of the weakest gusts that has no error bars."""
+    if weakest is None or weakest.known:
+        return []
+    return [
+        "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
+    ]
+
+
+def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
     """Why the load of the flow's growth is left out; empty where it is known."""
     if gusts.law in GIVEN:
         return "the load of the flow's acceleration is left out: the data are taken as of slow changes"
@@ -118,6 +127,8 @@ def _without_growth(setup: Setup, gusts: Gusts) -> str:
         return "the load of the flow's acceleration is left out: gusts.microscale is not given"
     if setup.is_averaged:
         return "the load of the flow's acceleration is left out: it is computed in laminar flow only"
+    if threshold.steepness is None or not math.isfinite(threshold.steepness):
+        return "the load of the flow's acceleration is left out: the safety factor jumps at the threshold"
     return ""
 
 

@@ -32,12 +32,14 @@ class WeakestGusts:
 
     durations, strengths, errors: (n,) the shortest first; of strengths over the flow of the scene
     static: strength from which a steady flow moves it
+    known:  whether all errors are; those that are not are zero
     """
 
     durations: Floats
     strengths: Floats
     errors: Floats
     static: float
+    known: bool = True
 
     @classmethod
     def of(cls, stored: dict[str, Any]) -> WeakestGusts:
@@ -45,9 +47,12 @@ class WeakestGusts:
 
         Raises SceneError where it has less than two durations, or holds something else.
         """
-        names = "duration", "strength", "error"
         try:
-            rows = [[float(one[name] or 0.0) for name in names] for one in stored["points"]]
+            errors = [one["error"] for one in stored["points"]]
+            rows = [
+                [float(one["duration"]), float(one["strength"]), 0.0 if error is None else float(error)]
+                for one, error in zip(stored["points"], errors, strict=True)
+            ]
             static = float(stored["static"])
         except (KeyError, TypeError, ValueError):
             raise SceneError("gusts.json: holds no gusts; search them anew with incipient gust") from None
@@ -55,12 +60,12 @@ class WeakestGusts:
             raise SceneError(
                 "gusts.json: has less than two durations; search more with incipient gust --durations"
             )
-        durations, strengths, errors = np.array(sorted(rows)).T
-        if not (durations > 0.0).all() or not (strengths > errors).all():
+        durations, strengths, found = np.array(sorted(rows)).T
+        if not (durations > 0.0).all() or not (strengths > found).all():
             raise SceneError(
                 "gusts.json: has a strength within its error; search it anew with incipient gust"
             )
-        return cls(durations, strengths, errors, static)
+        return cls(durations, strengths, found, static, None not in errors)
 
     def require_of(self, critical: float) -> None:
         """Raise SceneError where they are those of a flow that moves the grain at another strength than `critical`."""
@@ -153,7 +158,7 @@ def rate_of_lasting(course: Course | Events, weakest: WeakestGusts, strength: fl
 
 def _gaussian_series(count: int, step: float, integral_time: float, microscale: float) -> Floats:
     """(count,) values of variance one of the process with the given times, the same in each call."""
-    root = math.sqrt(integral_time**2 - 2.0 * microscale**2)
+    root = math.sqrt(max(integral_time**2 - 2.0 * microscale**2, 0.0))
     times = [0.5 * (integral_time + sign * root) for sign in (1.0, -1.0)]
     angular = 2.0 * np.pi * np.fft.rfftfreq(count, step)
     spectrum = 1.0 / ((1.0 + (angular * times[0]) ** 2) * (1.0 + (angular * times[1]) ** 2))

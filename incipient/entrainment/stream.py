@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..planning.flow_setup import Setup
 from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
 
 INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon, in the limit of large Reynolds numbers
+AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
 LARGEST = 3.0  # intensity, beyond which the laws are not those of a stream
 
 
@@ -56,7 +57,21 @@ class Stream:
         if isinstance(asked, float):
             return asked
         assert asked in (NEAR_WALL, MODEL)
-        return self._near_wall(strength) if asked == NEAR_WALL else self._of_model
+        flow, rest = self._in(strength)
+        return flow._near_wall(rest) if asked == NEAR_WALL else flow._of_model
+
+    def _in(self, strength: float) -> tuple[Stream, float]:
+        """The stream of a mean flow with a turbulence model, in units of that flow, and what is left of its strength.
+
+        Without a model the velocity keeps its profile: the stream is that of the scene.
+        """
+        return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
+
+    @cached_property
+    def _faster(self) -> Callable[[float], Stream]:
+        return cache(
+            lambda strength: self if strength == 1.0 else replace(self, setup=self.setup.faster(strength))
+        )
 
     def require_intensity(self) -> None:
         """Raise SceneError where the intensity in the scene's flow, or the depth, is that of no stream."""
@@ -65,7 +80,11 @@ class Stream:
             why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
             raise SceneError(f"gusts.depth: {why}; give the depth of the stream")
         if self.gusts.law not in GIVEN and not (found := self.intensity(1.0)) < LARGEST:
-            why = f"is {found:.3g}, of a velocity at the grain of {self.speed:.3g}"
+            near = self.gusts.intensity == NEAR_WALL
+            where, speed = (
+                ("at the grain's top", self._speed_at_top) if near else ("at the grain", self.speed)
+            )
+            why = f"is {found:.3g}, of a velocity {where} of {speed:.3g}"
             raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")
 
     def _near_wall(self, strength: float) -> float:
@@ -85,9 +104,10 @@ class Stream:
         asked = self.gusts.microscale
         if not isinstance(asked, str):
             return asked
-        energy, loss = self._energy_and_loss
-        length = math.sqrt(20.0 * self.setup.scene.viscosity * energy / loss)
-        return length / self.speed * strength**-1.5
+        flow, _ = self._in(strength)
+        energy, loss = flow._energy_and_loss
+        length = math.sqrt(20.0 * flow.setup.scene.viscosity * energy / loss)
+        return length / (flow.speed * strength)
 
     def integral_time(self, strength: float) -> float | None:
         """Integral of the correlation over time; None: not known.
@@ -98,8 +118,9 @@ class Stream:
         asked = self.gusts.integral_time
         if not isinstance(asked, str):
             return asked
-        energy, loss = self._energy_and_loss
-        return INTEGRAL * energy**1.5 / loss / (self.speed * strength)
+        flow, _ = self._in(strength)
+        energy, loss = flow._energy_and_loss
+        return INTEGRAL * energy**1.5 / loss / (flow.speed * strength)
 
     @cached_property
     def _of_model(self) -> float:
@@ -123,9 +144,7 @@ class Stream:
         speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
         flowing = speeds[speeds > 0.0]
         if not len(flowing):
-            raise SceneError(
-                "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
-            )
+            raise SceneError(AT_REST)
         return float(flowing.mean())
 
     @cached_property
@@ -138,7 +157,9 @@ class Stream:
             velocity, _ = self._entering
             return float(velocity(self.setup.base_flow.column(domain.entrance, top), 0.0)[0, 0])
         at = self.setup.base_flow.column(scene.placement.centre, top)
-        return float(self.setup.base_flow.velocity(at, 0.0)[0, 0])
+        if not (speed := float(self.setup.base_flow.velocity(at, 0.0)[0, 0])) > 0.0:
+            raise SceneError(AT_REST)
+        return speed
 
     @cached_property
     def _entering(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:

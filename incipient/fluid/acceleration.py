@@ -18,6 +18,7 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
+from ..errors import ConvergenceError
 from ..mesh.domain import Domain
 
 ORDER = 2
@@ -83,6 +84,10 @@ def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
     solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
     solver.setTolerances(rtol=1e-10, max_it=10_000)
     solver.solve(right, solution)
+    if solver.getConvergedReason() <= 0:
+        raise ConvergenceError(
+            "the potential of a flow that grows was not found: use a smaller numerics.mesh_size"
+        )
     phi.x.array[: solution.getLocalSize()] = solution.array_r
     phi.x.scatter_forward()
     for one in (matrix, right, solution, solver):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -216,6 +217,7 @@ def length_at_sand(sand: float) -> float:
     return math.sqrt(6.0 / (INNER[2] * float(at_rough_wall(sand, NUMPY)[1])))
 
 
+@lru_cache(maxsize=256)
 def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
     """The developed flow at u* h/nu, over a wall of a sand roughness over the depth. Not collective.
 

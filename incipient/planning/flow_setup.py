@@ -174,7 +174,7 @@ class Setup:
         if not self.is_averaged:
             return self.base_flow_at(speed).bed_stress()
         speed = speed if 0.0 < speed < float("inf") else 1.0
-        faster = self.faster(speed)
+        faster = self if speed == 1.0 else self.faster(speed)
         if self.resolves_walls:
             return speed * faster.resolved_walls.bed_stress
         return float(speed * faster.walls.shear_velocity**2)

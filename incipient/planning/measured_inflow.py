@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
@@ -9,12 +10,13 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import root_scalar
 
 from ..arrays import Floats
 from ..errors import SceneError
 from ..forms.k_omega_sst import BETA_STAR
 from .base_flow import BaseFlow
-from .developed_channel import DevelopedChannel
+from .developed_channel import DevelopedChannel, developed
 from .measured_profile import Measured, Rows
 from .resolved_walls import ResolvedWalls, resolved_walls_of
 from .scene_geometry import Geometry
@@ -23,6 +25,11 @@ from .wall_law import WallLaw
 
 NEAREST = 1e-9  # of the depth: height that stands for none
 BISECTIONS = 60
+USUAL, CHANGED, FOUND = (
+    15.0,
+    0.9,
+    1e-9,
+)  # speed over u* to begin with; the next u* over the first; of u*, known as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +43,10 @@ class InnerLaw:
     def _law(self) -> Any:
         return PchipInterpolator(self.developed.heights * self.developed.re_tau, self.developed.speed)
 
+    def channel(self, shear_velocity: float, viscosity: float) -> DevelopedChannel:
+        """The developed flow whose layer at the wall that with a u* is."""
+        return self.developed
+
     def velocity(self, shear_velocity: Any, viscosity: float, height: Any) -> Floats:
         """u+ at heights."""
         return np.asarray(self._law(np.minimum(shear_velocity * height / viscosity, self.developed.re_tau)))
@@ -48,6 +59,41 @@ class InnerLaw:
             fast = middle * self.velocity(middle, viscosity, height) > speed
             low, high = np.where(fast, low, middle), np.where(fast, middle, high)
         return np.asarray(0.5 * (low + high))
+
+
+@dataclass(frozen=True)
+class LawOfSand:
+    """The model's own law of rough walls, u+ by y and u*: that of developed flow over the sand.
+
+    No method is collective. depth: of that flow; sand: equivalent sand roughness [length]
+    """
+
+    depth: float
+    sand: float
+    kappa: float = WallLaw().kappa
+
+    def channel(self, shear_velocity: float, viscosity: float) -> DevelopedChannel:
+        """The developed flow with a u*."""
+        return developed(float(shear_velocity) * self.depth / viscosity, self.sand / self.depth)
+
+    def velocity(self, shear_velocity: float, viscosity: float, height: Any) -> Floats:
+        """u+ at heights."""
+        found = self.channel(shear_velocity, viscosity)
+        return np.asarray(PchipInterpolator(found.heights, found.speed)(np.minimum(height / self.depth, 1.0)))
+
+    def shear_velocity(self, speed: Floats, viscosity: float, height: Floats) -> Floats:
+        """u* at which speeds (n,) are those at heights (n,)."""
+        return np.array([self._at(*one, viscosity) for one in zip(speed, height, strict=True)])
+
+    def _at(self, speed: float, height: float, viscosity: float) -> float:
+        def excess(log_u: float) -> float:
+            u = math.exp(log_u)
+            return math.log(u / speed * float(self.velocity(u, viscosity, height)))
+
+        # The speed at a height goes as u* to a power from one to two: secants in logarithms find it.
+        start = math.log(speed / USUAL)
+        found = root_scalar(excess, x0=start, x1=start + math.log(CHANGED), xtol=FOUND)
+        return math.exp(found.root)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +117,9 @@ class MeasuredInflow:
     ) -> MeasuredInflow:
         """What enters by rows, see `measured_profile.Measured`."""
         whole = walls.number * walls.depth
+        sand = walls.upstream or walls.roughness
         between = SimpleNamespace(
-            law=InnerLaw(walls.developed),
+            law=LawOfSand(walls.depth, sand) if sand else InnerLaw(walls.developed),
             viscosity=walls.viscosity,
             depth=walls.depth,
             number=walls.number,
@@ -125,8 +172,9 @@ class MeasuredInflow:
 
     def _inner(self, shear_velocity: float, away: Floats) -> Floats:
         """ln k and ln omega (2, n) of developed flow with a u* at distances (n,) from a wall."""
-        depth = self.walls.developed.re_tau * self.walls.viscosity / shear_velocity
-        walls = replace(self.walls, shear_velocity=shear_velocity, depth=depth)
+        developed = self.rows.walls.law.channel(shear_velocity, self.walls.viscosity)
+        depth = developed.re_tau * self.walls.viscosity / shear_velocity
+        walls = replace(self.walls, shear_velocity=shear_velocity, depth=depth, developed=developed)
         return walls.logarithms_at(np.minimum(away, depth))
 
 

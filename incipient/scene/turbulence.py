@@ -99,8 +99,8 @@ class Turbulence(Section):
                 'is for smooth walls, but wall is "rough"',
                 "leave it out: what enters developed over these walls",
             )
-        if self.inflow != "developed":
-            return f'is not read with inflow = "{self.inflow}"', "leave it out"
+        if self.inflow == "given":
+            return 'is not read with inflow = "given"', "leave it out"
         return None
 
     def _wrong_first_cell(self) -> tuple[str, str] | None:
@@ -136,9 +136,6 @@ class Turbulence(Section):
         """A key that the k-omega model does not read, why, and the remedy; None: there is none."""
         if self.has_wall_functions:
             return None
-        if self.inflow == "profile" and self.roughness:
-            why = 'is "profile", which model = "k-omega-sst" has between smooth walls only in this version'
-            return "inflow", why, 'leave wall = "rough" out, or use model = "k-epsilon"'
         usual = Turbulence()
         given = [key for key in OF_K_EPSILON if getattr(self, key) != getattr(usual, key)]
         return (given[0], 'is not read by model = "k-omega-sst"', "leave it out") if given else None

@@ -39,9 +39,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
                 why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
                 yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
-            if scene.turbulence is not None and scene.turbulence.inflow == "profile":
-                why = f'is "profile", which in space {_NOT_TO_THE_WALL}'
-                yield problem("turbulence.inflow", why, f'use "developed", {_OTHER}')
+            if scene.sides == "wall" and scene.turbulence and scene.turbulence.inflow == "profile":
+                why = f'is "profile", which between sides with friction {_NOT_TO_THE_WALL}'
+                yield problem("turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}')
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
             motion = scene.body.motion if scene.moves else ""

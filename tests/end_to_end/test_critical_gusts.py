@@ -31,6 +31,14 @@ def scene(**changes: dict[str, object]) -> Scene:
     return Scene(**plain)
 
 
+def test_gusts_rise_in_the_share_of_their_duration_that_the_scene_has() -> None:
+    """A rise of 0.9 in a gust of 2 is one of 0.45 in a gust of 1."""
+    gust = {"duration": 2.0, "rise": 0.9}
+    found = GustSearch(scene(flow={"gust": gust}), world())._in_gust(3.0, 1.0)
+    assert found.flow.gust.rise == pytest.approx(0.45)
+    assert (found.flow.gust.duration, found.flow.gust.strength) == (1.0, 3.0)
+
+
 class Sharp(GustSearch):
     """A search whose grain leaves from a known impulse on."""
 

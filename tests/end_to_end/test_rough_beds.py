@@ -293,3 +293,28 @@ def test_sand_is_told_that_is_as_large_as_forms():
     assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(ridges).warnings)
     finer = over_sand(0.06, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
     assert not any("forms" in one for one in make_plan(finer).warnings)
+
+
+def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
+    """Two rows over sand: u* in space, at the outflow and in the mean, within 0.5% of the plane's in as many rows."""
+    rows = {"inflow": "profile", "profile": ((0.1, 0.75), (0.5, 1.05)), "intensity": 0.01, "length": 0.1}
+    found = []
+    for across in ({}, {"width": 0.3}):
+        scene = over_sand(0.05, 22000.0, 2.0, Domain(length=3.0, height=1.0, **across))
+        walls = {**scene.turbulence.model_dump(exclude_unset=True), **rows}
+        found.append(incipient.run(scene.model_copy(update={"turbulence": Turbulence(**walls)})).turbulence)
+    plane, space = found
+    assert space.plane
+    assert space.at_outflow == pytest.approx(plane.at_outflow, rel=5e-3)
+    assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=5e-3)
+
+
+def test_in_a_slower_flow_of_a_search_the_least_k_is_the_one_of_that_flow():
+    """0.001 u*^2 with u* of the flow at hand, over V^2 of it."""
+    with prepared(over_sand(0.02, 22000.0, 4.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF) as run:
+        part = run.part("turbulence")
+        for factor, onwards in ((1.0, False), (0.2, True)):
+            part.solve(run, factor, onwards)
+            shear_velocity = part.wall_report().shear_velocity
+            assert part.fields.closure.least.value == pytest.approx(1e-3 * shear_velocity**2, rel=0.05)
+    assert shear_velocity > 0.06

@@ -13,6 +13,7 @@ from incipient.accuracy.discretisation import by_coarser_mesh
 from incipient.effects.turbulence import k_omega_flow
 from incipient.effects.turbulence.pseudo_time import solve_together
 from incipient.errors import ConvergenceError
+from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
     Contact,
@@ -162,6 +163,34 @@ POCKET = {
 def test_a_steady_flow_past_a_sphere_in_its_pocket_stays_in_time():
     """u* d/nu = 20, on a bed of equal spheres: loads after four steps, in each of which the flow passes a quarter."""
     assert_stays(300.0, 0.25, 1.0, **POCKET)
+
+
+HEIGHTS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.4, 3.2, 4.0, 4.7)  # of measured rows
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("reynolds", "bed", "walls"),
+    [
+        (300.0, POCKET, {"upstream_roughness": 1.0}),
+        (
+            1500.0,
+            {"body": Sphere(diameter=1.0, centre=(3.0, 3.0, 0.55))},
+            {"wall": "rough", "roughness": 0.2},
+        ),
+    ],
+)
+def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
+    """Behind a bed of spheres and on sand; omega of rows is that of the mixing length, which the model's is not."""
+    given = {"model": "k-omega-sst", **walls}
+    developed = sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed)
+    enters = Setup(developed).resolved_walls
+    places = np.zeros((3, len(HEIGHTS)))
+    places[2] = enters.floor + np.array(HEIGHTS)
+    rows = [HEIGHTS, enters.velocity(places, 0.0)[0], np.exp(enters.logarithms(places)[0])]
+    given |= {"inflow": "profile", "profile": np.transpose(rows).tolist(), "intensity": 1e-6, "length": 0.5}
+    found = incipient.run(sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed))
+    assert found.force.flow == pytest.approx(incipient.run(developed).force.flow, rel=0.02, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -63,6 +63,14 @@ class TestLasting:
         ):
             self.WEAKEST.require_of(2.3)
 
+    def test_errors_that_are_not_known_are_not_taken_as_known(self) -> None:
+        points = [
+            {"duration": one, "strength": 3.0, "error": error} for one, error in ((1.0, 0.1), (2.0, None))
+        ]
+        found = WeakestGusts.of({"static": 1.5, "points": points})
+        assert not found.known and found.errors.tolist() == [0.1, 0.0]
+        assert WeakestGusts.of({"static": 1.5, "points": [points[0], points[0]]}).known
+
     @pytest.mark.parametrize(
         ("static", "points", "said"),
         [

@@ -19,6 +19,7 @@ from incipient.critical.outcome import with_error
 from incipient.critical.search import CriticalSearch, Found
 from incipient.critical.threshold import find_threshold
 from incipient.effects.effect import SlowestFlow
+from incipient.effects.turbulence.models import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.placement import Placement
@@ -124,6 +125,44 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     assert [trial.factor for trial in found.trials[: len(first)]] == first
     assert found.factor == pytest.approx(pretended.first_loss(20.0), rel=1e-4)
     assert found.is_critical and len(found.trials) <= 4 + len(first)
+
+
+def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
+    """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
+    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
+    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    pretended.setup = SimpleNamespace(is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2))
+
+
+def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is sought as a whole: what is left of it is no start, and the way from one to another is not gone in steps."""
+    pretended, asked = Pretended(lambda f: 1e-3 * DRAG * (0.3 + f), limit=5.0), list[float]()
+    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", ""))
+
+    def loads_at(run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
+        pretended.fluid.reynolds = (
+            factor * pretended.plan.reynolds
+        )  # as a mean flow takes it, before it is sought
+        asked.append(factor)
+        assert start != factor
+        if factor > pretended.limit:
+            raise ConvergenceError("no steady flow")
+        return pretended.loads_at(run, factor, start)
+
+    found = CriticalSearch(pretended, loads_at).from_rest()  # type: ignore[arg-type]
+    assert len(asked) == len(set(asked))
+    assert not found.is_critical and found.unsolved and 4.0 < found.held_to <= 5.0
+
+
+def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pretended = Pretended(lambda f: 1e6 * DRAG)
+    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
+    with pytest.raises(
+        SceneError, match=r"moves in the slowest flow looked at.*heavier grain, or sweep fluid\.reynolds"
+    ):
+        pretended.from_rest()
 
 
 def test_slow_flows_that_press_are_no_proof() -> None:

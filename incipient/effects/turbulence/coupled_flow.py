@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from ... import compat
 from ...arrays import Floats, Integers
 from ...compat import petsc
+from ...errors import IncipientError
 from ...fluid import Fluid
 from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
@@ -47,9 +48,8 @@ class CoupledFlow:
         self._scale = 1.0
         self._held: list[Any] = []
         self._per_step = turbulence.constant(0.0)
-        self._speed = turbulence.constant(turbulence.largest(fluid.state.x.array[fluid.space.velocity_map]))
-        if fluid.domain.gdim == 3:
-            self._speed.value = 0.0
+        flow_from = fluid.state.x.array[fluid.space.velocity_map] if fluid.domain.gdim == 2 else np.empty(0)
+        self._speed = turbulence.constant(turbulence.largest(flow_from))
         self._slowed = dolfinx.fem.Function(compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0)))
         self._slowed.x.array[:] = 1.0
         forms = self._residual_forms()
@@ -205,8 +205,10 @@ class CoupledFlow:
     def __enter__(self) -> CoupledFlow:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.destroy()
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self._fluid.domain.comm.size == 1:
+            self.destroy()
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

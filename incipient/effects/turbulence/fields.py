@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from ... import compat
 from ...compat import petsc
-from ...errors import ConvergenceError
+from ...errors import ConvergenceError, IncipientError
 from ...fluid import Fluid
 from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
@@ -324,5 +324,7 @@ class TurbulenceFields(ABC):
     def __enter__(self) -> TurbulenceFields:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.destroy()
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self.domain.comm.size == 1:
+            self.destroy()

@@ -130,7 +130,7 @@ class InTime:
         remedy: what else than a smaller step or smaller cells may help where a step does not converge.
 
     Attributes:
-        past: states (local unknowns,) of ln k and ln epsilon, the present one first.
+        past: states (local unknowns,) of both logarithms, the present one first.
     """
 
     def __init__(

@@ -71,7 +71,7 @@ class KOmegaFlow(TurbulentFlow):
     """The k-omega SST model in a scene's flow, judged by the cells at its walls. Every method is collective."""
 
     fields: KOmegaSST
-    _started = False  # from a flow on another mesh, in space also from a slower or faster one
+    _started = False  # from a flow on another mesh, in space also from another one of a search
     _spread = 0.0  # of the loads on the grain, else on the bed, over their size, where the flow still changes
 
     def _made(self, domain: Domain) -> KOmegaSST:
@@ -123,6 +123,7 @@ class KOmegaFlow(TurbulentFlow):
         """Let inflow and walls be those of the setup as it is now."""
         super()._give(fluid)
         self.fields.stand(self._scene.viscosity, self._walls.shear_velocity**2)
+        self.fields.keep(self._least)
 
     @property
     def _least(self) -> float:

@@ -84,7 +84,7 @@ class KOmegaSST(TurbulenceFields):
         self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
         self._fluid: Fluid | None = None
         self.stretched, self.steep = added > 0.0, bool(sand.walls)
-        self._molecules, self._least = viscosity, least
+        self._molecules, self._least = viscosity, self.constant(least)
         self._in_layers, self._in_stream = in_layers, in_stream
         self._stress, self._little = self.constant(sand.stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
@@ -96,7 +96,7 @@ class KOmegaSST(TurbulenceFields):
         self._floor = self.constant(LEAST_DISTANCE * self.largest(self._distance.x.array))
         self.closure = forms.Closure(
             ufl.max_value(self._distance, self._floor),
-            self.constant(least),
+            self._least,
             self.constant(added) if added else None,
             *((LEAST_SHARE,) if in_stream else ()),
         )
@@ -134,6 +134,10 @@ class KOmegaSST(TurbulenceFields):
         self._distance.x.array[:] = distances(self.domain, self.surroundings.walls, places)
         if self._from_smooth is not self._distance:
             self._from_smooth.x.array[:] = distances(self.domain, self._smooth, places)
+
+    def keep(self, least: float) -> None:
+        """Let no more k be destroyed where it is this small."""
+        self._least.value = least
 
     def stand(self, viscosity: float, stress: float) -> None:
         """Let the molecules at walls have another viscosity, and rough walls another typical shear stress."""
@@ -185,26 +189,31 @@ class KOmegaSST(TurbulenceFields):
         return dolfinx.fem.dirichletbc(values, pairs, self.space.sub(component))
 
     def _find_sources(self) -> None:
-        """For nodes within the cells at walls: the next node beyond, and what ln k is less there."""
-        edge, places = self._edge, self._places()
-        if not len(edge):
-            self._within = self._within[:0]
-        elif len(self._within):
+        """For nodes within the cells at walls: the next node beyond, and what ln k is less there.
+
+        On a rank that has none beyond they keep what they have.
+        """
+        edge, places, self._source = self._edge, self._places(), self._within
+        if len(edge) and len(self._within):
             self._source = edge[cKDTree(places[edge]).query(places[self._within])[1]]
         self._drop = self._dropped()
 
     def _dropped(self) -> Floats:
         """What ln k is less at nodes within the cells at walls than at the next node beyond."""
         away = self._from_smooth.x.array
+        if not len(self._edge):
+            return np.zeros(len(self._within))
         beyond = away[self._source]
         return np.asarray(forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond))
 
     def prepare(self) -> None:
-        """Let ln k within the cells at smooth walls follow that beyond."""
-        if len(self._within):
-            values = self.state.x.array
-            values[2 * self._within] = values[2 * self._source] + self._drop
-            self._inner.x.array[self._within] = values[2 * self._within]
+        """Let ln k within the cells at smooth walls follow that beyond, as the owner of a node has it. Collective."""
+        if not self._smooth:
+            return
+        values = self.state.x.array
+        values[2 * self._within] = values[2 * self._source] + self._drop
+        self.state.x.scatter_forward()
+        self._inner.x.array[self._within] = values[2 * self._within]
 
     def begin(self, values: Callable[[Floats, Floats], Floats]) -> None:
         """Let the state be a function of places (n, gdim) and distances (n,) from walls that returns (2, n)."""

@@ -47,7 +47,7 @@ class Incomplete:
         self._solver.setFromOptions()
 
     def solve(self, b: Any, x: Any, rtol: float, fresh: bool = True) -> None:
-        """Solve A x = b to a residual of `rtol` times b, with new factors. Collective.
+        """Solve A x = b to a residual of `rtol` times b, by factors of the matrix as it is. Collective.
 
         Raises:
             ConvergenceError: it was not solved.
@@ -56,7 +56,7 @@ class Incomplete:
         self._solver.setOperators(self.matrix)
         self._solver.solve(b, x)
         if self._solver.getConvergedReason() <= 0:
-            raise ConvergenceError("the linear system of k and epsilon was not solved")
+            raise ConvergenceError("the linear system of the turbulence was not solved")
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -19,6 +19,8 @@ HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if i
 # As measured (docs/k_omega_in_space.md, thresholds in space).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
+# Where a slower flow than the slowest one moves the grain: a threshold cannot be searched below a mean profile.
+BY_SWEEP = 'sweep fluid.reynolds below flow.kind = "log-law", without turbulence'
 Flow = Callable[..., RunPart]  # of the setup, the domain and the stages of a run
 
 
@@ -68,8 +70,7 @@ class KEpsilonModel(TurbulenceModel):
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
         """The slowest flow in which the law of the wall is for grain and depth."""
-        remedy = 'flow.kind = "log-law" without turbulence'
-        return SlowestFlow(limits.slowest(setup), "that the law of the wall is for", remedy)
+        return SlowestFlow(limits.slowest(setup), "that the law of the wall is for", BY_SWEEP)
 
 
 class KOmegaModel(TurbulenceModel):
@@ -136,7 +137,7 @@ class KOmegaModel(TurbulenceModel):
         start, expected = 0.0, ""
         if setup.geometry.gdim == 3:
             start, expected = (HOLDS * setup.stress_unit / setup.bed_stress()) ** 0.5, EXPECTED
-        return SlowestFlow(slowest, "looked at", 'flow.kind = "log-law" without turbulence', start, expected)
+        return SlowestFlow(slowest, "looked at", BY_SWEEP, start, expected)
 
 
 def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
