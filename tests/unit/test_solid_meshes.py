@@ -42,7 +42,9 @@ from incipient.geometry import (
 )
 from incipient.mesh.domain import build
 from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
+from incipient.meshes import solid_model as solid_model_module
 from incipient.meshes.curving import least_stretch
+from incipient.meshes.exact import Ground
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.model import session
 from incipient.meshes.solid_model import solid_model
@@ -128,6 +130,24 @@ def test_beds(bed: Any) -> None:
     away = body.solid.level(body.placement.to_body(bottom))
     # The narrowest place lies between two nodes that are a quarter of the gap from each other.
     assert 0.02 - 1e-9 < away.min() < 0.0205
+
+
+def test_a_bed_that_crosses_itself_begins_with_other_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its first triangles may fold it, which smaller cells do not undo: others come first, then smaller cells."""
+    region, point = grain_above(Sphere(1.0), Hemispheres(0.5, 1.0), half=1.5)
+    begun, spots, truly = list[float](), list[int](), solid_model_module.remeshed
+
+    def remeshed(exact: Any, draft: Any, size: Any) -> Any:
+        if isinstance(exact, Ground):
+            begun.append(exact.finer)
+            spots.append(len(size.spots))
+        return truly(exact, draft, size)
+
+    monkeypatch.setattr(solid_model_module, "remeshed", remeshed)
+    monkeypatch.setattr(solid_model_module, "crossed", lambda surface: np.arange(int(len(begun) < 3)))
+    with solid_model(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
+        assert stretches(cells(model), KEAST).min() > 0.0
+    assert begun == pytest.approx([1.0, 1.07, 1.07**2]) and spots == [0, 0, 1]
 
 
 @pytest.mark.slow
