@@ -97,10 +97,14 @@ class Body(ExactSurface):
 
 @dataclass(frozen=True, eq=False)
 class Ground(ExactSurface):
-    """A bed's surface within a region: as it is where it is resolved, level farther away."""
+    """A bed's surface within a region: as it is where it is resolved, level farther away.
+
+    finer: factor by which the first triangles of a bed of balls are smaller
+    """
 
     region: SolidRegion
     frame: SolidFrame
+    finer: float = 1.0
 
     @property
     def flat(self) -> bool:
@@ -206,7 +210,7 @@ class Ground(ExactSurface):
         """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
-        step = self.region.bed.feature / (PER_FEATURE if self._balls is None else PER_RADIUS)
+        step = self.region.bed.feature / (PER_FEATURE if self._balls is None else self.finer * PER_RADIUS)
         ends = (low - self.frame.origin[axis], high - self.frame.origin[axis])
         if not np.isfinite(step):
             return np.array(ends) / self.frame.length
@@ -225,7 +229,7 @@ class Ground(ExactSurface):
     def _marched(self, xs: Floats, ys: Floats) -> Surface:
         assert self._balls is not None
         balls, base = self._balls, self._balls.origins[:, 2].min()
-        step = self.region.bed.feature / PER_RADIUS
+        step = self.region.bed.feature / (self.finer * PER_RADIUS)
         low = min(base, self._mean) - 1.37 * step
         high = max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._mean) + 1.29 * step
         zs = np.linspace(low, high, 2 + int((high - low) / step)) - self.frame.origin[2]

@@ -26,6 +26,7 @@ from .wall_layers import Columns, layered
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
+OTHERWISE = 1.07  # factor of the first triangles of a bed from one attempt to the next
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
 
 
@@ -67,19 +68,23 @@ class Outline:
 
         Raises MeshError if a grain reaches into the bed, or surfaces cross however fine they are.
         """
-        named: dict[str, ExactSurface] = {size.region.names[5]: self.ground, **self.bodies}
+        bed_name = size.region.names[5]
+        named: dict[str, ExactSurface] = {bed_name: self.ground, **self.bodies}
         found: dict[str, Surface] = {}
-        for _ in range(ATTEMPTS):
+        for attempt in range(ATTEMPTS):
             found = {name: remeshed(exact, exact.draft(), size) for name, exact in named.items()}
             self._require_clear(found)
             whole = joined(list(found.values()))
             wrong = np.union1d(crossed(whole), without_area(whole))
             if not len(wrong):
-                bed = found.pop(size.region.names[5])
+                bed = found.pop(bed_name)
                 return size, bed, found
-            size = size.finer_at(whole.corners[wrong].mean(axis=1))
-        ends = np.cumsum([len(surface.triangles) for surface in found.values()])
-        crossing = [list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+            ends = np.cumsum([len(surface.triangles) for surface in found.values()])
+            crossing = [list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+            # A bed that crosses itself may have been folded by its first triangles: others are tried before finer ones.
+            named[bed_name] = replace(self.ground, finer=OTHERWISE ** (attempt + 1))
+            if attempt or crossing != [bed_name]:
+                size = size.finer_at(whole.corners[wrong].mean(axis=1))
         remedy = "use a smaller numerics.mesh_size, or a wider contact.gap"
         if len(crossing) == 1:  # cells made half as large again and again have not helped
             remedy = f"make {crossing[0]} thicker or blunter there, or round its edges"

@@ -39,8 +39,11 @@ class SizeMap:
     at_spots: Floats = field(default_factory=lambda: np.empty(0))
 
     def finer_at(self, points: Floats) -> SizeMap:
-        """These sizes, but half as large at points (n, 3) of the frame."""
-        spots, sizes = np.vstack([self.spots, points]), np.concatenate([self.at_spots, 0.5 * self(points)])
+        """These sizes, but half as large at points (n, 3) of the frame, one of those that are nearer than a cell."""
+        sizes = self(points)
+        _, first = np.unique(np.round(points / sizes[:, None]), axis=0, return_index=True)
+        points, sizes = points[first], 0.5 * sizes[first]
+        spots, sizes = np.vstack([self.spots, points]), np.concatenate([self.at_spots, sizes])
         return replace(self, spots=spots, at_spots=sizes)
 
     @cached_property

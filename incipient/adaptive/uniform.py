@@ -37,6 +37,7 @@ class UniformRefinement(Refinement):
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
         self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
+        self._doubt = ""  # why walls are not as the model asks on the present one
 
     def _first(self, part: float = 1.0) -> Attempt:
         self._seen = []
@@ -54,6 +55,7 @@ class UniformRefinement(Refinement):
 
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
         walls = run.wall_report()
+        self._doubt = "" if walls is None or walls.applicable else walls.doubt
         found = LoadsOnMesh(force, couple, None, walls)
         size = 1.0 if run.scene.grain is None else run.scene.grain.size
         computed = Loads.at_the_end(force, couple, None, None, walls, size)
@@ -70,8 +72,12 @@ class UniformRefinement(Refinement):
         return relative(self.goal, found, term.with_changes(computed.unsteady)), None
 
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
-        if error is not None and error <= self.asked:
+        small = error is not None and error <= self.asked
+        if error is not None and small and not self._doubt:
             self.conclude(error)
+            return None
+        if small and not self._smaller_cells_resolve_walls:
+            self.reason = f"not known to be reached: {self._doubt}"
             return None
         known = [trial.estimate for trial in self.trials if trial.estimate is not None]
         many = error is not None and len(known) > LOOKED_AT
@@ -79,6 +85,12 @@ class UniformRefinement(Refinement):
             self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
             return None
         return self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, 0.0)
+
+    @property
+    def _smaller_cells_resolve_walls(self) -> bool:
+        """Whether walls that are not as the model asks may be so on a finer mesh."""
+        turbulence = self.scene.turbulence
+        return self.scene.resolves_walls and (turbulence is None or turbulence.first_cell is None)
 
     def _finer(self, attempt: Attempt, order: int, relative: float, shares: Any, error: float) -> Attempt:
         """The mesh with cells smaller by the root of two, of which there are twice as many at the most."""

@@ -10,6 +10,7 @@ import incipient
 from ..cost.command import predicted_plan
 from ..cost.prediction import Prediction
 from ..critical.gust_bracket import runs_expected
+from ..critical.gusts import GustSearch
 from ..parallel import Comm
 from ..progress import telling
 from .drawing import tell_of_pictures
@@ -19,6 +20,7 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
     """Searches the weakest gusts that move the grain out of its pocket."""
     scene, durations = incipient.load(options.scene, options.overrides, comm), options.durations
     directory = options.out or Path("results") / f"{options.scene.stem}_gusts"
+    GustSearch(scene, comm)  # what is wrong is said before anything is expected
     with telling(comm.rank) as voice:
         runs = runs_expected(len(durations), scene.numerics.error_bars)
         price = _price(predicted_plan(scene).prediction, runs)

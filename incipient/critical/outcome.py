@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .search import SolvedFlow
 
 SCHEMA_VERSION = 2
+DOUBTED = "in the last flow of the search "  # begins a note on walls that are not as a turbulence model asks
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Threshold:
     stress_power:    the power of the factor with which the stress on the bed goes, nearly
     steepness:       the power of the factor with which the load goes there; None without a critical flow
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
+    applicable:      whether walls are as a turbulence model asks, in the last flow of the search; None: there is none
     """
 
     factor: float
@@ -69,6 +71,7 @@ class Threshold:
     stress_power: float = 1.0
     steepness: float | None = None
     computed: float | None = None
+    applicable: bool | None = None
 
     @property
     def is_critical(self) -> bool:
@@ -94,7 +97,7 @@ class Threshold:
         """Everything as plain data for threshold.json."""
         names = (
             *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
-            *("errors", "mode", "verdict", "unsolved", "cost", "si"),
+            *("errors", "mode", "verdict", "unsolved", "cost", "si", "applicable"),
         )
         return {
             **{name: getattr(self, name) for name in (*self.errors, *names)},

@@ -134,16 +134,23 @@ class CriticalSearch:
         inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
         self._solve(slow)
-        value, load = self.trials[0].safety_factor, self._load(slow)
+        if found := self._at_once(slow):
+            return found
+        if not inertia:
+            value = self.trials[0].safety_factor
+            return self._ended(slow * value, slow * value, "the load grows in proportion")
+        return self._upwards(slow)
+
+    def _at_once(self, slow: float) -> Found | None:
+        """The outcome where contacts hold the grain against no load, or not its weight; None if they do hold it."""
+        value, load = self.trials[-1].safety_factor, self._load(slow)
         status = safety_factor(load, self._contacts, self._friction).status
         if status is SafetyStatus.AT_ONCE and (found := self._of_rocking(slow)):
             return found
-        if value == 0.0:
-            held = status is SafetyStatus.AT_ONCE
-            return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
-        if not inertia:
-            return self._ended(slow * value, slow * value, "the load grows in proportion")
-        return self._upwards(slow)
+        if value > 0.0:
+            return None
+        held = status is SafetyStatus.AT_ONCE
+        return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
 
     def _of_rocking(self, slow: float) -> Found | None:
         """The flow in which a grain leaves its pocket that rocks in slower ones; None if it does not rock.
@@ -159,7 +166,7 @@ class CriticalSearch:
             goal = factor * rocking.critical ** (1.0 / power)
             if not self.run.plan.has(EffectName.INERTIA) or self._is_near(goal):
                 return replace(self._ended(goal, goal, ""), rocking=rocking)
-            following = min(goal, FIRST / self._reynolds if factor == slow else GROWTH * factor)
+            following = min(goal, self._after(slow) if factor == slow else GROWTH * factor)
             if following > largest or not self._try(following):
                 break
             before, at = rocking.critical, factor
@@ -185,6 +192,8 @@ class CriticalSearch:
         if bound.start > bound.factor and self._try(bound.start) and self.trials[0].safety_factor >= 1.0:
             return self._upwards(bound.start)
         self._solve(bound.factor)
+        if found := self._at_once(bound.factor):
+            return found
         if self.trials[-1].safety_factor < 1.0:
             slowest = f"the slowest flow {bound.why}, {bound.factor:.3g} times the scene's"
             raise SceneError(f"flow: the grain moves in {slowest}; use a heavier grain, or {bound.remedy}")
@@ -229,15 +238,16 @@ class CriticalSearch:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            first = self._second(slow) if self.run.setup.is_averaged else FIRST / self._reynolds
-            following = inside or self._beyond(path, top, first if top == slow else largest)
+            following = inside or self._beyond(path, top, self._after(slow) if top == slow else largest)
             if isinstance(following, Found):
                 return following
             self._try(following)
         return self._ended(np.inf, self._sure, f"not found within {MOST_FLOWS} flows")
 
-    def _second(self, slow: float) -> float:
-        """The flow after the slowest one of a mean flow: where a load that goes with its square moves the grain."""
+    def _after(self, slow: float) -> float:
+        """The flow after the slowest one; of mean flows the one in which a load that goes with its square moves it."""
+        if not self.run.setup.is_averaged:
+            return FIRST / self._reynolds
         return slow * float(
             np.clip(BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5, LEAST_GROWTH, GROWTH)
         )

@@ -36,7 +36,7 @@ from ..simulation.simulate import improved_loads, loads_of
 from ..simulation.state import Run
 from .bars import corrected, critical_bars
 from .meshes import CriticalRefinement, on_its_own_mesh
-from .outcome import Threshold
+from .outcome import DOUBTED, Threshold
 from .search import CriticalSearch, Found
 
 KEEPS_SHAPE = (
@@ -130,6 +130,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
     scene, load = run.scene, _load_at(found)
     critical = _judged(run, found, load)
     assert scene.grain is not None
+    walls = run.wall_report()
     stress, size = found.factor * run.setup.bed_stress(found.factor), scene.grain.size
     threshold = Threshold(
         factor=found.factor,
@@ -152,6 +153,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
         stress_power=2.0 if scene.is_averaged else 1.0,
         steepness=found.path.steepness(found.factor) if found.is_critical else None,
+        applicable=None if walls is None else walls.applicable,
     )
     return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 
@@ -180,7 +182,7 @@ def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
     of_effects = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, found.factor)]
     notes = [_shields_note(threshold, run.scene.gdim), *of_effects]
     if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
-        notes.append(f"in the last flow of the search {doubt}")
+        notes.append(f"{DOUBTED}{doubt}")
     if found.rocking is not None:
         rocking, last = found.rocking, found.rocking.rests[-1]
         notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from ..arrays import Floats
-from ..critical.outcome import Threshold
+from ..critical.outcome import DOUBTED, Threshold
 from ..critical.threshold import find_threshold
 from ..errors import SceneError
 from ..parallel import Comm
@@ -86,6 +86,7 @@ def find_entrainment(
     chosen = strengths or _for_curve(motion)
     curve = tuple(motion.at(one) for one in chosen)
     assumed = (*_assumed(motion, without_growth), *_left_out(asked, probabilities), *_without_errors(weakest))
+    assumed += tuple(note for note in threshold.notes if note.startswith(DOUBTED))
     return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
 
 

@@ -85,7 +85,7 @@ class Entrainment:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for entrainment.json."""
         quantiles = [{**asdict(one), "error": one.error} for one in self.quantiles]
-        named = ("factor", "shields", "shear_reynolds", "mode", "errors")
+        named = ("factor", "shields", "shear_reynolds", "mode", "errors", "applicable")
         return {
             "schema_version": SCHEMA_VERSION,
             "title": self.title,
@@ -108,7 +108,7 @@ class Entrainment:
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
-            f"({own.low:.2g} to {own.high:.2g}{unknown}); exceeded anew {rate}",
+            f"({own.low:.3g} to {own.high:.3g}{unknown}); exceeded anew {rate}",
             "probability of motion at an instant, and the mean flow",
             *(one.line() for one in self.quantiles),
             *(f"assumed             {one}" for one in self.assumed),

@@ -18,9 +18,12 @@ from ..scene.solids import orientation_of
 
 ROCKS = "rocks to another rest"  # the mode of a grain that does
 RENEWED = (
-    "that is by the load of the flow past the first pose; past the other it may differ by about {drift:.0%}, which a "
-    "scene with {keys} and settle = false tells"
+    "that is by the load of the flow past the first pose; past the other it may differ by about {drift:.0%}{more}, "
+    "which a scene with {keys} and settle = false tells: there see whether the flow's load holds the grain, since "
+    "without the flow it would roll back"
 )
+
+OTHER_CONTACTS = ", or more, since a contact has opened or closed"
 
 
 def find_contacts(scene: Scene) -> Contacts:
@@ -76,7 +79,11 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
         "safety_factor": factor if math.isfinite(factor) else None,
         "safety_status": "ROCKS",
         "rocking": rocking.to_dict(),
-        "note": RENEWED.format(drift=rocking.drift(rocking.last), keys=standing(rocking.last.placement)),
+        "note": RENEWED.format(
+            drift=rocking.drift(rocking.last),
+            more=OTHER_CONTACTS if len(rocking.last.contacts) != len(rocking.rests[0].contacts) else "",
+            keys=standing(rocking.last.placement),
+        ),
     }
 
 
@@ -101,12 +108,15 @@ def standing(placement: Placement) -> str:
     """The keys of a grain that stands where it is placed, as it is turned there."""
     if placement.gdim == 2:
         angle = math.degrees(placement.angle) % 360.0
-        return f"body.x = {placement.centre[0]:.6g} and body.angle = {angle:.6g}"
+        return f"body.x = {placement.centre[0]:.10g} and body.angle = {angle:.6g}"
     x, y, _ = placement.centre
     about = ", ".join(f"{angle:.6g}" for angle in orientation_of(placement))
-    return f"body.x = {x:.6g}, body.y = {y:.6g} and body.orientation = [{about}]"
+    return f"body.x = {x:.10g}, body.y = {y:.10g} and body.orientation = [{about}]"
 
 
 def may_rock(verdict: dict[str, Any]) -> bool:
-    """Whether the grain is held against its weight, but not against the load: it may find another rest."""
-    return verdict["moves"] and verdict["safety_status"] in ("AT_ONCE", "CRITICAL")
+    """Whether contacts hold the grain against its weight, but against no load of the flow: it may find another rest.
+
+    Contacts that hold it up to some part of the load open where it moves, and then the load is another one.
+    """
+    return verdict["moves"] and verdict["safety_status"] == "AT_ONCE"

@@ -140,7 +140,7 @@ class Setup:
 
         asked = self.turbulence
         law = WallLaw(asked.roughness)
-        return walls_of(law, asked.wall_distance, self.geometry, self.base_flow, self.sides)
+        return walls_of(law, asked.wall_distance, self.geometry, self.base_flow, self.sides, asked.profile)
 
     @cached_property
     def ceiling(self) -> float:

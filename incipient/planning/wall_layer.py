@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .base_flow import BaseFlow
+from .measured_profile import Rows
 from .meshed_bed import resolved_bed
 from .scene_geometry import Geometry
 from .sides import SideNames
@@ -63,13 +64,19 @@ class LayeredWalls:
 
 
 def walls_of(
-    law: WallLaw, distance: float | None, geometry: Geometry, base_flow: BaseFlow, names: SideNames
+    law: WallLaw,
+    distance: float | None,
+    geometry: Geometry,
+    base_flow: BaseFlow,
+    names: SideNames,
+    rows: Rows = (),
 ) -> LayeredWalls:
     """Where walls are and how far from them the mesh ends: at a distance, None: where the law suits. Not collective.
 
     u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
-    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not
-    flat and grains bound the mesh themselves.
+    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Where measured rows
+    of height and speed enter it is the one that gives the row next to a wall its speed, the larger of two. Beds that
+    are not flat and grains bound the mesh themselves.
     """
     domain, bed, open_above = geometry.domain, geometry.bed, base_flow.flow.kind == "open-channel"
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
@@ -83,6 +90,11 @@ def walls_of(
     for _ in range(50):
         mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
         shear_velocity = base_flow.reference / max(mean, LEAST)
+    if rows:
+        nearest = [rows[0][:2], (number * depth - rows[-1][0], rows[-1][1])][:number]
+        away, speed = np.array(nearest).T
+        if (away > 0.0).all():  # rows beyond a wall are refused
+            shear_velocity = float(law.shear_velocity(speed * base_flow.reference, viscosity, away).max())
     distance = distance or law.suitable(shear_velocity, viscosity)
     floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
     return LayeredWalls(

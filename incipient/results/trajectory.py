@@ -15,12 +15,13 @@ ENDS = {
 
 def trajectory_lines(trajectory: dict[str, Any]) -> list[str]:
     """Where a grain has come to, how fast it is, what it has done on its bed."""
-    place, velocity, turned, spin = (number_words(x) for x in _motion_of(trajectory))
+    _, velocity, turned, spin = (number_words(x) for x in _motion_of(trajectory))
+    at = ", ".join(place_words(one, 6) for one in trajectory["place"])
     unit = "rad" if "angle" in trajectory else "rad about x, y and z"
     iterations, ended = trajectory["interface_iterations"], trajectory["ended"]
     missing = ended["without_verdict"]
     return [
-        f"grain at            {place}, turned by {turned} {unit}; t = {ended['time']:.6g}, {_end(ended)}",
+        f"grain at            ({at}), turned by {turned} {unit}; t = {ended['time']:.6g}, {_end(ended)}",
         f"velocity            {velocity}, spin {spin} rad per unit of time",
         *_on_bed(trajectory.get("on_bed")),
         f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
@@ -32,7 +33,7 @@ def trajectory_lines(trajectory: dict[str, Any]) -> list[str]:
 def trajectory_sentence(trajectory: dict[str, Any]) -> str:
     """Where a grain is at the end, and what it has done on the way."""
     ended, course = trajectory["ended"], trajectory.get("on_bed")
-    place = ", ".join(f"{one:.4g}" for one in trajectory["place"])
+    place = ", ".join(place_words(one, 4) for one in trajectory["place"])
     met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
     does = "moves" if course is None else course_words(course)
     return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."
@@ -51,6 +52,11 @@ def course_words(course: dict[str, Any]) -> str:
 def number_words(x: Any) -> str:
     """A number, or a vector, for a reader."""
     return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"
+
+
+def place_words(x: float, least: int = 5) -> str:
+    """A coordinate for a reader, in two decimals at least where it is large: map coordinates are."""
+    return f"{x:.{max(least, len(f'{abs(x):.0f}') + 2)}g}"
 
 
 def _end(ended: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
+from .trajectory import place_words
 
 REATTACHES = "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 FIRST_CELL = "turbulence.first_cell"
@@ -160,7 +161,9 @@ class WallReport:
         told, others = longest(self.backward)
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)
-        spans = ", ".join(f"{one[0]:.5g} to {one[1]:.5g}{within * (tuple(one) == main)}" for one in told)
+        spans = ", ".join(
+            f"{place_words(one[0])} to {place_words(one[1])}{within * (tuple(one) == main)}" for one in told
+        )
         return spans + (f", and in {others} shorter places" if others else "")
 
     def _friction(self, errors: Floats | None) -> str:

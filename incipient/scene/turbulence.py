@@ -11,7 +11,6 @@ from .section import NotNegative, Positive, Section, key
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 OF_K_EPSILON = ("wall_distance", "c_mu", "c_1", "c_2", "sigma_k", "sigma_epsilon")
-LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent flow'
 
 
 class Turbulence(Section):
@@ -151,7 +150,13 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not."""
+        """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not.
+
+        Below a surface, that no row is in the stream.
+        """
+        if walls < 2 and self.profile and self.profile[0][0] > depth:
+            why = f"has no row within the depth of {depth:.4g}"
+            return f"turbulence.profile: {why}; give heights in lengths of the scene"
         if walls < 2 or not self.profile or self.profile[-1][0] < walls * depth:
             return ""
         whole = f"the wall on top is {walls * depth:.4g} above that below"

@@ -51,7 +51,13 @@ def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
         found["shields_nominal"] = math.inf if value is None else value
     if result["reason"]:
         found["note"] = result["reason"]
-    return found
+    return found | _of_walls(result)
+
+
+def _of_walls(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Whether walls were as a turbulence model asks; nothing without one, and of files of before."""
+    applicable = result.get("applicable")
+    return {} if applicable is None else {"applicable": applicable}
 
 
 def _of_gust(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -75,7 +81,7 @@ def _of_entrainment(result: Mapping[str, Any]) -> dict[str, Any]:
         found[name] = one["shields"]
         if one["error"] is not None:
             found |= {name + LOW: one["shields"] - one["error"], name + HIGH: one["shields"] + one["error"]}
-    return found
+    return found | _of_walls(steady)
 
 
 def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:

@@ -121,9 +121,10 @@ def in_words(row: Mapping[str, Any]) -> str:
     if row["task"] == "threshold":
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
-        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
+        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}{_of_walls(row)}"
     if row["task"] == "entrainment":
-        return f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
+        words = f"probability of motion {row['probability']:.3g}, steady Shields number {row['shields']:.4g}"
+        return words + _of_walls(row)
     if row["task"] == "gust":
         return f"critical strength {row['strength']:.4g}"
     words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
@@ -136,7 +137,13 @@ def in_words(row: Mapping[str, Any]) -> str:
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     if row.get("load_spread"):
         words += ", NOT QUITE STEADY"
-    return words if row["applicable"] else f"{words}, walls NOT as the model asks"
+    return words + _of_walls(row)
+
+
+def _of_walls(row: Mapping[str, Any]) -> str:
+    """That walls were not as a turbulence model asks; nothing where they were, or it is not known."""
+    applicable = row.get("applicable")
+    return "" if applicable is None or applicable else ", walls NOT as the model asks"
 
 
 def described(task: str, outcome: CaseOutcome) -> str:

@@ -39,6 +39,13 @@ def test_gusts_rise_in_the_share_of_their_duration_that_the_scene_has() -> None:
     assert (found.flow.gust.duration, found.flow.gust.strength) == (1.0, 3.0)
 
 
+def test_gusts_of_a_turbulent_flow_are_refused_at_once() -> None:
+    plain = scene().model_dump(exclude_unset=True)
+    turbulent = Scene(**{**plain, "effects": {"turbulence": True}, "flow": {"kind": "open-channel"}})
+    with pytest.raises(SceneError, match=r"effects\.turbulence: gusts are found in laminar flow only"):
+        GustSearch(turbulent, world())
+
+
 class Sharp(GustSearch):
     """A search whose grain leaves from a known impulse on."""
 

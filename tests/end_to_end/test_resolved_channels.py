@@ -181,6 +181,15 @@ def test_an_accuracy_is_reached():
     assert result.turbulence.shear_velocities == pytest.approx(best, rel=0.003)
 
 
+def test_an_accuracy_is_not_reached_where_walls_are_not_resolved():
+    """Cells eight wall units thick: all meshes agree, as none of them resolves the walls."""
+    thick = Turbulence(model="k-omega-sst", first_cell=8.0)
+    result = incipient.run(channel(20000.0, turbulence=thick, numerics=Numerics(order=2, accuracy=0.2)))
+    assert not result.turbulence.applicable
+    assert not result.adaptation.met
+    assert result.adaptation.reason.startswith("not known to be reached: NOT RESOLVED")
+
+
 def test_a_steady_flow_stays_in_time():
     """Loads on a disc at u* d/nu = 20 after four steps from the steady flow are those of that flow."""
     scene = channel(

@@ -27,6 +27,7 @@ from incipient.planning.order import order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.resolved_wall_report import SEPARATIONS, ResolvedWallReport
+from incipient.results.trajectory import place_words
 from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
     Contact,
@@ -94,8 +95,29 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
     assert in_words(row | {"applicable": False}) == "C_f 0.005, walls NOT as the model asks"
+    critical = {"status": "done", "task": "threshold", "mode": "rolling", "shields": 0.03}
+    assert in_words(critical | {"applicable": True}) == in_words(critical) == "rolling at Shields number 0.03"
+    assert in_words(critical | {"applicable": False}).endswith(", walls NOT as the model asks")
     judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
     assert in_words(judged) == "rest, safety factor 2.673, walls NOT as the model asks"
+
+
+def test_cells_that_were_not_made_by_the_first_cell_are_not_to_be_in_proportion_to_it():
+    """Asked for as 50, bounded by other cells to 11.3, 4.5 times what it may be: 4.5 will do, not 10."""
+    walls = ResolvedWallReport(
+        0.01, 0.2, 11.3, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=0.3, excess=4.5, first_cell=50.0
+    )
+    assert walls.remedy == "set turbulence.first_cell = 4.5"
+    assert replace(walls, first_cell=5.0).remedy == "set turbulence.first_cell = 1"
+
+
+def test_map_coordinates_are_told_in_decimals():
+    assert [place_words(one) for one in (350004.767, 8.3249, -12.3456, 0.0)] == [
+        "350004.77",
+        "8.3249",
+        "-12.346",
+        "0",
+    ]
 
 
 @pytest.mark.parametrize(("outside", "told"), [(0.0, False), (0.021, True)])

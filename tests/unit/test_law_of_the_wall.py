@@ -28,6 +28,22 @@ def entering_of(scene):
     return entering(setup.walls, setup.turbulence)
 
 
+def test_u_star_by_a_measured_profile_is_that_of_the_row_next_to_the_wall():
+    """u/u* = ln(u* y/nu)/0.41 + 5.2 at the row; halved speeds in a flow of twice V are the same flow."""
+    found = []
+    for reynolds, speed in ((2e5, 1.0), (4e5, 0.5)):
+        rows = [[0.1, 0.7 * speed], [0.9, speed]]
+        scene = channel(
+            fluid=Fluid(reynolds=reynolds, scale="flow"),
+            turbulence=Turbulence(**MEASURED, wall_distance=0.006, profile=rows),
+        )
+        walls = Setup(scene).walls
+        u_plus = np.log(walls.shear_velocity * 0.1 / walls.viscosity) / 0.41 + 5.2
+        assert 0.7 * speed / walls.shear_velocity == pytest.approx(u_plus, rel=0.01)
+        found.append(walls.shear_velocity / walls.viscosity)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
 def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
     """tau_b = (factor V)^2 (u*/V)^2, u*/V by the logarithmic law at the larger Reynolds number."""
     scene = grain(0.2)

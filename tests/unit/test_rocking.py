@@ -7,6 +7,7 @@ and leaves its trough where no more load has a place at which it does.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
 from incipient.effects.moving_grain import FreeBodyEffect
 from incipient.evaluation.contact_verdict import (
+    OTHER_CONTACTS,
     ROCKS,
     bar_with_rocking,
     find_contacts,
@@ -235,6 +237,12 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     assert bar.low < rocking.critical < bar.high
     assert bar.sentence().startswith("likely, but not proved: safety factor")
     assert not may_rock(judge(load, find_contacts(pebble(1.0)[0]), 0.6, inert).to_dict())
+    assert OTHER_CONTACTS in told["note"]
+    # Contacts that hold it up to a part of the load open: it moves, as its threshold says.
+    scene, load = pebble(1.0)
+    strong = replace(load, flow_force=20.0 * load.flow_force, flow_couple=20.0 * load.flow_couple)
+    moved = judge(strong, find_contacts(scene), 0.6, inert).to_dict()
+    assert (moved["moves"], moved["safety_status"], may_rock(moved)) == (True, "CRITICAL", False)
 
 
 def test_what_leaves_its_pocket_begins_to_move() -> None:

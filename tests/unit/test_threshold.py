@@ -165,6 +165,16 @@ def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
         pretended.from_rest()
 
 
+def test_any_turbulent_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No weight helps: a couple about its only contact rolls it."""
+    pretended = Pretended(lambda f: DRAG * f)
+    pretended.scene = scene("bed.kind=flat")
+    pretended.contacts = find_contacts(pretended.scene)
+    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
+    found = pretended.from_rest()
+    assert found.factor == 0.0 and found.reason == "any flow moves the grain"
+
+
 def test_slow_flows_that_press_are_no_proof() -> None:
     """The grain is held in Stokes flow whatever its strength, and by its weight; with inertia it moves."""
     pretended = Pretended(lambda f: PRESS + f * DRAG)

@@ -168,7 +168,7 @@ def test_a_flow_too_slow_for_the_law_of_the_wall_is_refused_by_the_plan():
 def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_small_one_told_of():
     """u* is 0.0405 (estimated by the logarithmic law): u* d/nu is 8100 times the diameter."""
     with pytest.raises(
-        SceneError, match=r'has u\* d/nu = 162, .* must be 300 at least; use flow.kind = "log-law"'
+        SceneError, match=r'has u\* d/nu = 162, .* must be 300 at least; use turbulence.model = "k-omega-sst"'
     ):
         make_plan(grain(0.02))
     warned = make_plan(grain(0.08)).warnings
@@ -201,6 +201,9 @@ def test_rows_of_a_profile_lie_between_the_walls():
     """Over an open channel they may go on above it, whose top is no wall."""
     rows = Turbulence(**MEASURED, profile=[[0.1, 0.7], [1.5, 1.0]])
     make_plan(channel(turbulence=rows))
+    high = Turbulence(**MEASURED, profile=[[1.1, 0.7], [1.5, 1.0]])
+    told = message(lambda: make_plan(channel(turbulence=high)))
+    assert told.startswith("turbulence.profile: has no row within the depth of 1; give heights")
     refused = message(lambda: make_plan(channel(flow=Poiseuille(), turbulence=rows)))
     assert refused.startswith(
         "turbulence.profile: has a row at 1.5, the wall on top is 1 above that below; leave"
@@ -223,7 +226,7 @@ def test_a_bed_finer_than_the_layer_of_the_law_of_the_wall_is_refused_by_the_pla
     """The layer of 50 nu/u* stands for several waves, which 10^5 cells would be made for; longer waves are planned."""
     distance = Setup(channel(bed=Sinusoidal(amplitude=0.001, wavelength=1.0))).walls.distance
     finer = channel(bed=Sinusoidal(amplitude=0.01 * distance, wavelength=0.9 * distance))
-    assert 'give a flat bed and turbulence.wall = "rough"' in message(lambda: make_plan(finer))
+    assert 'or a flat bed and turbulence.wall = "rough"' in message(lambda: make_plan(finer))
     make_plan(channel(bed=Sinusoidal(amplitude=0.1 * distance, wavelength=2.2 * distance)))
 
 

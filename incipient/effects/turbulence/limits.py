@@ -9,7 +9,6 @@ from ...planning.clearance import Surroundings
 from ...planning.flow_setup import Setup
 from ...planning.wall_cells import WALL_CELL, coarsening
 from ...planning.wall_law import LARGEST_SHARE, LEAST
-from ...scene.turbulence import LAMINAR
 
 FORMS = ("sinusoidal", "half-discs", "ridges", "spheres")  # beds made of forms of one size
 FINEST_FORM = 0.5  # of the law's distance: half a form at the least
@@ -18,6 +17,7 @@ THICK = 0.05  # of a grain, from which on the layer of the law is reported: 50 n
 THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
 FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are reported uncertain
 BISECTIONS = 40
+SMALLER = 'use turbulence.model = "k-omega-sst", or flow.kind = "log-law" without turbulence'
 
 
 def refusals(setup: Setup) -> Iterator[str]:
@@ -34,8 +34,8 @@ def refusals(setup: Setup) -> Iterator[str]:
     if bed is not None and bed.kind in FORMS and setup.geometry.bed.feature < FINEST_FORM * walls.distance:
         yield (
             f"bed: has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins "
-            f"{walls.distance:.3g} from them: it stands for more than one of them; give a flat bed and "
-            'turbulence.wall = "rough" with their height as roughness'
+            f"{walls.distance:.3g} from them: it stands for more than one of them; use a larger fluid.reynolds, "
+            'or a flat bed and turbulence.wall = "rough" with their height as roughness'
         )
     yield from (f"turbulence: {why}" for why in (too_small(setup), too_near(setup)) if why)
     yield from _through_the_top(setup)
@@ -67,7 +67,7 @@ def too_small(setup: Setup) -> str:
             f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
         )
     least = f"for the law of the wall it must be {SMALLEST_GRAIN:g} at least"
-    return "" if number >= SMALLEST_GRAIN else f"the grain has u* d/nu = {number:.3g}, {least}; {LAMINAR}"
+    return "" if number >= SMALLEST_GRAIN else f"the grain has u* d/nu = {number:.3g}, {least}; {SMALLER}"
 
 
 def grain_number(setup: Setup) -> float:
