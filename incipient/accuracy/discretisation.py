@@ -121,7 +121,8 @@ def _by_two_meshes(coarser: Scene, computed: Loads, solve: Solve, order: float, 
     share = 1.0 / (COARSER_MESH**order - 1.0)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
-    far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**fastest, how)
+    where = in_coarser.where_separates(computed)
+    far = Term.of_difference("discretisation", where, in_coarsest, share / COARSER_MESH**fastest, how)
     return near.at_least(far)
 
 

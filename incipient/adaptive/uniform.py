@@ -12,7 +12,7 @@ from typing import Any
 from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
 from ..accuracy.discretisation import COARSEST_IN_SPACE, by_coarser_mesh
 from ..accuracy.goal import LoadsOnMesh, relative
-from ..errors import MeshError
+from ..errors import ConvergenceError, MeshError
 from ..planning.flow_setup import Setup
 from ..planning.order import order_of
 from ..planning.wall_cells import coarsest
@@ -23,7 +23,7 @@ from ..simulation.loads import loads
 from ..simulation.state import Run
 from ..simulation.steady import solve_with_parts
 from .orders import COARSEST
-from .refinement import Refinement
+from .refinement import MOST_FAILURES, Refinement
 from .search import Attempt
 
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
@@ -37,7 +37,8 @@ class UniformRefinement(Refinement):
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
         self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
-        self._doubt = ""  # why walls are not as the model asks on the present one
+        # Why walls are not as the model asks on the present one, and whether they may be so on a finer one.
+        self._doubt, self._may_resolve = "", False
 
     def _first(self, part: float = 1.0) -> Attempt:
         self._seen = []
@@ -56,6 +57,7 @@ class UniformRefinement(Refinement):
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
         walls = run.wall_report()
         self._doubt = "" if walls is None or walls.applicable else walls.doubt
+        self._may_resolve = walls is not None and walls.by_cells
         found = LoadsOnMesh(force, couple, None, walls)
         size = 1.0 if run.scene.grain is None else run.scene.grain.size
         computed = Loads.at_the_end(force, couple, None, None, walls, size)
@@ -72,12 +74,9 @@ class UniformRefinement(Refinement):
         return relative(self.goal, found, term.with_changes(computed.unsteady)), None
 
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
-        small = error is not None and error <= self.asked
-        if error is not None and small and not self._doubt:
-            self.conclude(error)
-            return None
-        if small and not self._smaller_cells_resolve_walls:
-            self.reason = f"not known to be reached: {self._doubt}"
+        enough = not self._doubt or not self._may_resolve
+        if error is not None and error <= self.asked and enough:
+            self.conclude(error, self._doubt)
             return None
         known = [trial.estimate for trial in self.trials if trial.estimate is not None]
         many = error is not None and len(known) > LOOKED_AT
@@ -86,11 +85,14 @@ class UniformRefinement(Refinement):
             return None
         return self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, 0.0)
 
-    @property
-    def _smaller_cells_resolve_walls(self) -> bool:
-        """Whether walls that are not as the model asks may be so on a finer mesh."""
-        turbulence = self.scene.turbulence
-        return self.scene.resolves_walls and (turbulence is None or turbulence.first_cell is None)
+    def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
+        """A finer first mesh as long as none has an estimate: coarse ones may have no flow."""
+        kept, first = self._kept, all(trial.estimate is None for trial in self.trials)
+        if first and self._failures + 1 < MOST_FAILURES:
+            self._kept = None
+        found = super()._after_failure(attempt, error)
+        self._kept = kept
+        return found
 
     def _finer(self, attempt: Attempt, order: int, relative: float, shares: Any, error: float) -> Attempt:
         """The mesh with cells smaller by the root of two, of which there are twice as many at the most."""

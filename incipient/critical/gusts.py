@@ -82,9 +82,8 @@ class GustSearch:
     runs: int = 0
 
     def __post_init__(self) -> None:
-        if self.scene.is_averaged:
-            raise SceneError("effects.turbulence: gusts are found in laminar flow only; leave it out")
-        for why in _missing(self.scene.body, self.scene.bed, self.scene.flow):
+        missing = _missing(self.scene.body, self.scene.bed, self.scene.flow)
+        for why in (*filter(None, [self.scene.no_gusts]), *missing):
             raise SceneError(why)
 
     def static_strength(self) -> float:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .search import SolvedFlow
 
 SCHEMA_VERSION = 2
-DOUBTED = "in the last flow of the search "  # begins a note on walls that are not as a turbulence model asks
+DOUBTED = "in the last flow of the search "  # begins a note on walls that are not as a model asks
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Threshold:
     stress_power:    the power of the factor with which the stress on the bed goes, nearly
     steepness:       the power of the factor with which the load goes there; None without a critical flow
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
-    applicable:      whether walls are as a turbulence model asks, in the last flow of the search; None: there is none
+    applicable:      whether walls are as a model of the mean flow asks, in the last flow; None: there is none
     """
 
     factor: float

@@ -37,6 +37,7 @@ ON_CURVE, ENDS = (
 WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one, between which probabilities are looked for
 ENOUGH = 10.0  # mean flow over the critical one in which a curve ends
 FARTHEST = 1e6  # mean flow over the scene's, or its inverse, that may be asked for
+APART = 1.03  # of growths at which critical strengths are found
 NODES, OUTERMOST = 31, 4.5  # of the quadrature over the flow's growth, and how many deviations out it goes
 
 
@@ -269,6 +270,17 @@ class Motion:
         return found
 
     def _critical_at(self, growth: float, relative: bool) -> float:
+        """The critical strength; over growths that are not relative it is straight between some a factor apart.
+
+        These change with every mean flow, relative ones hardly.
+        """
+        if relative or not growth:
+            return self._solved_at(growth, relative)
+        below = APART ** math.floor(math.log(abs(growth)) / math.log(APART))
+        ends = [self._solved_at(math.copysign(one, growth), False) for one in (below, APART * below)]
+        return float(np.interp(abs(growth), [below, APART * below], ends))
+
+    def _solved_at(self, growth: float, relative: bool) -> float:
         assert self._critical is not None
         key = (float(f"{growth:.8g}"), relative)
         if key not in self._levels:

@@ -4,11 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.flow_setup import Setup
+from ..planning.flow_setup import WITH_BED_STRESS, Setup
 from ..scene import Scene
 from ..scene.units import nominal_diameter
-
-_WITH_STRESS = ("shear", "poiseuille", "open-channel", "log-law")
 
 
 def in_si(
@@ -32,7 +30,7 @@ def in_si(
     for name in ("shear_rate", "velocity"):
         if getattr(units, name) is not None:
             found[name] = factor * getattr(units, name)
-    if scene.flow.kind in _WITH_STRESS:
+    if scene.flow.kind in WITH_BED_STRESS:
         found["bed_stress"] = factor * scales.stress * Setup(scene).bed_stress(factor)
         found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
     if force is not None and couple is not None:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from .resolved_walls import ResolvedWalls
     from .wall_layer import LayeredWalls
 
+WITH_BED_STRESS = ("shear", "poiseuille", "open-channel", "log-law")  # kinds of base flows
+
 
 @dataclass(frozen=True, eq=False)
 class Setup:
@@ -164,6 +166,11 @@ class Setup:
         scene = self.scene
         assert scene.grain is not None and scene.gravity is not None and scene.density is not None
         return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size
+
+    @property
+    def has_bed_stress(self) -> bool:
+        """Whether the base flow exerts a stress on a bed, which Shields numbers have."""
+        return self.scene.bed is not None and self.scene.flow.kind in WITH_BED_STRESS
 
     def bed_stress(self, speed: float = 1.0) -> float:
         """Shear stress of the base flow at its datum, scene units with fluid density one.

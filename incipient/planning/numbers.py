@@ -29,8 +29,9 @@ class Numbers:
     # Density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
     stokes: float | None
     froude: float | None  # reference velocity over sqrt(g height)
-    # Shear velocity of a log-law flow times the grain's largest diameter over the viscosity
+    # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
+    shields: float | None = None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
 
     def text(self) -> str:
         """The numbers that the scene has, on one line."""
@@ -43,6 +44,7 @@ class Numbers:
             "Stokes": self.stokes,
             "Froude": self.froude,
             "Re*": self.shear_reynolds,
+            "Shields number": self.shields,
         }
         notes = {"grain Re": " (largest speed at its height)"}
         return ", ".join(
@@ -54,14 +56,17 @@ def numbers_of(setup: Setup) -> Numbers:
     """The scene's dimensionless numbers. Not collective."""
     scene, base_flow, grain = setup.scene, setup.base_flow, setup.geometry.grain
     viscosity, height = base_flow.viscosity, base_flow.domain.height
-    reynolds = strouhal = ratio = stokes = froude = of_shear = None
+    reynolds = strouhal = ratio = stokes = froude = of_shear = shields = None
     velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
     if grain is not None:
         speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if base_flow.flow.kind == "log-law":
-            of_shear = base_flow.reference * grain.size / viscosity
+        if setup.has_bed_stress:
+            stress = setup.bed_stress()
+            of_shear = math.sqrt(stress) * grain.size / viscosity
+            weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None
+            shields = stress / setup.stress_unit if weighs and setup.stress_unit > 0.0 else None
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
     if acceleration := float(abs(scene.gravity_vector).max()):
         froude = velocity / math.sqrt(acceleration * height)
@@ -71,7 +76,9 @@ def numbers_of(setup: Setup) -> Numbers:
         velocity = 0.0
     flow = velocity * height / viscosity
     reach = wall_distance(setup) + 0.5 if grain is not None else 0.0
-    return Numbers(reynolds, flow, _bed_reynolds(base_flow), reach, strouhal, ratio, stokes, froude, of_shear)
+    return Numbers(
+        reynolds, flow, _bed_reynolds(base_flow), reach, strouhal, ratio, stokes, froude, of_shear, shields
+    )
 
 
 def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:

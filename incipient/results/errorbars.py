@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ class Loads:
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
-    # (2,) x at which a mean flow along the bed separates and reattaches; (0,): it does not
+    # (n, 2) x at which a mean flow along the bed separates and reattaches, of each place, the longest first
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
@@ -53,10 +54,18 @@ class Loads:
         """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls."""
         of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
-        separated = None if walls is None else walls.separated
+        separated = None if walls is None else _longest_first(walls.backward)
         found = cls(of_force, of_couple, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
         return replace(found, unsteady=found.part(spread, size)) if spread else found
+
+    def where_separates(self, other: Loads) -> Loads:
+        """These, with the place where the flow runs upstream that shares most with the other's longest one first."""
+        mine, theirs = self.separated, other.separated
+        if mine is None or theirs is None or not len(mine) or not len(theirs):
+            return self
+        shared = _shared(theirs[0], mine)
+        return replace(self, separated=mine[np.argsort(-shared, kind="stable")])
 
     def part(self, share: float, size: float) -> Floats:
         """(6,) a share of the loads on a grain of a size, in each component that does not vanish by symmetry."""
@@ -149,7 +158,7 @@ class Term:
         if one.shear is not None and other.shear is not None:
             shear = share * np.abs(one.shear - other.shear)
         if one.separated is not None and len(one.separated):
-            separated = share * _apart(one.separated, other.separated)
+            separated = share * _apart(one.separated[0], other.separated)
         if one.centreline is not None and other.centreline is not None:
             # A single one of them may be the same on two meshes by chance.
             apart = np.abs(one.centreline - other.centreline)
@@ -294,14 +303,26 @@ def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
     return np.sum(found, axis=0) if found else None
 
 
-def _apart(one: Floats, other: Floats | None) -> Floats:
-    """(2,) how far the ends of an interval are from those of another one; where there is none, its own length.
+def _longest_first(spans: Sequence[Sequence[float]]) -> Floats:
+    """Intervals (n, 2), the longest first."""
+    return np.array(sorted(spans, key=lambda span: span[0] - span[1]), dtype=float).reshape(-1, 2)
+
+
+def _apart(one: Floats, others: Floats | None) -> Floats:
+    """(2,) how far the ends of an interval are from those of the one that shares most with it; else its own length.
 
     One end may be the same on coarse meshes, as next to a corner that they do not resolve: it errs like the other one.
     """
-    if other is None or not len(other):
+    others = np.empty((0, 2)) if others is None else others
+    shared = _shared(one, others)
+    if not len(others) or shared.max() <= 0.0:
         return np.full(2, one[1] - one[0])
-    return np.full(2, np.abs(one - other).max())
+    return np.full(2, np.abs(one - others[np.argmax(shared)]).max())
+
+
+def _shared(one: Floats, others: Floats) -> Floats:
+    """Lengths (n,) that an interval shares with each of some (n, 2); negative: how far away it is."""
+    return np.asarray(np.minimum(one[1], others[:, 1]) - np.maximum(one[0], others[:, 0]))
 
 
 def _if_any(errors: Floats) -> Floats | None:

@@ -44,6 +44,11 @@ class ResolvedWallReport(WallReport):
         return self.outside <= MOST_OUTSIDE
 
     @property
+    def by_cells(self) -> bool:
+        """Whether smaller cells resolve walls: not where the first ones are given."""
+        return self.first_cell is None
+
+    @property
     def unsuited(self) -> str:
         """What decides how sure a result is where walls are not resolved, in words."""
         return "cells at the walls, which do not resolve them"

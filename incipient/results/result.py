@@ -219,6 +219,10 @@ def _lines(result: Result) -> list[str]:
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
+    numbers = result.plan.numbers
+    if numbers is not None and numbers.shields is not None:
+        of_shear = f"shear Reynolds number {numbers.shear_reynolds:.4g}"
+        lines.append(f"flow over the bed   Shields number {numbers.shields:.4g}, {of_shear}")
     if result.gap is not None and np.isfinite(result.gap.width):
         lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]

@@ -97,6 +97,11 @@ class WallReport:
         return found + (", or use a larger fluid.reynolds" if self.suitable > self.distance else "")
 
     @property
+    def by_cells(self) -> bool:
+        """Whether smaller cells make walls as the model asks."""
+        return False
+
+    @property
     def doubt(self) -> str:
         """Where walls are not as the model asks, or the flow is not quite steady, what is said of them; else empty."""
         return "" if self.applicable and not self.spread else self._judged()[0].removesuffix("; ")

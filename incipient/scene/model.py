@@ -217,6 +217,15 @@ class SceneSections(Section):
         return OF_WALLS if self.is_averaged else "elevation"
 
     @property
+    def no_gusts(self) -> str:
+        """Why gusts that move the grain are not searched in the flow; empty: they are."""
+        return (
+            "effects.turbulence: gusts are found in laminar flow only; leave it out"
+            if self.is_averaged
+            else ""
+        )
+
+    @property
     def is_averaged(self) -> bool:
         """Whether turbulence is simulated by a model of the mean flow."""
         return self.effects.turbulence is True

@@ -55,7 +55,7 @@ def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_walls(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Whether walls were as a turbulence model asks; nothing without one, and of files of before."""
+    """Whether walls were as a model of the mean flow asks; nothing without one, and of files of before."""
     applicable = result.get("applicable")
     return {} if applicable is None else {"applicable": applicable}
 
@@ -93,6 +93,9 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
         found["safety_factor"] = math.inf if factor is None else factor
         paper = verdict["judges"]["criteria"]
         found["paper"] = paper["wording"] if paper["moves"] else "no incipient motion"
+    numbers = (result.get("plan") or {}).get("numbers") or {}
+    if numbers.get("shields") is not None:
+        found["shields"] = numbers["shields"]
     bars = result.get("error_bars")
     if bars is not None and bars["safety_factor"] is not None:
         bar = bars["safety_factor"]

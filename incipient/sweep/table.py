@@ -141,7 +141,7 @@ def in_words(row: Mapping[str, Any]) -> str:
 
 
 def _of_walls(row: Mapping[str, Any]) -> str:
-    """That walls were not as a turbulence model asks; nothing where they were, or it is not known."""
+    """That walls were not as the model asks; nothing where they were, or it is not known."""
     applicable = row.get("applicable")
     return "" if applicable is None or applicable else ", walls NOT as the model asks"
 

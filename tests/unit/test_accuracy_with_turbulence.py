@@ -322,6 +322,18 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     assert "x of separation" in "\n".join(bars.lines())
 
 
+def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
+    """Over waves another one is the longest on coarser meshes, or the waves' places are one there."""
+    spans = [((1.0, 1.6), (2.0, 2.5)), ((1.02, 1.5), (2.0, 2.6)), ((1.05, 1.4), (2.0, 2.7))]
+    walls = [WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one) for one in spans]
+    finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
+    assert Term.of_difference("", finest, coarser, 1.0, "").separated == pytest.approx([0.1, 0.1])
+    far = Term.of_difference("", coarser.where_separates(finest), coarsest, 1.0, "")
+    assert far.separated == pytest.approx([0.1, 0.1])
+    whole = replace(coarser, separated=np.array([[1.0, 3.0]]))
+    assert Term.of_difference("", finest, whole, 1.0, "").separated == pytest.approx([1.4, 1.4])
+
+
 def test_a_flow_that_does_not_separate_has_no_error_bars_of_where():
     walls = WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09)
     loads = Loads.at_the_end(None, None, None, None, walls)

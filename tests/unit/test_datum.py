@@ -175,3 +175,13 @@ def test_the_wall_below_a_held_grain_is_at_the_datum():
     held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=bed, flow=crest)
     assert numbers_of(Setup(held)).reach == pytest.approx(2.5)
     assert numbers_of(Setup(scene(body=DISC))).reach == pytest.approx(0.5)
+
+
+def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
+    """tau_b = mu G in a shear flow; Re = G d^2/nu = 20, g = 10 d G^2, density 2.65; none without gravity."""
+    resting = scene(body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0))
+    found = numbers_of(Setup(resting))
+    assert found.shields == pytest.approx((1.0 / 20.0) / (1.65 * 10.0))
+    assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)
+    assert "Shields number 0.00303" in found.text()
+    assert numbers_of(Setup(scene(body=DISC))).shields is None
