@@ -12,7 +12,6 @@ from .surface import FREE
 from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
-LEVEL = ("flat", "inclined")  # kinds of beds without forms: a slope turns gravity
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
 _OTHER = 'or use turbulence.model = "k-epsilon"'
 _NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
@@ -31,17 +30,14 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
         kind = "flat" if scene.bed is None else scene.bed.kind
-        in_space, level = scene.domain.width is not None, scene.body is None and kind == "flat"
+        level = scene.body is None and kind == "flat"
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        if in_space:
-            if time is not None and time.start == "rest" and scene.moves and kind not in LEVEL:
-                why = f'is "rest", from which a grain that moves over bed forms in space {_NOT_TO_THE_WALL}'
-                yield problem("time.start", why, f'use "steady", leave domain.width out, {_OTHER}')
-            if scene.sides == "wall" and scene.turbulence and scene.turbulence.inflow == "profile":
-                why = f'is "profile", which between sides with friction {_NOT_TO_THE_WALL}'
-                yield problem("turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}')
+        walled = scene.domain.width is not None and scene.sides == "wall"
+        if walled and scene.turbulence and scene.turbulence.inflow == "profile":
+            why = f'is "profile", which between sides with friction {_NOT_TO_THE_WALL}'
+            yield problem("turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}')
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
             motion = scene.body.motion if scene.moves else ""

@@ -25,8 +25,6 @@ from incipient.scene import (
     Poiseuille,
     Scene,
     Sinusoidal,
-    Sphere,
-    SphereBed,
     Time,
     Turbulence,
     Uniform,
@@ -399,14 +397,15 @@ def test_ranks_agree(mpirun, wall):
     [
         (
             {
-                "domain": IN_SPACE,
-                "bed": SphereBed(radius=0.2, spacing=0.5),
-                "body": Sphere(diameter=0.4, x=2.0, density=2.0, motion="released"),
-                "contact": Contact(friction=0.5),
-                "gravity": Gravity(acceleration=1.0),
-                "time": Time(step=0.1, end=1.0),
+                "domain": {**IN_SPACE, "sides": "wall"},
+                "turbulence": {
+                    "inflow": "profile",
+                    "profile": ((0.1, 0.8), (0.5, 1.0)),
+                    "intensity": 0.1,
+                    "length": 0.1,
+                },
             },
-            'time.start: is "rest", from which a grain that moves over bed forms in space',
+            'turbulence.inflow: is "profile", which between sides with friction',
         ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),

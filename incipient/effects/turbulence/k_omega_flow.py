@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,11 +26,11 @@ from ...results.resolved_wall_report import ResolvedWallReport
 from ..run_part import RunPart
 from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
-from .iteration import InTime, Round, solve_steadily
+from .iteration import InTime, Moving, Round, solve_steadily
 from .k_omega_sst import KOmegaSST, Sand
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, Marching, solve_together
-from .together_in_time import FINEST, InTimeTogether
+from .together_in_time import FINEST, InTimeTogether, SetOffTogether
 
 LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
@@ -96,15 +96,10 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _begins_among_forms(self) -> bool:
-        """Whether a flow from rest begins between forms of the bed in space, where there is no k of the stream above.
-
-        Past a grain that moves off at once the eddies of the stream help the first step, which goes by turns.
-        """
+        """Whether a flow from rest begins between forms of the bed in space, without the k of the stream above."""
         geometry = self._setup.geometry
         bed = geometry.bed
-        return (
-            geometry.gdim == 3 and bed is not None and bool(np.isfinite(bed.feature)) and not geometry.moves
-        )
+        return geometry.gdim == 3 and bed is not None and bool(np.isfinite(bed.feature))
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
@@ -223,7 +218,16 @@ class KOmegaFlow(TurbulentFlow):
             return rounds
 
     def around(self, interface: Interface | None) -> InTime:
-        """In space flow and turbulence of a step are one system; in the plane, and where a grain moves, by turns."""
+        """In space flow and turbulence of a step are one system; in the plane, and where a grain moves, by turns.
+
+        Set off from rest over forms a grain has no first step by turns alone.
+        """
+        time = self._scene.time
+        from_rest = time is not None and time.start == "rest" and self._begins_among_forms
+        if from_rest and interface is not None:
+            moving = cast("Moving", interface)
+            self.in_time = SetOffTogether(self._fluid, self.fields, self._timed, moving, self._remedy)
+            return self.in_time
         if self._scene.gdim == 2 or interface is not None:
             return super().around(interface)
         self.in_time = self._fluid.holding(InTimeTogether(self._fluid, self.fields, self._timed, FINEST))

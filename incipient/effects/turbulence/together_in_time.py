@@ -58,14 +58,14 @@ class InTimeTogether(InTime):
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve for the end of a step from the last state, the fluid's state included; by turns if need be."""
-        report = self._together(length, order, tolerance)
+        report = self.together(length, order, tolerance)
         if report.converged:
             return report
         self._fluid.state.x.array[:] = self._fluid.history[0].x.array
         self.turbulence.state.x.array[:] = self.past[0]
         return super().attempt(length, order, max(tolerance, self._finest))
 
-    def _together(self, length: float, order: int, tolerance: float) -> NewtonReport:
+    def together(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve for the end of a step as one system."""
         fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
@@ -128,3 +128,23 @@ class InTimeTogether(InTime):
         """Free PETSc's memory."""
         if self._system is not None:
             self._system.destroy()
+
+
+class SetOffTogether(InTime):
+    """Turbulence in time, by turns with its flow and what moves in it, whose first step begins as one system.
+
+    Set off from rest over forms of a bed neither flow nor turbulence of the first step is found for the other one as it
+    was. Both are found as one system while all stands still, and turns with what moves begin from there. Every method
+    is collective.
+    """
+
+    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+        """Solve for the end of a step from the last state, the fluid's state included."""
+        if len(self.past) > 1:
+            return super().attempt(length, order, tolerance)
+        fluid, turbulence = self._fluid, self.turbulence
+        standing = InTimeTogether(fluid, turbulence, self._stage, FINEST)
+        if not standing.together(length, order, tolerance).converged:
+            fluid.state.x.array[:], turbulence.state.x.array[:] = fluid.history[0].x.array, self.past[0]
+        standing.destroy()
+        return super().attempt(length, order, tolerance)
