@@ -92,7 +92,9 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
     becomes = MAY_BECOME if scene.moves else {}
-    for key in sorted({*now, *before} - {*allowed, "title"}):
+    differing = {*now, *before} - {*allowed, "title"}
+    # What both have comes first: keys that only one has may be there because of another one.
+    for key in sorted(differing, key=lambda one: (None in (now.get(one), before.get(one)), one)):
         if now.get(key) in (before.get(key), becomes.get(key, ...)):
             continue
         others = [*allowed, *(f'{name} = "{value}"' for name, value in becomes.items())]
