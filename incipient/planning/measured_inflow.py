@@ -25,11 +25,8 @@ from .wall_law import WallLaw
 
 NEAREST = 1e-9  # of the depth: height that stands for none
 BISECTIONS = 60
-USUAL, CHANGED, FOUND = (
-    15.0,
-    0.9,
-    1e-9,
-)  # speed over u* to begin with; the next u* over the first; of u*, known as well
+# Speed over u* to begin with, the next u* over the first, and how well its logarithm is known.
+USUAL, CHANGED, FOUND = 15.0, 0.9, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,7 @@ class InnerLaw:
         return PchipInterpolator(self.developed.heights * self.developed.re_tau, self.developed.speed)
 
     def channel(self, shear_velocity: float, viscosity: float) -> DevelopedChannel:
-        """The developed flow whose layer at the wall that with a u* is."""
+        """The developed flow that has the layer at the wall of a flow with a u*."""
         return self.developed
 
     def velocity(self, shear_velocity: Any, viscosity: float, height: Any) -> Floats:

@@ -62,9 +62,8 @@ class ResolvedWallReport(WallReport):
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
         if self.first_cell is not None:
-            made = min(
-                self.first_cell, 2.0 * self.largest / self.mesh_size
-            )  # larger ones other cells have bounded
+            # Larger ones are bounded by other cells.
+            made = min(self.first_cell, 2.0 * self.largest / self.mesh_size)
             return f"set {FIRST_CELL} = {0.9 / self.excess * made:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
