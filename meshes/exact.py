@@ -107,6 +107,11 @@ class Ground(ExactSurface):
     finer: float = 1.0
 
     @property
+    def of_balls(self) -> bool:
+        """Whether the bed is one of balls."""
+        return self._balls is not None
+
+    @property
     def flat(self) -> bool:
         """Whether the bed is one plane."""
         return isinstance(self.region.bed, Plane)

@@ -81,9 +81,11 @@ class Outline:
                 return size, bed, found
             ends = np.cumsum([len(surface.triangles) for surface in found.values()])
             crossing = [list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
-            # A bed that crosses itself may have been folded by its first triangles: others are tried before finer ones.
-            named[bed_name] = replace(self.ground, finer=OTHERWISE ** (attempt + 1))
-            if attempt or crossing != [bed_name]:
+            # Balls that cross themselves may have been folded by their first triangles: others come before finer ones.
+            folded = crossing == [bed_name] and self.ground.of_balls
+            if folded:
+                named[bed_name] = replace(self.ground, finer=OTHERWISE ** (attempt + 1))
+            if attempt or not folded:
                 size = size.finer_at(whole.corners[wrong].mean(axis=1))
         remedy = "use a smaller numerics.mesh_size, or a wider contact.gap"
         if len(crossing) == 1:  # cells made half as large again and again have not helped

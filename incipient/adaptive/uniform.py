@@ -73,6 +73,10 @@ class UniformRefinement(Refinement):
         term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, self.kept_runs())
         return relative(self.goal, found, term.with_changes(computed.unsteady)), None
 
+    def _keep(self, attempt: Attempt, error: float | None) -> None:
+        """Keep an attempt as others do; one whose walls are not as the model asks as if it had no estimate."""
+        super()._keep(attempt, None if self._doubt and self._may_resolve else error)
+
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
         enough = not self._doubt or not self._may_resolve
         if error is not None and error <= self.asked and enough:

@@ -126,6 +126,8 @@ def on_its_own_mesh(
         except ConvergenceError as error:
             was = f"the critical flow was {found.factor:.4g} times the scene's"
             raise ConvergenceError(f"{error}; {was}") from error
+        if found.rocking is not None:
+            search.rocks(found.factor)
         own = OwnMesh(abs(flow_of(load) - flow_of(found.load)), search.trials[-1].safety_factor)
         return conclude(run, search, replace(found, own_mesh=own))
 

@@ -158,7 +158,7 @@ class CriticalSearch:
         Every flow solved says by the load of what shape, growing from nothing, the grain leaves. How that goes with
         the flow is taken from the last two.
         """
-        rocking, factor, power = self._rocking(slow), slow, 1.0
+        rocking, factor, power = self.rocks(slow), slow, 1.0
         if rocking is None or rocking.critical == 0.0:
             return None
         largest = max(LARGEST / self._reynolds, MOST_FASTER)
@@ -170,14 +170,14 @@ class CriticalSearch:
             if following > largest or not self._try(following):
                 break
             before, at = rocking.critical, factor
-            rocking, factor = self._rocking(following), following
+            rocking, factor = self.rocks(following), following
             if rocking is None or rocking.critical == 0.0:
                 break
             power = float(np.clip(np.log(before / rocking.critical) / np.log(factor / at), 1.0, 3.0))
         reason = "the grain rocks from rest to rest in all flows looked at"
         return replace(self._ended(np.inf, factor, reason), rocking=rocking)
 
-    def _rocking(self, factor: float) -> Rocking | None:
+    def rocks(self, factor: float) -> Rocking | None:
         """Rests of the grain as the load of a solved flow grows; its critical factor is noted in the trial."""
         found = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
         if found is not None:
@@ -202,6 +202,8 @@ class CriticalSearch:
     def near(self, before: Found) -> Found:
         """Search near the critical flow of another mesh, from whose load that of this mesh will differ little."""
         factor = before.factor
+        if before.rocking is not None:
+            return self._rocks_near(factor)
         while True:
             if factor not in self._states and not self._try(factor):
                 raise ConvergenceError(f"no steady flow was found at {factor:.4g} times that of the scene")
@@ -212,6 +214,17 @@ class CriticalSearch:
                 raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene")
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
                 return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
+            factor = new
+
+    def _rocks_near(self, factor: float) -> Found:
+        """The flow near a factor in which a grain that rocks leaves its pocket; loads go as the square of the speed."""
+        while True:
+            rocking = self.rocks(factor) if self._try(factor) else None
+            if rocking is None or not 0.0 < rocking.critical < np.inf:
+                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene")
+            new = factor * rocking.critical**0.5
+            if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
+                return replace(self._ended(new, new, ""), rocking=rocking)
             factor = new
 
     def load_at(self, factor: float) -> Load:

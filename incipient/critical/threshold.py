@@ -153,7 +153,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
         stress_power=2.0 if scene.is_averaged else 1.0,
         steepness=found.path.steepness(found.factor) if found.is_critical else None,
-        applicable=None if walls is None else walls.applicable,
+        applicable=walls.applicable if walls is not None and found.is_critical else None,
     )
     return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 

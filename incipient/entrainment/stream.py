@@ -106,6 +106,8 @@ class Stream:
             return asked
         flow, _ = self._in(strength)
         energy, loss = flow._energy_and_loss
+        if not loss > 0.0:
+            return None
         length = math.sqrt(20.0 * flow.setup.scene.viscosity * energy / loss)
         return length / (flow.speed * strength)
 
@@ -120,6 +122,8 @@ class Stream:
             return asked
         flow, _ = self._in(strength)
         energy, loss = flow._energy_and_loss
+        if not loss > 0.0:
+            return None
         return INTEGRAL * energy**1.5 / loss / (flow.speed * strength)
 
     @cached_property
@@ -129,9 +133,13 @@ class Stream:
 
     @cached_property
     def _energy_and_loss(self) -> tuple[float, float]:
-        """Mean k, and its loss epsilon, of the turbulence that enters at the heights of the grain."""
+        """Mean k, and its loss epsilon, of the turbulence that enters at the heights of the grain.
+
+        The loss is no number in a flow that is too slow for the law of the wall.
+        """
         _, logarithms = self._entering
-        energy, other = np.exp(logarithms(self._at_inflow))
+        with np.errstate(invalid="ignore"):
+            energy, other = np.exp(logarithms(self._at_inflow))
         loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
         return float(energy.mean()), float(loss.mean())
 

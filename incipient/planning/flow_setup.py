@@ -128,7 +128,7 @@ class Setup:
         from . import free_stream, measured_inflow, resolved_walls
 
         asked, parts = self.turbulence, (self.geometry, self.base_flow, self.sides)
-        if asked.inflow != "given" or not asked.intensity or not asked.length:
+        if self.scene.flow.kind != "uniform" or not asked.intensity or not asked.length:
             found = measured_inflow.resolved_walls_as_asked(*parts, asked)
         else:
             stream = free_stream.FreeStream.of(self.base_flow.reference, asked.intensity, asked.length)
@@ -184,7 +184,7 @@ class Setup:
         faster = self if speed == 1.0 else self.faster(speed)
         if self.resolves_walls:
             return speed * faster.resolved_walls.bed_stress
-        return float(speed * faster.walls.shear_velocity**2)
+        return float(speed * faster.walls.bed_shear_velocity**2)
 
     @property
     def wall_cell(self) -> float:

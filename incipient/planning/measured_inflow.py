@@ -25,6 +25,7 @@ from .wall_law import WallLaw
 
 NEAREST = 1e-9  # of the depth: height that stands for none
 BISECTIONS = 60
+OF_LAYER, SAMPLES = 0.05, 4000  # thickness of the layer at a wall where a uniform flow enters, over the depth
 # Speed over u* to begin with, the next u* over the first, and how well its logarithm is known.
 USUAL, CHANGED, FOUND = 15.0, 0.9, 1e-9
 
@@ -182,7 +183,8 @@ def with_profile(
     if not rows:
         return walls
     measured = MeasuredInflow.of(walls, rows, intensity, length)
-    return replace(walls, shear_velocity=max(measured.shear_velocities[: walls.number]), measured=measured)
+    at_walls = measured.shear_velocities[: walls.number]
+    return replace(walls, shear_velocity=max(at_walls), bed_shear_velocity=at_walls[0], measured=measured)
 
 
 def resolved_walls_as_asked(
@@ -193,4 +195,20 @@ def resolved_walls_as_asked(
     walls = resolved_walls_of(geometry, base_flow, names, asked.roughness, upstream=upstream)
     if why := asked.rows_beyond(walls.number, walls.depth):
         raise SceneError(why)
+    if asked.inflow == "given":
+        rows = _uniform(walls, 1.0)
+        above = (np.arange(SAMPLES) + 0.5) / SAMPLES * walls.number * walls.depth
+        uniform = with_profile(walls, rows, asked.intensity, asked.length).measured
+        assert uniform is not None
+        rows = _uniform(walls, walls.mean / float(uniform.speed(above).mean()))
+        found = with_profile(walls, rows, asked.intensity, asked.length)
+        return replace(found, bed_shear_velocity=walls.shear_velocity)
     return with_profile(walls, asked.profile, asked.intensity, asked.length)
+
+
+def _uniform(walls: ResolvedWalls, speed: float) -> Rows:
+    """Rows of a uniform flow of a speed over the reference velocity, from where the layers at walls end."""
+    # Rows near each other next to the layer: speeds between two of them overshoot by less than 1%.
+    near, whole = OF_LAYER * walls.depth * 1.3 ** np.arange(9), walls.number * walls.depth
+    far = whole - near[::-1] if walls.number == 2 else [whole]
+    return tuple((float(height), speed) for height in (*near, *far))

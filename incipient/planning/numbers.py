@@ -62,7 +62,7 @@ def numbers_of(setup: Setup) -> Numbers:
         speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if setup.has_bed_stress:
+        if setup.has_bed_stress and base_flow.gust is None:
             stress = setup.bed_stress()
             of_shear = math.sqrt(stress) * grain.size / viscosity
             weighs = scene.density is not None and scene.density > 1.0 and scene.gravity is not None

@@ -67,7 +67,8 @@ class ResolvedWalls:
                     the thickness of its boundary layer at the end, by which `developed` is a start
     number:         of walls above each other at the inflow, one or two
     floor:          height of the lower one there
-    shear_velocity: u* of what enters
+    shear_velocity: u* of what enters, of two walls the larger one
+    bed_shear_velocity: at the lower wall, of a uniform flow that enters the one to which it develops; None: likewise
     mean:           reference velocity; viscosity: kinematic
     plane:          whether all walls are planes: no bed forms, no grain
     names:          of the boundaries that are walls
@@ -103,6 +104,7 @@ class ResolvedWalls:
     sides: tuple[float, ...] = ()
     duct: DevelopedDuct | None = None
     first_cell: float | None = None
+    bed_shear_velocity: float | None = None
 
     @property
     def is_laminar(self) -> bool:
@@ -118,7 +120,7 @@ class ResolvedWalls:
     def bed_stress(self) -> float:
         """Shear stress of what enters on the lower wall, fluid density one; between sides that in the middle."""
         if self.duct is None:
-            return self.shear_velocity**2
+            return (self.bed_shear_velocity or self.shear_velocity) ** 2
         return float(self.duct.stresses[1][-1] * self.mean**2)
 
     @property

@@ -20,7 +20,8 @@ class LayeredWalls:
     law: WallLaw
     depth: float  # over which a wall is felt: that of an open channel, half of that between two walls
     distance: float  # of the mesh's boundary from the wall
-    shear_velocity: float  # estimated
+    shear_velocity: float  # estimated, of two walls the larger one
+    bed_shear_velocity: float  # at the lower wall
     number: int  # of walls, one or two
     # floor, top: heights at the inflow of the wall below, and of what is above
     floor: float
@@ -90,11 +91,13 @@ def walls_of(
     for _ in range(50):
         mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
         shear_velocity = base_flow.reference / max(mean, LEAST)
+    of_walls = np.array([shear_velocity])
     if rows:
         nearest = [rows[0][:2], (number * depth - rows[-1][0], rows[-1][1])][:number]
         away, speed = np.array(nearest).T
         if (away > 0.0).all():  # rows beyond a wall are refused
-            shear_velocity = float(law.shear_velocity(speed * base_flow.reference, viscosity, away).max())
+            of_walls = law.shear_velocity(speed * base_flow.reference, viscosity, away)
+    shear_velocity = float(of_walls.max())
     distance = distance or law.suitable(shear_velocity, viscosity)
     floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
     return LayeredWalls(
@@ -102,6 +105,7 @@ def walls_of(
         depth=depth,
         distance=distance,
         shear_velocity=shear_velocity,
+        bed_shear_velocity=float(of_walls[0]),
         number=number,
         floor=floor,
         top=top,

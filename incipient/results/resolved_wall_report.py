@@ -8,6 +8,7 @@ from ..arrays import Floats
 from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
 SEPARATIONS = "separation_above", "separation_below"  # columns of the history
+BOUNDED = 0.5  # thickness of the thickest cell over that asked for, below which others have decided it
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class ResolvedWallReport(WallReport):
 
     @property
     def by_cells(self) -> bool:
-        """Whether smaller cells resolve walls: not where the first ones are given."""
-        return self.first_cell is None
+        """Whether smaller cells resolve walls."""
+        return True
 
     @property
     def unsuited(self) -> str:
@@ -62,8 +63,9 @@ class ResolvedWallReport(WallReport):
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
         if self.first_cell is not None:
-            # Larger ones are bounded by other cells.
-            made = min(self.first_cell, 2.0 * self.largest / self.mesh_size)
+            made, found = self.first_cell, self.largest / self.mesh_size
+            if found < BOUNDED * made:
+                made = found  # which other cells have bounded
             return f"set {FIRST_CELL} = {0.9 / self.excess * made:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 

@@ -34,9 +34,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        walled = scene.domain.width is not None and scene.sides == "wall"
-        if walled and scene.turbulence and scene.turbulence.inflow == "profile":
-            why = f'is "profile", which between sides with friction {_NOT_TO_THE_WALL}'
+        walled, asked = scene.domain.width is not None and scene.sides == "wall", scene.turbulence
+        if walled and asked is not None and asked.inflow != "developed":
+            why = f'is "{asked.inflow}", which between sides with friction {_NOT_TO_THE_WALL}'
             yield problem("turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}')
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
@@ -57,9 +57,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     else:
         yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
-        if scene.resolves_walls and scene.turbulence and scene.turbulence.inflow == "given":
-            why = f'"given" in a channel {_NOT_TO_THE_WALL}'
-            yield problem("turbulence.inflow", why, f'use "developed", flow.kind = "uniform", {_OTHER}')
         if scene.leading_edge is not None:
             yield problem("bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE)
     if not scene.fluid.inertia or effects.inertia is False:

@@ -96,7 +96,6 @@ def test_a_plate_is_that_of_two_programs():
             {"domain": Domain(length=2.0, height=1.0, origin=(-0.5, 0.0), top="wall")},
             'domain.top: "wall" contradicts a uniform stream',
         ),
-        ({"flow": OpenChannel(), "bed": Flat()}, 'turbulence.inflow: "given" in a channel is not simulated'),
         ({"time": Time(end=1.0, step=0.1)}, "time: along a plate is not simulated by this version"),
         (
             {"numerics": Numerics(accuracy=0.01)},

@@ -10,6 +10,7 @@ from one_dimensional import k_omega_channel
 import incipient
 from incipient.errors import SceneError
 from incipient.planning.developed_channel import of_discharge
+from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Contact,
     Disc,
@@ -179,13 +180,29 @@ def test_an_accuracy_is_reached():
     assert result.turbulence.shear_velocities == pytest.approx(best, rel=0.003)
 
 
-def test_an_accuracy_is_not_reached_where_walls_are_not_resolved():
-    """Cells eight wall units thick: all meshes agree, as none of them resolves the walls."""
-    thick = Turbulence(model="k-omega-sst", first_cell=8.0)
+@pytest.mark.slow
+def test_a_uniform_flow_develops_to_that_which_stays():
+    """160 depths after the inflow u* is the developed flow's, within 1%."""
+    given = Turbulence(model="k-omega-sst", inflow="given", intensity=0.05, length=0.1)
+    found = incipient.run(channel(9900.0, length=160.0, mesh_size=2.0, turbulence=given)).turbulence
+    developed = Setup(channel(9900.0)).resolved_walls.shear_velocity
+    assert found.at_outflow == pytest.approx(developed, rel=0.01)
+
+
+def test_an_accuracy_is_reached_where_walls_are_resolved():
+    """Cells of four wall units for mesh_size = 1: on coarse meshes all agree, as none of them resolves the walls."""
+    thick = Turbulence(model="k-omega-sst", first_cell=4.0)
     result = incipient.run(channel(20000.0, turbulence=thick, numerics=Numerics(order=2, accuracy=0.2)))
-    assert not result.turbulence.applicable
-    assert not result.adaptation.met
-    assert result.adaptation.reason.startswith("not known to be reached: NOT RESOLVED")
+    assert result.turbulence.applicable and result.adaptation.met
+    assert result.turbulence.mesh_size < 1.0
+
+
+def test_an_accuracy_is_not_reached_where_the_law_of_the_wall_does_not_hold():
+    """y+ of 1000: smaller cells change nothing of that."""
+    far = Turbulence(model="k-epsilon", wall_distance=0.1)
+    result = incipient.run(channel(2e5, turbulence=far, numerics=Numerics(order=2, accuracy=0.2)))
+    assert not result.turbulence.applicable and not result.adaptation.met
+    assert result.adaptation.reason.startswith("not known to be reached: NOT APPLICABLE")
 
 
 def test_a_steady_flow_stays_in_time():
@@ -408,7 +425,6 @@ def test_ranks_agree(mpirun, wall):
             'turbulence.inflow: is "profile", which between sides with friction',
         ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
-        ({"turbulence": {"inflow": "given", "intensity": 0.1, "length": 0.1}}, "turbulence.inflow"),
         ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
     ],
 )
@@ -441,8 +457,6 @@ def test_loads_below_a_rough_stream_follow_the_speed_that_enters():
 
     What enters has V/u* of the same model over sand in one dimension, within 0.2%.
     """
-    from incipient.planning.flow_setup import Setup
-
     loads, speeds = [], []
     for sand in (0.0, 1.0):
         model = Turbulence(model="k-omega-sst", upstream_roughness=sand)

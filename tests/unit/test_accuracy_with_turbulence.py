@@ -103,11 +103,11 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
 
 
 def test_cells_that_were_not_made_by_the_first_cell_are_not_to_be_in_proportion_to_it():
-    """Asked for as 50, bounded by other cells to 11.3, 4.5 times what it may be: 4.5 will do, not 10."""
+    """Asked for as 50, bounded by other cells to 11.3, 4.5 times what it may be: 2.3 will do, not 10."""
     walls = ResolvedWallReport(
         0.01, 0.2, 11.3, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=0.3, excess=4.5, first_cell=50.0
     )
-    assert walls.remedy == "set turbulence.first_cell = 4.5"
+    assert walls.remedy == "set turbulence.first_cell = 2.3"
     assert replace(walls, first_cell=5.0).remedy == "set turbulence.first_cell = 1"
 
 

@@ -226,7 +226,7 @@ BOUNDS = {
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
     "files beyond its folder that name turbulence": 23,
-    "lines": 69_500,
+    "lines": 69_600,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)

@@ -9,11 +9,13 @@ from incipient.planning.measured_inflow import LawOfSand, resolved_walls_as_aske
 from incipient.planning.measured_profile import Measured
 from incipient.scene import Domain, Effects, Fluid, OpenChannel, Poiseuille, Scene, Turbulence
 
+GIVEN = Turbulence(model="k-omega-sst", inflow="given", intensity=0.05, length=0.1)
 
-def scene(turbulence, flow=None, domain=None):
+
+def scene(turbulence, flow=None, domain=None, reynolds=20000.0):
     return Scene(
         domain=domain or Domain(length=6.0, height=1.0),
-        fluid=Fluid(reynolds=20000.0, scale="flow"),
+        fluid=Fluid(reynolds=reynolds, scale="flow"),
         flow=flow or OpenChannel(),
         effects=Effects(turbulence=True),
         turbulence=turbulence,
@@ -83,13 +85,29 @@ def test_a_row_over_rough_sand_has_the_shear_velocity_of_the_law_of_nikuradse(ov
     assert found == pytest.approx([1.0], rel=0.06)
 
 
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+def test_a_uniform_flow_enters_beyond_thin_layers_at_walls(flow):
+    """Its mean is V, its k 3/2 of the square of the intensity, its mixing length as given or kappa y."""
+    walls = Setup(scene(GIVEN, flow)).resolved_walls
+    x = np.zeros((3, 4001))
+    x[1] = (np.arange(4001) + 0.5) / 4001
+    speed = walls.velocity(x, 0.0)[0]
+    assert speed.mean() == pytest.approx(1.0, rel=2e-3)
+    beyond = walls.from_next(x) > 0.06 * walls.depth
+    assert speed[beyond] == pytest.approx(np.full(beyond.sum(), 1.008), rel=0.01)
+    middle = np.array([[0.0], [0.5], [0.0]])
+    log_k, log_omega = walls.logarithms(middle)
+    assert np.exp(log_k) == pytest.approx(1.5 * 0.05**2, rel=0.05)
+    assert np.exp(0.5 * log_k - log_omega) / 0.09**0.25 == pytest.approx(0.1, rel=1e-6)
+
+
 def test_what_is_not_simulated_is_refused():
     rows = [[0.1, 0.8], [0.5, 1.0]]
-    with pytest.raises(SceneError, match=r'inflow: "given" in a channel'):
-        scene(Turbulence(model="k-omega-sst", inflow="given", intensity=0.1, length=0.1))
     sides = {"width": 2.0, "sides": "wall"}
     with pytest.raises(SceneError, match='inflow: is "profile", which between sides with friction'):
         scene(asked(rows), domain=Domain(length=6.0, height=1.0, **sides))
+    with pytest.raises(SceneError, match='inflow: is "given", which between sides with friction'):
+        scene(GIVEN, domain=Domain(length=6.0, height=1.0, **sides))
     with pytest.raises(SceneError, match=r"has a row at 1\.2"):
         from incipient.effects.plan import make_plan
 
@@ -114,3 +132,20 @@ def entering_rows(setup):
     """The measured rows between walls with wall functions."""
     asked_for = setup.turbulence
     return Measured.of(setup.walls, asked_for.profile, asked_for.intensity, asked_for.length, asked_for.c_mu)
+
+
+@pytest.mark.parametrize("model", ["k-omega-sst", "k-epsilon"])
+def test_the_stress_on_the_bed_is_that_of_the_lower_row(model):
+    """Between walls, below a profile that is fast at the upper one; cells are made for the larger u*."""
+    rows = [[0.1, 0.5], [0.5, 1.0], [0.9, 1.0]]
+    between = Setup(scene(asked(rows, model=model), Poiseuille(), reynolds=2e5))
+    below = Setup(scene(asked(rows, model=model), reynolds=2e5))
+    assert between.bed_stress() == pytest.approx(below.bed_stress(), rel=0.02)
+    walls = between.resolved_walls if model == "k-omega-sst" else between.walls
+    assert walls.shear_velocity**2 > 2.0 * between.bed_stress()
+
+
+def test_the_stress_on_the_bed_below_a_uniform_flow_that_enters_is_that_to_which_it_develops():
+    found, developed = (Setup(scene(one)) for one in (GIVEN, Turbulence(model="k-omega-sst")))
+    assert found.bed_stress() == pytest.approx(developed.bed_stress(), rel=1e-9)
+    assert found.resolved_walls.shear_velocity**2 > 1.5 * found.bed_stress()

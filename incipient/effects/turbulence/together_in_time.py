@@ -16,7 +16,8 @@ from .coupled_flow import CoupledFlow, bound
 from .fields import LARGEST_CORRECTION, TurbulenceFields
 from .iteration import InTime, relative_change
 
-MOST_CORRECTIONS = 20
+# In a step, in the first one from rest over forms, and of these how many are made whole however large they are.
+MOST_CORRECTIONS, MOST_FROM_REST, WHOLE_FROM_REST = 20, 40, 5
 # Size of corrections that is small enough also where a flow hardly changes; of the tolerance, what counts as none; and
 # the weight of logarithms beside it: at a few nodes they go to and fro for ever, as in steps of pseudo-time.
 FINEST, NONE, OF_LOGARITHMS = 1e-6, 0.3, 0.01
@@ -40,6 +41,12 @@ class InTimeTogether(InTime):
 
     Args:
         finest: what the tolerance of a step is not below.
+        from_rest: whether the step is the first one, set off from rest over forms of a bed. Its corrections are found
+            as one system from the start, and after some only half of each is made while they are large: limiters at
+            nodes between the forms take turns.
+
+    Attributes:
+        last: size of the last correction.
     """
 
     def __init__(
@@ -48,12 +55,14 @@ class InTimeTogether(InTime):
         turbulence: TurbulenceFields,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
         finest: float = 0.0,
+        from_rest: bool = False,
     ):
         super().__init__(fluid, turbulence, stage)
         self._system: CoupledFlow | None = None  # made at the first step: the steady start has one of its own
         self._aged, self._contraction = True, Contraction()
         # Sizes of the first correction of the step before, of the last one, and of the first; infinite: there is none.
-        self._first = self._last = self._begun = float("inf")
+        self._first = self.last = self._begun = float("inf")
+        self._from_rest, self._made = from_rest, 0
         self._finest = self._tolerance = finest
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
@@ -74,7 +83,7 @@ class InTimeTogether(InTime):
             fluid.state.x.array[:] = before
         elif order == 2:
             turbulence.state.x.array[:] -= (rate[1] * length + 1.0) * (self.past[0] - self.past[1])
-        self._last, self._tolerance = np.inf, max(tolerance, self._finest)
+        self.last, self._tolerance = np.inf, max(tolerance, self._finest)
         known = self._contraction if self._first <= NEAR else None
         with self._stage():
             self._system = self._system or CoupledFlow(fluid, turbulence, in_time=True)
@@ -82,10 +91,8 @@ class InTimeTogether(InTime):
             compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
             turbulence.impose()
             turbulence.discretise_time(rate, (self.past[0], self.past[-1]))
-            report = solve_by_chords(
-                self,
-                *(self._tolerance, MOST_CORRECTIONS, fluid.watch, self._aged, known),
-            )
+            most = MOST_FROM_REST if self._from_rest else MOST_CORRECTIONS
+            report = solve_by_chords(self, *(self._tolerance, most, fluid.watch, self._aged, known))
         self._first = self._begun if report.converged else np.inf
         turbulence.look()
         self._contraction = report.contraction
@@ -98,17 +105,20 @@ class InTimeTogether(InTime):
         fluid, turbulence = self._fluid, self.turbulence
         assert self._system is not None
         try:
-            known = min(self._first, self._last)
-            of_flow, of_logarithms = self._system.next_correction(fresh or known > FAR, by_turns=known > NEAR)
+            known = min(self._first, self.last)
+            by_turns = known > NEAR and not self._from_rest
+            of_flow, of_logarithms = self._system.next_correction(fresh or known > FAR, by_turns=by_turns)
         except ConvergenceError:
             return float("inf")
         bound(fluid, of_flow)
         of_both = relative_change(fluid, of_flow), turbulence.of_most(of_logarithms)
         if (size := max(of_both)) < LOST:
-            part = 1.0 if size < SLOW * self._last else 0.5
-            if not np.isfinite(self._last):
+            self._made += 1
+            halved = self._from_rest and self._made > WHOLE_FROM_REST and size > NEAR
+            part = 0.5 if halved or size >= SLOW * self.last else 1.0
+            if not np.isfinite(self.last):
                 self._begun = size
-            self._first, self._last = np.inf, size
+            self._first, self.last = np.inf, size
             bounded = np.clip(of_logarithms, -LARGEST_CORRECTION, LARGEST_CORRECTION)
             self._system.carry_out(part * of_flow, part * bounded)
         found = max(of_both[0], OF_LOGARITHMS * of_both[1]) if size < LOST else np.inf
@@ -143,8 +153,14 @@ class SetOffTogether(InTime):
         if len(self.past) > 1:
             return super().attempt(length, order, tolerance)
         fluid, turbulence = self._fluid, self.turbulence
-        standing = InTimeTogether(fluid, turbulence, self._stage, FINEST)
-        if not standing.together(length, order, tolerance).converged:
+        standing = InTimeTogether(fluid, turbulence, self._stage, FINEST, from_rest=True)
+        near = standing.together(length, order, tolerance).converged or standing.last < NEAR
+        if not near:
             fluid.state.x.array[:], turbulence.state.x.array[:] = fluid.history[0].x.array, self.past[0]
         standing.destroy()
         return super().attempt(length, order, tolerance)
+
+    def complaint(self) -> str:
+        """Why the last attempt failed, and a remedy."""
+        said = super().complaint()
+        return said if len(self.past) > 1 else f'{said}; from rest over bed forms use time.start = "steady"'
