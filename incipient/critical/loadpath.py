@@ -137,11 +137,12 @@ class LoadPath:
         return 1.0 / value if value > 0.0 else np.inf
 
     def steepness(self, factor: float) -> float:
-        """-d log S / d log factor along the path; infinite where S jumps."""
+        """-d log S / d log factor along the path; infinite where S jumps, or is zero as that of a grain that rocks."""
         step = 1e-3
         low, high = (self.judged(factor * (1.0 + sign * step)).value for sign in (-1.0, 1.0))
-        with np.errstate(divide="ignore"):
-            return float(np.log(low) - np.log(high)) / (2.0 * step)
+        if not (low > 0.0 and high > 0.0):
+            return math.inf
+        return math.log(low / high) / (2.0 * step)
 
     def _logarithm(self, factor: float) -> float:
         """log S, within bounds."""
