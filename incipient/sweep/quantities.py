@@ -95,7 +95,7 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
         found["paper"] = paper["wording"] if paper["moves"] else "no incipient motion"
     numbers = (result.get("plan") or {}).get("numbers") or {}
     if numbers.get("shields") is not None:
-        found["shields"] = numbers["shields"]
+        found["flow_shields"] = numbers["shields"]  # `shields` is critical
     bars = result.get("error_bars")
     if bars is not None and bars["safety_factor"] is not None:
         bar = bars["safety_factor"]

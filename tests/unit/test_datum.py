@@ -25,6 +25,7 @@ from incipient.scene import (
     dumps,
     loads,
 )
+from incipient.sweep.quantities import quantities
 
 HEIGHTS = np.linspace(0.0, 6.0, 6001)
 PHASES = np.linspace(0.0, 1.2, 5)
@@ -185,3 +186,5 @@ def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
     assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)
     assert "Shields number 0.00303" in found.text()
     assert numbers_of(Setup(scene(body=DISC))).shields is None
+    row = quantities("run", {"verdict": None, "plan": {"numbers": {"shields": found.shields}}})
+    assert row == {"flow_shields": found.shields}  # `shields` is the critical one of thresholds
