@@ -5,8 +5,9 @@ touch, in water. Its velocity is that of the stream which enters at the height o
 Shreve (2007, J. Geophys. Res. 112, F02003) measured the drag on a sphere near a gravel bed.
 
 Cost:    two to five minutes of one core for each row
-Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 1300:2.2:1 2600:1.5 2600:2.2:1 2600:1.6:1 3437:2.2:1], Reynolds numbers
-         by mean speed and diameter with mesh sizes, and the sand roughness of the bed upstream [d] if it is rough
+Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 1300:2.2:1 2600:1.5 2600:2.2:1 2600:1.6:1 3437:2.2:1],
+         Reynolds numbers by mean speed and diameter with mesh sizes, and the sand roughness of the bed upstream [d] if
+         it is rough
 Results: benchmarks/bead_in_turbulence.json, a row for each; the table in docs/beads.md; quartiles of the measured drag
 """
 
