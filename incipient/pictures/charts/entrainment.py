@@ -26,14 +26,16 @@ def _figure(stored: dict[str, Any]) -> Figure:
     axes = figure.add_subplot()
     names = ("shields", "probability", "low", "high")
     shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
-    axes.fill_between(
-        shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="its range by all errors"
-    )
-    axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
     given = stored["quantiles"]
+    errors = (
+        "all errors" if all(one["error"] is not None for one in given) else "known errors, not the flow's"
+    )
+    looks: style.Looks = {"color": style.FLOW, "alpha": 0.25, "linewidth": 0.0}
+    axes.fill_between(shields, low, high, label=f"its range by {errors}", **looks)
+    axes.plot(shields, found, color=style.FLOW, label="probability of motion at an instant")
     places, heights = ([one[name] for one in given] for name in ("shields", "probability"))
-    looks: style.Looks = {"fmt": "o", "color": style.INK, "markersize": 4, "capsize": 3}
-    axes.errorbar(places, heights, xerr=_errors(given), label="with all errors", **looks)
+    looks = {"fmt": "o", "color": style.INK, "markersize": 4, "capsize": 3}
+    axes.errorbar(places, heights, xerr=_errors(given), label=f"with {errors}", **looks)
     looks = {"color": style.PUSH, "linestyle": "--", "linewidth": 0.9}
     axes.axvline(stored["threshold"]["shields"], label="a steady flow moves it above", **looks)
     if stored["data"]:
