@@ -43,9 +43,10 @@ test-debian13: ## the default tests on Debian 13, in a directory of its own (as 
 test-wheel: ## the default tests with the dolfinx that PyPI has, on Debian 13's Python (as root)
 	.ci/debian13 wheel $(ARGS)
 
-lint: setup ## ruff: rules and format
+lint: setup ## ruff: rules and format; import-linter: layers
 	$(PYTHON) -m ruff check
 	$(PYTHON) -m ruff format --check
+	.venv/bin/lint-imports --no-logo
 
 types: setup ## mypy
 	$(PYTHON) -m mypy

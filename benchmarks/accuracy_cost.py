@@ -76,7 +76,9 @@ def main() -> int:
     """Make the studies that are asked for, then the page from all there are."""
     parser = argparse.ArgumentParser(description="What accuracy costs, on the demos.")
     parser.add_argument("--only", action="append", choices=[scene.name for scene in SCENES])
-    parser.add_argument("--page", action="store_true", help="write the page from the studies there are")
+    parser.add_argument(
+        "--page", action="store_true", help="write the page from the studies there are"
+    )
     parser.add_argument(
         "--ship", action="store_true", help="let the program come with this machine's calibration"
     )
@@ -94,7 +96,10 @@ def ship() -> int:
     """Write what `incipient calibrate` has found on this machine where the program keeps what it comes with."""
     scenes = {calibration.digest(scene) for scene in builtin().values()}
     found = {digest: known for digest, known in calibration.read().items() if digest in scenes}
-    lines = [f"{json.dumps(digest)}: {json.dumps(one)}" for digest, one in calibration.plain(found).items()]
+    lines = [
+        f"{json.dumps(digest)}: {json.dumps(one)}"
+        for digest, one in calibration.plain(found).items()
+    ]
     write_text_atomically(calibration.SHIPPED, "{\n" + ",\n".join(lines) + "\n}\n")
     return 0
 
@@ -102,7 +107,16 @@ def ship() -> int:
 def study(scene: Scene) -> None:
     """Make the study of a scene, or finish it, and take its picture into the docs."""
     directory, path = STUDIES / scene.name, ROOT / "demos" / "scenes" / f"{scene.name}.toml"
-    command = [sys.executable, "-m", "incipient", "cost", str(path), "--out", str(directory), *scene.options]
+    command = [
+        sys.executable,
+        "-m",
+        "incipient",
+        "cost",
+        str(path),
+        "--out",
+        str(directory),
+        *scene.options,
+    ]
     print(f"--- {scene.name}", file=sys.stderr, flush=True)
     subprocess.run(command, cwd=ROOT, check=True)
 
@@ -136,7 +150,9 @@ def _brief(part: str) -> str:
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
     if part.startswith("The error is "):
         said, _, good = part.removeprefix("The error is ").partition("). ")[0].partition(" (")
-        said = said.replace("largest of the relative errors", "largest relative error").removeprefix("the ")
+        said = said.replace(
+            "largest of the relative errors", "largest relative error"
+        ).removeprefix("the ")
         return f"Error: {said} ({good.rpartition('itself ')[2]})."
     return part
 
@@ -147,7 +163,9 @@ def _listed(table: str) -> str:
     ends = [(cells[1], cells[-1]) for cells in rows]
     return (
         "\n".join(
-            f"- {cells[0]}: {time} {run}" if time.startswith("x ") else f"- {cells[0]}: {time} ({run})"
+            f"- {cells[0]}: {time} {run}"
+            if time.startswith("x ")
+            else f"- {cells[0]}: {time} ({run})"
             for cells, (time, run), following in zip(rows, ends, [*ends[1:], None], strict=True)
             if (time, run) != following
         )

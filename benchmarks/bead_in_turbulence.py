@@ -76,7 +76,9 @@ error_bars = false
 """
 
 
-def computed(reynolds: float, size: float, upstream: float = 0.0, gap: float = 0.05) -> dict[str, Any]:
+def computed(
+    reynolds: float, size: float, upstream: float = 0.0, gap: float = 0.05
+) -> dict[str, Any]:
     """Loads on the bead and its verdict in a stream of a Reynolds number by mean speed and diameter.
 
     upstream: equivalent sand roughness of the bed upstream [d]
@@ -121,7 +123,10 @@ def bins() -> list[tuple[float, float, float, float]]:
     for low, high in pairwise(edges):
         chosen = (speeds >= low) & (speeds <= high)
         found.append(
-            (float(speeds[chosen].mean()), *map(float, np.quantile(drags[chosen], (0.25, 0.5, 0.75))))
+            (
+                float(speeds[chosen].mean()),
+                *map(float, np.quantile(drags[chosen], (0.25, 0.5, 0.75))),
+            )
         )
     return found
 
@@ -130,7 +135,9 @@ def balanced(drag: float = 0.76, lift: float = 0.85 * 0.76, protrusion: float = 
     """Speed [m/s] at which a balance of forces with assumed coefficients lets the bead go (benchmarks/shields.py)."""
     angle = math.acos(1.0 - 2.0 * protrusion)
     exposed, whole = 0.25 * (angle - math.sin(angle) * math.cos(angle)), 0.25 * math.pi
-    friction = (1.0 / math.sqrt(3.0)) / math.sqrt(8.0 / 3.0)  # of the pivot between two equal spheres
+    friction = (1.0 / math.sqrt(3.0)) / math.sqrt(
+        8.0 / 3.0
+    )  # of the pivot between two equal spheres
     weight = math.pi / 3.0 * GRAVITY * DIAMETER * (DENSITY - 1.0) * friction
     return math.sqrt(weight / (drag * exposed + friction * lift * whole))
 
@@ -175,10 +182,15 @@ def main() -> None:
         rows[upstream, reynolds, -size] = computed(reynolds, size, upstream)
         STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
     before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
-    PAGE.write_text(f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}")
+    PAGE.write_text(
+        f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}"
+    )
     print(f"balance of forces: {balanced():.3f} m/s")
     print(
-        *(f"{speed:.3f} m/s: {low:.2f}, {middle:.2f}, {high:.2f}" for speed, low, middle, high in bins()),
+        *(
+            f"{speed:.3f} m/s: {low:.2f}, {middle:.2f}, {high:.2f}"
+            for speed, low, middle, high in bins()
+        ),
         sep="\n",
     )
 

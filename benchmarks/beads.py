@@ -29,9 +29,15 @@ TERMS = ("discretisation", "gap", "domain", "level ground")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
-STUDY = [(kind, spacing, 1.0) for kind in ("square", "triangular") for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)]
+STUDY = [
+    (kind, spacing, 1.0)
+    for kind in ("square", "triangular")
+    for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)
+]
 STUDY += [(kind, 1.0, size) for kind in ("square", "triangular") for size in (0.5, 0.7, 1.4, 2.0)]
-STUDY += [("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 240.0)]
+STUDY += [
+    ("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 240.0)
+]
 COLOURS = {"square": "#2166ac", "triangular": "#b2182b"}
 AROUND = {
     "square": 1 / 2,
@@ -50,7 +56,9 @@ def row_of(directory: Path) -> Row:
     share, bars = found["shields"] / found["factor"], found["error_bars"]
     unit = found["factor"] * scene.viscosity * scene.flow.rate * size**2  # type: ignore[union-attr]
     ahead = max(at["normals"], key=lambda normal: normal[0])
-    terms = {name: share * (bars["factor"]["terms"].get(name, nan) if bars else nan) for name in TERMS}
+    terms = {
+        name: share * (bars["factor"]["terms"].get(name, nan) if bars else nan) for name in TERMS
+    }
     return {
         "arrangement": bed.arrangement,  # type: ignore[union-attr]
         "spacing": bed.spacing / (2.0 * bed.radius),  # type: ignore[union-attr]
@@ -71,7 +79,11 @@ def row_of(directory: Path) -> Row:
 
 def gather(results: Path) -> list[Row]:
     """The rows of all beads there is a threshold of, in order; errors that were not estimated are nan."""
-    found = [path for path in results.glob("bead_*/threshold.json") if json.loads(path.read_text())["factor"]]
+    found = [
+        path
+        for path in results.glob("bead_*/threshold.json")
+        if json.loads(path.read_text())["factor"]
+    ]
     rows = [row_of(path.parent) for path in found]
     return sorted(rows, key=lambda row: tuple(row[name] for name in KEY))
 
@@ -106,7 +118,9 @@ def figures(rows: list[Row]) -> None:
     figure, axes = _axes("spacing of the bed's spheres over their diameter")
     _series(axes, rows, "spacing")
     for kind, colour in COLOURS.items():
-        scale = next((r for r in rows if r["arrangement"] == kind and r["size"] == r["spacing"] == 1.0), None)
+        scale = next(
+            (r for r in rows if r["arrangement"] == kind and r["size"] == r["spacing"] == 1.0), None
+        )
         if scale is None:
             continue
         s = np.linspace(1.0, min(1.4, sqrt(0.75 / AROUND[kind])), 60)
@@ -133,16 +147,28 @@ def figures(rows: list[Row]) -> None:
 def with_inertia(rows: list[Row]) -> None:
     """Shields number of an equal bead on touching spheres of a triangular substrate against the Reynolds number."""
     picked = [
-        row for row in rows if row["arrangement"] == "triangular" and row["spacing"] == row["size"] == 1.0
+        row
+        for row in rows
+        if row["arrangement"] == "triangular" and row["spacing"] == row["size"] == 1.0
     ]
     figure, axes = _axes("Reynolds number of the shear and the bead, $G d^2/\\nu$")
     creeping = next(row["shields"] for row in picked if not row["reynolds"])
     axes.axhline(creeping, color="#555a61", lw=1.0, ls=":", label="creeping flow")
     moving = [row for row in picked if row["reynolds"]]
-    place, value, error = (np.array([row[key] for row in moving]) for key in ("reynolds", "shields", "error"))
+    place, value, error = (
+        np.array([row[key] for row in moving]) for key in ("reynolds", "shields", "error")
+    )
     colour = COLOURS["triangular"]
     axes.errorbar(
-        place, value, error, fmt="o-", ms=4, lw=1.2, capsize=3, color=colour, label="triangular substrate"
+        place,
+        value,
+        error,
+        fmt="o-",
+        ms=4,
+        lw=1.2,
+        capsize=3,
+        color=colour,
+        label="triangular substrate",
     )
     axes.set(xscale="log", ylim=(0.0, None))
     axes.set_title("An equal bead on spheres that touch, with inertia", fontsize=10)
@@ -165,12 +191,20 @@ def _axes(along: str) -> tuple[Figure, Axes]:
 def _series(axes: Axes, rows: list[Row], name: str) -> None:
     other = next(key for key in TOUCHING if key != name)
     for kind, colour in COLOURS.items():
-        picked = [row for row in rows if row["arrangement"] == kind and row[other] == TOUCHING[other]]
+        picked = [
+            row for row in rows if row["arrangement"] == kind and row[other] == TOUCHING[other]
+        ]
         picked.sort(key=lambda row: float(row[name]))
-        place, value, error = (np.array([row[key] for row in picked]) for key in (name, "shields", "error"))
-        axes.plot(place, value, "o-", ms=4, lw=1.2, mfc="white", color=colour, label=f"{kind} substrate")
+        place, value, error = (
+            np.array([row[key] for row in picked]) for key in (name, "shields", "error")
+        )
+        axes.plot(
+            place, value, "o-", ms=4, lw=1.2, mfc="white", color=colour, label=f"{kind} substrate"
+        )
         known = np.isfinite(error)
-        axes.errorbar(place[known], value[known], error[known], fmt="o", ms=4, capsize=3, color=colour)
+        axes.errorbar(
+            place[known], value[known], error[known], fmt="o", ms=4, capsize=3, color=colour
+        )
 
 
 def _save(figure: Figure, axes: Axes, name: str) -> None:
@@ -207,7 +241,9 @@ def table_with_inertia(rows: list[Row]) -> str:
     for row in rows:
         if row["reynolds"]:
             loads = [f"{row[name]:.2f}" for name in ("drag", "lift", "couple")]
-            lines.append("| " + " | ".join([f"{row['reynolds']:.3g}", _with_error(row), *loads]) + " |")
+            lines.append(
+                "| " + " | ".join([f"{row['reynolds']:.3g}", _with_error(row), *loads]) + " |"
+            )
     return "\n".join(lines)
 
 

@@ -30,9 +30,15 @@ from incipient.scene import Scene, loads
 STORED = Path(__file__).parent / "calibration.json"
 PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
 BEGIN, END = "<!-- calibration: begin -->", "<!-- calibration: end -->"
-CLOSER, LARGER = 0.125, {2: 4.0, 3: 1.5}  # gap and domain of the true loads, over those of the scene
+CLOSER, LARGER = (
+    0.125,
+    {2: 4.0, 3: 1.5},
+)  # gap and domain of the true loads, over those of the scene
 SMALLEST_GAP = 1e-4
-CELLS = {2: 0.7, 3: 0.75}  # numerics.mesh_size of the true loads, over that of the scene, by the dimension
+CELLS = {
+    2: 0.7,
+    3: 0.75,
+}  # numerics.mesh_size of the true loads, over that of the scene, by the dimension
 HEAD = """| scene | error as computed | its bar | error corrected | its bar | error over bar |
 | --- | --: | --: | --: | --: | --: |"""
 
@@ -112,7 +118,10 @@ SCENES: dict[str, tuple[str, ...]] = {
     "disc in a pocket": HALF_DISCS,
     "disc in a pocket, Stokes flow": (*HALF_DISCS, "fluid.inertia=false"),
     "disc in a pocket, Re 60": (*HALF_DISCS, "fluid.reynolds=60"),
-    "disc in a trough": ("bed={kind='sinusoidal', amplitude=0.1, wavelength=2.0}", "body.settle=true"),
+    "disc in a trough": (
+        "bed={kind='sinusoidal', amplitude=0.1, wavelength=2.0}",
+        "body.settle=true",
+    ),
     "disc, started at once, t = 4": ("time={end=4.0, step=0.1, start='stokes'}",),
     "disc, in time from steady flow, t = 4": ("time={end=4.0, step=0.2, start='steady'}",),
     "sphere, Stokes flow": ("fluid.inertia=false",),
@@ -120,7 +129,11 @@ SCENES: dict[str, tuple[str, ...]] = {
     "sphere, Re 100": ("fluid.reynolds=100",),
     "sphere, large cells": ("numerics.mesh_size=2", "fluid.inertia=false"),
     "sphere in uniform flow, Re 20": (IN_STREAM, "body.centre=[9.0, 8.0, 6.0]"),
-    "sphere in uniform flow, Re 100": (IN_STREAM, "body.centre=[9.0, 8.0, 6.0]", "fluid.reynolds=100"),
+    "sphere in uniform flow, Re 100": (
+        IN_STREAM,
+        "body.centre=[9.0, 8.0, 6.0]",
+        "fluid.reynolds=100",
+    ),
     "ellipsoid": ("body={shape='ellipsoid', semi_axes=[0.6, 0.5, 0.4], x=12.0, density=2.65}",),
     "sphere in a pocket": (*SPHERES, "fluid.inertia=false"),
     "sphere in a channel": ("flow={kind='poiseuille', velocity=1.0}", "domain.height=3"),
@@ -175,7 +188,9 @@ class Row:
 def row_of(name: str) -> Row:
     """The row of a scene."""
     scene = scene_of(name)
-    return compared(name, *(incipient.run(one, comm=MPI.COMM_SELF) for one in (scene, nearly_true(scene))))
+    return compared(
+        name, *(incipient.run(one, comm=MPI.COMM_SELF) for one in (scene, nearly_true(scene)))
+    )
 
 
 def compared(name: str, found: Result, true: Result) -> Row:
@@ -211,7 +226,11 @@ def table(rows: list[Row]) -> str:
 
 def main(wanted: list[str]) -> int:
     """Run the scenes whose names have one of the words wanted, or all, and renew the page after each."""
-    stored = {one["name"]: Row(**one) for one in json.loads(STORED.read_text())} if STORED.is_file() else {}
+    stored = (
+        {one["name"]: Row(**one) for one in json.loads(STORED.read_text())}
+        if STORED.is_file()
+        else {}
+    )
     for name in SCENES:
         if wanted and not any(one in name for one in wanted):
             continue

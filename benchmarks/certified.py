@@ -73,7 +73,9 @@ class Row:
         )
 
 
-def row_of(program: str, name: str, asked: float | None, corrected: bool, older: bool = False) -> Row:
+def row_of(
+    program: str, name: str, asked: float | None, corrected: bool, older: bool = False
+) -> Row:
     """Run a scene to an accuracy in a process of its own and read the error that it certifies."""
     path, given = CASES[name]
     settings = [*given, "numerics.error_bars=true", "output.fields=false"]
@@ -110,7 +112,9 @@ def table(rows: dict[tuple[str, float | None, bool], Row]) -> str:
             cells = [cell for row in pair for cell in (row.cells() if row else UNTRIED)]
             lines.append(f"| {' | '.join((name, goal, *cells))} |")
             if asked is not None and pair[0] and pair[0].reached:
-                ratios.append(pair[0].seconds / pair[1].seconds if pair[1] and pair[1].reached else 0.0)
+                ratios.append(
+                    pair[0].seconds / pair[1].seconds if pair[1] and pair[1].reached else 0.0
+                )
     if ratios:
         lines += [
             "",
@@ -129,7 +133,11 @@ def main() -> int:
     parser.add_argument("--stored", type=Path, default=STORED, help="file of the rows")
     parser.add_argument("--older", action="store_true", help="a program that knows no corrections")
     options = parser.parse_args()
-    known = [Row(**one) for one in json.loads(options.stored.read_text())] if options.stored.is_file() else []
+    known = (
+        [Row(**one) for one in json.loads(options.stored.read_text())]
+        if options.stored.is_file()
+        else []
+    )
     rows = {(row.name, row.asked, row.corrected): row for row in known}
     for name in CASES:
         if options.wanted and not any(one in name for one in options.wanted):
@@ -139,7 +147,9 @@ def main() -> int:
                 row = row_of(options.program, name, asked, corrected, options.older)
                 print(row, flush=True)
                 rows[name, asked, corrected] = row
-                options.stored.write_text(json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n")
+                options.stored.write_text(
+                    json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n"
+                )
                 if not row.reached:
                     break  # nor would a smaller one be
     if options.stored == STORED:

@@ -54,7 +54,11 @@ class Tally:
 
 def one_contact(rng: Generator) -> Contacts:
     """A grain of any shape on one contact near its lowest point."""
-    point = np.array([*rng.uniform(-0.2, 0.2, 2), -0.5]) if rng.random() < 0.5 else np.array([0.0, 0.0, -0.5])
+    point = (
+        np.array([*rng.uniform(-0.2, 0.2, 2), -0.5])
+        if rng.random() < 0.5
+        else np.array([0.0, 0.0, -0.5])
+    )
     return Contacts(point[None], leaning(np.array([[0.0, 0.0, -1.0]]), 0.1, rng))
 
 
@@ -67,7 +71,11 @@ def box(rng: Generator) -> Contacts:
 
 def pocket(rng: Generator) -> Contacts:
     """A sphere in a regular pocket of three or four others."""
-    count, angle, turn = int(rng.integers(3, 5)), rng.uniform(0.3, 0.9), rng.uniform(0.0, 2.0 * np.pi)
+    count, angle, turn = (
+        int(rng.integers(3, 5)),
+        rng.uniform(0.3, 0.9),
+        rng.uniform(0.0, 2.0 * np.pi),
+    )
     around = turn + 2.0 * np.pi * np.arange(count) / count
     low = np.full(count, -np.cos(angle))
     normals = np.column_stack([np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), low])
@@ -150,18 +158,24 @@ def table(tallies: dict[str, Tally]) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--cases", type=int, default=2000, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="put the table into docs/contact.md")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    lines = "\n".join(table({name: tallied(make, options.cases, rng) for name, make in KINDS.items()}))
+    lines = "\n".join(
+        table({name: tallied(make, options.cases, rng) for name, make in KINDS.items()})
+    )
     print(lines)
     if options.write:
         page = PAGE.read_text(encoding="utf-8")
         between = f"{BEGIN}\n{lines}\n{END}"
-        PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: between, page, flags=re.DOTALL), encoding="utf-8")
+        PAGE.write_text(
+            re.sub(f"{BEGIN}.*{END}", lambda _: between, page, flags=re.DOTALL), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

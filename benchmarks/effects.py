@@ -133,12 +133,16 @@ def draw(runs: dict[str, Run]) -> None:
     )
     for (name, run), colour in zip(runs.items(), COLOURS, strict=True):
         left.plot(run["time"], np.array(run["force"])[:, 0], color=colour, label=name)
-    left.set(xlabel="time [1 / shear rate]", ylabel="drag on the grain", title="What each effect changes")
+    left.set(
+        xlabel="time [1 / shear rate]", ylabel="drag on the grain", title="What each effect changes"
+    )
     left.legend(frameon=False)
     effects = list(dict.fromkeys(e for run in runs.values() for e in run["effects"]))
     bottoms = np.zeros(len(runs))
     for effect in effects:
-        heights = np.array([run["effects"].get(effect, {}).get("wall_time", 0.0) for run in runs.values()])
+        heights = np.array(
+            [run["effects"].get(effect, {}).get("wall_time", 0.0) for run in runs.values()]
+        )
         if heights.max() > 0.01 * max(run["seconds"] for run in runs.values()):
             right.barh(list(runs), heights, left=bottoms, label=effect)
             bottoms += heights
@@ -162,7 +166,9 @@ def report(runs: dict[str, Run]) -> None:
 def main() -> None:
     """Measure unless told not to, and write it all down."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--report", action="store_true", help="only rewrite the page and the figure")
+    parser.add_argument(
+        "--report", action="store_true", help="only rewrite the page and the figure"
+    )
     if not parser.parse_args().report:
         STORE.write_text(json.dumps(measured(), indent=1) + "\n")
     report(json.loads(STORE.read_text()))

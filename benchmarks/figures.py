@@ -14,7 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from references import VORTEX_STREET
 
-COLOURS = {"100": "#1b7837", "400": "#4393c3", "1000": "#2166ac", "3200": "#b2182b", "4000": "#762a83"}
+COLOURS = {
+    "100": "#1b7837",
+    "400": "#4393c3",
+    "1000": "#2166ac",
+    "3200": "#b2182b",
+    "4000": "#762a83",
+}
 MARKERS = {"100": "o", "400": "s", "1000": "^", "3200": "D", "4000": ""}
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -46,12 +52,24 @@ def cavity(source: Path) -> Figure:
         mark |= {"markersize": 3.8, "markerfacecolor": "white", "markeredgewidth": 0.9}
         left.plot([p["value"] for p in points["u"]], [p["position"] for p in points["u"]], **mark)
         right.plot([p["position"] for p in points["v"]], [p["value"] for p in points["v"]], **mark)
-    left.set(xlabel="u / lid speed", ylabel="y", ylim=(0, 1), title="u on the upright centreline x = 0.5")
-    right.set(xlabel="x", ylabel="v / lid speed", xlim=(0, 1), title="v on the level centreline y = 0.5")
-    left.plot(
-        [], [], "o", color="#555555", markersize=3.8, markerfacecolor="white", label="Ghia et al. (1982)"
+    left.set(
+        xlabel="u / lid speed", ylabel="y", ylim=(0, 1), title="u on the upright centreline x = 0.5"
     )
-    left.legend(loc="lower right", title="lines: incipient, P4-P3", title_fontsize=8, alignment="left")
+    right.set(
+        xlabel="x", ylabel="v / lid speed", xlim=(0, 1), title="v on the level centreline y = 0.5"
+    )
+    left.plot(
+        [],
+        [],
+        "o",
+        color="#555555",
+        markersize=3.8,
+        markerfacecolor="white",
+        label="Ghia et al. (1982)",
+    )
+    left.legend(
+        loc="lower right", title="lines: incipient, P4-P3", title_fontsize=8, alignment="left"
+    )
     for axes in (left, right):
         _quiet(axes)
     return figure
@@ -61,16 +79,22 @@ def vortex_street(source: Path, periods: float = 4.0) -> Figure:
     """Drag and lift since the start, and over the last periods."""
     with source.open() as lines:
         rows = list(csv.DictReader(lines))
-    times, drag, lift = (np.array([float(row[key]) for row in rows]) for key in ("time", "drag", "lift"))
+    times, drag, lift = (
+        np.array([float(row[key]) for row in rows]) for key in ("time", "drag", "lift")
+    )
     figure = Figure(figsize=(9.0, 4.2), layout="constrained")
     grid = figure.subplots(2, 2, width_ratios=(1.4, 1))
     late = times > times[-1] - periods / 3.0  # a period of the lift is about a third of a time unit
     settled = times > 0.2
-    for row, (name, values, colour) in enumerate((("C_D", drag, "#b2182b"), ("C_L", lift, "#2166ac"))):
+    for row, (name, values, colour) in enumerate(
+        (("C_D", drag, "#b2182b"), ("C_L", lift, "#2166ac"))
+    ):
         label = f"${name}$"
         grid[row, 0].plot(times[settled], values[settled], color=colour, linewidth=0.9)
         grid[row, 1].plot(times[late], values[late], color=colour)
-        grid[row, 1].axhspan(*INTERVALS[row], color="#dddddd", label="maximum, Schäfer & Turek (1996)")
+        grid[row, 1].axhspan(
+            *INTERVALS[row], color="#dddddd", label="maximum, Schäfer & Turek (1996)"
+        )
         grid[row, 0].set_ylabel(label, rotation=0, labelpad=12)
         grid[row, 0].set_xlim(0, times[-1])
         grid[row, 1].set_xlim(times[late][0], times[-1])

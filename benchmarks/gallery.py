@@ -59,12 +59,16 @@ def shown(name: str) -> Path:
 def incipient(*arguments: object) -> None:
     """A command, which must succeed."""
     subprocess.run(
-        [sys.executable, "-m", "incipient", *map(str, arguments)], check=True, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "incipient", *map(str, arguments)],
+        check=True,
+        stdout=subprocess.DEVNULL,
     )
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("names", nargs="*", choices=[*SHOWN, []], metavar="NAME", help=", ".join(SHOWN))
+    parser.add_argument(
+        "names", nargs="*", choices=[*SHOWN, []], metavar="NAME", help=", ".join(SHOWN)
+    )
     for name in parser.parse_args().names or SHOWN:
         print(shown(name).relative_to(ROOT), flush=True)

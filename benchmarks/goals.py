@@ -26,7 +26,9 @@ class Goal:
         """Whether work was done within the limits."""
         if self.row is None or "error" in self.row:
             return False
-        return self.row["wall"] <= self.wall and (self.memory is None or self.row["peak_mib"] <= self.memory)
+        return self.row["wall"] <= self.wall and (
+            self.memory is None or self.row["peak_mib"] <= self.memory
+        )
 
     def cells(self) -> list[str]:
         """Cells of the table."""
@@ -57,7 +59,12 @@ class Rate:
 
     def cells(self) -> list[str]:
         """Cells of the table."""
-        return [self.work, self.limit, f"{self.found:.0f} a second", "yes" if self.reached else "**no**"]
+        return [
+            self.work,
+            self.limit,
+            f"{self.found:.0f} a second",
+            "yes" if self.reached else "**no**",
+        ]
 
     @property
     def limit(self) -> str:
@@ -126,7 +133,9 @@ def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate | Share]:
 
 def summary(measured: dict[str, Any]) -> str:
     """The goals as a table."""
-    return table(["work", "goal", "measured", "reached"], [goal.cells() for goal in goals(measured)])
+    return table(
+        ["work", "goal", "measured", "reached"], [goal.cells() for goal in goals(measured)]
+    )
 
 
 def shortcomings(measured: dict[str, Any]) -> list[str]:

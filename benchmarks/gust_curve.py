@@ -45,7 +45,13 @@ DURATIONS = (4.0, 2.0, 1.0, 0.5, 0.25)
 STEADY = (1.0, 2.0, 4.0, 8.0)  # strengths of steady flows past the grain held in its place
 STRONGEST = 40.0  # strength to which that force is continued
 AFTER = 6.5  # time until the end of a run, less the gust
-COARSE = ["numerics.mesh_size=2", "time.step=0.1", "output.fields=false", "output.every=0", "time.end=6"]
+COARSE = [
+    "numerics.mesh_size=2",
+    "time.step=0.1",
+    "output.fields=false",
+    "output.every=0",
+    "time.end=6",
+]
 # Added mass over that of the fluid displaced: a cylinder that touches a wall (pi^2/3 - 1, potential flow).
 AT_WALL = math.pi**2 / 3.0 - 1.0
 FLOW, PUSH, INK = "#2166ac", "#b2182b", "#333333"
@@ -193,7 +199,9 @@ def driving(pocket: Pocket, force: Floats, couple: float | Floats) -> Any:
 
 def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Found:
     """What the critical gust of a duration gives a grain that is held, and what it does to the one that just leaves."""
-    trajectory, moved = history_of(scene([*gust(leaves, duration), f"time.end={AFTER + 1.1 * duration}"]))
+    trajectory, moved = history_of(
+        scene([*gust(leaves, duration), f"time.end={AFTER + 1.1 * duration}"])
+    )
     one = held(scene([*gust(math.sqrt(stays * leaves), duration), f"time.end={0.5 + duration}"]))
     _, still = history_of(one)
     length = np.diff(still["time"], prepend=0.0)
@@ -217,7 +225,9 @@ def measured(pocket: Pocket, duration: float, stays: float, leaves: float) -> Fo
 def compute() -> Found:
     """All that is not in the store yet."""
     found: Found = (
-        json.loads(STORE.read_text()) if STORE.exists() else {"steady": [], "brackets": [], "gusts": []}
+        json.loads(STORE.read_text())
+        if STORE.exists()
+        else {"steady": [], "brackets": [], "gusts": []}
     )
     search, pocket = GustSearch(scene([]), world()), Pocket.of(scene([]))
     if "static" not in found:
@@ -277,7 +287,8 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
     left, right = figure.subplots(1, 2)
     points = sorted(found["gusts"], key=lambda one: one["duration"])
     lasts, low, high, impulses = (
-        np.array([one[name] for one in points]) for name in ("duration", "held", "leaves", "impulse")
+        np.array([one[name] for one in points])
+        for name in ("duration", "held", "leaves", "impulse")
     )
     lines = (
         (pocket.inertia, "without fluid", "--"),
@@ -287,16 +298,37 @@ def drawn(found: Found, pocket: Pocket) -> Figure:
     for inertia, name, dashes in lines:
         strengths, times, given = curve(found, pocket, inertia)
         left.plot(times, strengths, dashes, color=INK, linewidth=1.0, label=name)
-        right.plot(times / pocket.time, given / math.sqrt(unit), dashes, color=INK, linewidth=1.0, label=name)
+        right.plot(
+            times / pocket.time,
+            given / math.sqrt(unit),
+            dashes,
+            color=INK,
+            linewidth=1.0,
+            label=name,
+        )
         limit = pocket.limit(found["steady"][0][1], inertia)
         right.axhline(limit / math.sqrt(unit), color=INK, linewidth=0.6, linestyle=":")
     mean = np.sqrt(low * high)
     left.errorbar(
-        lasts, mean, [mean - low, high - mean], fmt="o", color=FLOW, markersize=4, capsize=2, label="computed"
+        lasts,
+        mean,
+        [mean - low, high - mean],
+        fmt="o",
+        color=FLOW,
+        markersize=4,
+        capsize=2,
+        label="computed",
     )
-    left.axhline(found["static"], color=PUSH, linewidth=1.0, label="steady flow that begins to move it")
+    left.axhline(
+        found["static"], color=PUSH, linewidth=1.0, label="steady flow that begins to move it"
+    )
     right.plot(
-        lasts / pocket.time, impulses / math.sqrt(unit), "o", color=FLOW, markersize=4, label="computed"
+        lasts / pocket.time,
+        impulses / math.sqrt(unit),
+        "o",
+        color=FLOW,
+        markersize=4,
+        label="computed",
     )
     left.set(
         xlabel="duration of the gust x shear rate",
@@ -360,5 +392,7 @@ def report(found: Found) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--report", action="store_true", help="figure and table from the stored results")
+    parser.add_argument(
+        "--report", action="store_true", help="figure and table from the stored results"
+    )
     report(json.loads(STORE.read_text()) if parser.parse_args().report else compute())

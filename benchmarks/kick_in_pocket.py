@@ -28,7 +28,11 @@ STORE = ROOT / "benchmarks/kick_in_pocket.json"
 BEGIN, END = "<!-- kicks: begin -->", "<!-- kicks: end -->"
 # Reynolds number, gap over the size
 CASES = ((10_000, 0.01), (1000, 0.01), (100, 0.01), (1000, 0.03), (1000, 0.1), (100, 0.1))
-COARSE, WITHIN, GROWTH = 2.0, 0.03, 1.3  # cells; brackets of the kick; steps until one takes the grain out
+COARSE, WITHIN, GROWTH = (
+    2.0,
+    0.03,
+    1.3,
+)  # cells; brackets of the kick; steps until one takes the grain out
 STEP, INSTANT, AT_ONCE = 0.02, 1e-4, 0.05  # first step over the others
 LASTS = 2.0  # time in which a kicked grain is up or down again
 SIZES = (1.0, 0.5)  # of cells, from which the added mass is extrapolated linearly
@@ -85,7 +89,9 @@ def added_mass(gap: float) -> float:
         body = {"centre": centre, "motion": "prescribed", "course": course}
         one = scene(10_000, 0.5 * gap, size, body, {"end": INSTANT, "step": INSTANT})
         forces = history(one)
-        found.append(-(forces["force_x"][0] * at.cosine + forces["force_y"][0] * at.sine) / at.displaced)
+        found.append(
+            -(forces["force_x"][0] * at.cosine + forces["force_y"][0] * at.sine) / at.displaced
+        )
     return float(found[1] - (found[0] - found[1]) / (sizes[0] - sizes[1]) * sizes[1])
 
 
@@ -94,7 +100,9 @@ def rises(reynolds: float, gap: float, kick: float) -> float:
     at, centre = pocket(gap)
     own, heavier = at.inertia * at.mass, at.inertia * at.mass + ADDED[gap] * at.displaced
     lift = at.reach * (1.0 - at.cosine)
-    speed = kick * math.sqrt(2.0 * heavier * at.weight * lift) / own  # before the fluid has taken its share
+    speed = (
+        kick * math.sqrt(2.0 * heavier * at.weight * lift) / own
+    )  # before the fluid has taken its share
     body = {
         "centre": centre,
         "motion": "free",
@@ -122,7 +130,9 @@ def compute() -> list[Found]:
             low, high = high, GROWTH * high
         while high > (1.0 + WITHIN) * low:
             middle = math.sqrt(low * high)
-            low, high = (middle, high) if rises(reynolds, gap, middle) < 1.0 - 1e-4 else (low, middle)
+            low, high = (
+                (middle, high) if rises(reynolds, gap, middle) < 1.0 - 1e-4 else (low, middle)
+            )
         found.append(
             {
                 "reynolds": reynolds,

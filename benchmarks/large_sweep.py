@@ -46,7 +46,11 @@ def made(file: Path, number: int) -> None:
                 )
                 factor = 0.3 * friction / (0.05 - 0.2 * couple) * math.exp(chance.gauss(0.0, 0.3))
                 mode = (
-                    "rest" if factor >= 1.0 else "sliding" if friction < 0.4 else "pivoting about contact 1"
+                    "rest"
+                    if factor >= 1.0
+                    else "sliding"
+                    if friction < 0.4
+                    else "pivoting about contact 1"
                 )
                 found = {**verdict, "mode": mode, "moves": factor < 1.0, "safety_factor": factor}
                 cases.append(case)

@@ -30,7 +30,9 @@ def describe() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of the libraries, asked of a process of its own."""
-    answer = subprocess.run([sys.executable, "-c", ASKED], check=True, capture_output=True, text=True)
+    answer = subprocess.run(
+        [sys.executable, "-c", ASKED], check=True, capture_output=True, text=True
+    )
     return json.loads(answer.stdout)
 
 

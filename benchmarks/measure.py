@@ -78,7 +78,9 @@ class Session:
             self.say(f"round {turn} of {self.repeat}: {len(programs)} programs")
         return [_row(p, t, n) for p, t, n in zip(programs, taken, numbers, strict=True)]
 
-    def once(self, program: Program, environment: Mapping[str, str] | None = None) -> dict[str, Any]:
+    def once(
+        self, program: Program, environment: Mapping[str, str] | None = None
+    ) -> dict[str, Any]:
         """Row of a single run, for programs that take long; the caller has seen to compiled forms."""
         usage, numbers = self._run(program, environment)
         return _row(program, [usage], numbers)

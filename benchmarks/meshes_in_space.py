@@ -123,7 +123,11 @@ def solved(name: str, reynolds: float, mesh_size: float, estimates: bool = True)
                 if goals.is_upwinded:
                     goals.correct_again()
                 loads = goals.loads(run.fluid.reynolds / run.plan.reynolds)
-            found["corrected"] = float(loads.force[0]), float(loads.force[2]), float(loads.couple[1])
+            found["corrected"] = (
+                float(loads.force[0]),
+                float(loads.force[2]),
+                float(loads.couple[1]),
+            )
             found["estimate_seconds"] = process_time() - began
     except IncipientError as error:
         found["why"] = str(error)
@@ -176,7 +180,9 @@ def main() -> int:
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
-        row = solved(options.wanted[0], options.reynolds[0], options.mesh_size[0], not options.flow_only)
+        row = solved(
+            options.wanted[0], options.reynolds[0], options.mesh_size[0], not options.flow_only
+        )
         print(json.dumps(asdict(row)))
         return 0
     stored = json.loads(STORED.read_text()) if STORED.is_file() else []
@@ -194,7 +200,9 @@ def main() -> int:
                 row = Row(**json.loads(usage.output.strip().splitlines()[-1]))
                 print(row, flush=True)
                 rows[name, reynolds, size] = row
-                STORED.write_text(json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n")
+                STORED.write_text(
+                    json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n"
+                )
                 renew(list(rows.values()))
     return 0
 

@@ -45,7 +45,9 @@ FRICTION = 0.3  # as in demos/beds/random_spheres.toml
 # u* d/nu, of creeping flow 0, and pockets with runs there.
 LAMINAR = {0.0: 24, 10.0: 24, 3.0: 16, 30.0: 16}
 TURBULENT, TURBULENT_COUNT = (30.0, 60.0, 100.0, 300.0, 1000.0), 11
-ROUGHNESS = 1.0  # equivalent sand roughness of the bed, over which the mean profile or what enters is [d]
+ROUGHNESS = (
+    1.0  # equivalent sand roughness of the bed, over which the mean profile or what enters is [d]
+)
 DEPTH = 5.0  # of turbulent flow [d]
 # What runs leave open, looked at in some of them: each changes one number.
 CHECKED, CHECKED_AT = 2, (0.0, 10.0)
@@ -104,7 +106,10 @@ def joint(protrusions: Floats, pivots: Floats, edges: tuple[Floats, Floats]) -> 
 
     What is beyond the outer edges counts to the outer classes.
     """
-    inside = [np.clip(one, ends[0], ends[-1]) for one, ends in zip((protrusions, pivots), edges, strict=True)]
+    inside = [
+        np.clip(one, ends[0], ends[-1])
+        for one, ends in zip((protrusions, pivots), edges, strict=True)
+    ]
     return np.asarray(np.histogram2d(*inside, bins=edges)[0] / len(protrusions))
 
 
@@ -124,7 +129,12 @@ def scene(pocket: Pocket, shear_reynolds: float, turbulent: bool = False, check:
     level = Surface.of(first_bed()[0]).level - float(pocket.centre[2])
     made = scene_of(pocket, level / pocket.diameter, asked, shear_reynolds or 1.0)
     model = "k-omega-sst" if turbulent else "laminar" if shear_reynolds else "creeping"
-    row = {"pocket": pocket.number, "shear_reynolds": shear_reynolds, "model": model, "check": check}
+    row = {
+        "pocket": pocket.number,
+        "shear_reynolds": shear_reynolds,
+        "model": model,
+        "check": check,
+    }
     title = {"title": title_of(row)}
     if not shear_reynolds:
         return made.model_copy(update=title)
@@ -153,7 +163,10 @@ def laminar_scenes() -> Iterator[list[Scene]]:
     for level, count in LAMINAR.items():
         yield [scene(one, level) for one in chosen(count)]
     yield [
-        scene(one, level, check=check) for check in CHECKS for level in CHECKED_AT for one in chosen(CHECKED)
+        scene(one, level, check=check)
+        for check in CHECKS
+        for level in CHECKED_AT
+        for one in chosen(CHECKED)
     ]
 
 
@@ -195,7 +208,11 @@ def gathered() -> list[dict[str, Any]]:
         values = {name: f"{float(row.get(name, 0.0)):.5g}" for name in COMPONENTS}
         told = {"pocket": int(number), "shear_reynolds": shear, "model": model, "check": check}
         height = protrusion_of(int(number))
-        speed = top_speed(height, shear) if model != "k-omega-sst" else speed_entering(int(number), shear)
+        speed = (
+            top_speed(height, shear)
+            if model != "k-omega-sst"
+            else speed_entering(int(number), shear)
+        )
         seconds = round(float(row["cpu"] or row["wall"]))
         found.append({**told, "speed": f"{speed:.5g}", **values, "seconds": seconds})
     return found
@@ -219,13 +236,18 @@ def top_speed(height: float, shear_reynolds: float) -> float:
     """Mean velocity over u* at a height [d]; in creeping flow over u*^2 d/nu."""
     if not shear_reynolds:
         return height
-    return float(MeanProfile(1.0, 1.0 / shear_reynolds, ROUGHNESS, 5.0).speed(np.array([height]))[0])
+    return float(
+        MeanProfile(1.0, 1.0 / shear_reynolds, ROUGHNESS, 5.0).speed(np.array([height]))[0]
+    )
 
 
 def stored() -> list[dict[str, Any]]:
     """Rows of benchmarks/natural_bed.csv; none without it."""
     words = ("model", "check")
-    return [{name: text if name in words else float(text) for name, text in row.items()} for row in _texts()]
+    return [
+        {name: text if name in words else float(text) for name, text in row.items()}
+        for row in _texts()
+    ]
 
 
 def _texts() -> list[dict[str, Any]]:
@@ -257,7 +279,12 @@ def store(rows: Sequence[dict[str, Any]]) -> None:
     """Add rows to benchmarks/natural_bed.csv, in place of earlier ones of the same run."""
 
     def key(row: dict[str, Any]) -> tuple[str, str, float, int]:
-        return str(row["model"]), str(row["check"]), float(row["shear_reynolds"]), int(row["pocket"])
+        return (
+            str(row["model"]),
+            str(row["check"]),
+            float(row["shear_reynolds"]),
+            int(row["pocket"]),
+        )
 
     known = {key(row): row for row in _texts()}
     known |= {key(row): dict(row) for row in rows}
@@ -266,7 +293,9 @@ def store(rows: Sequence[dict[str, Any]]) -> None:
 
 def main() -> None:
     """Compute what is missing and store it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--turbulent", action="store_true", help="runs with the k-omega SST model")
     parser.add_argument("--jobs", type=int, help="runs at a time")
     parser.add_argument("--executor", help="dask://HOST:PORT")
@@ -278,11 +307,21 @@ def main() -> None:
         compute(scenes, means)
     for level in TURBULENT:
         if ratios := [*turbulent_over_laminar(level).values()]:
-            median, least, most = np.median(ratios, axis=0), np.min(ratios, axis=0), np.max(ratios, axis=0)
-            print(
-                f"u* d/nu = {level:g}, drag, lift, couple over laminar ones, {len(ratios)} grains:", end=" "
+            median, least, most = (
+                np.median(ratios, axis=0),
+                np.min(ratios, axis=0),
+                np.max(ratios, axis=0),
             )
-            print(*(f"{a:.2f} ({b:.2f} to {c:.2f})" for a, b, c in zip(median, least, most, strict=True)))
+            print(
+                f"u* d/nu = {level:g}, drag, lift, couple over laminar ones, {len(ratios)} grains:",
+                end=" ",
+            )
+            print(
+                *(
+                    f"{a:.2f} ({b:.2f} to {c:.2f})"
+                    for a, b, c in zip(median, least, most, strict=True)
+                )
+            )
 
 
 if __name__ == "__main__":

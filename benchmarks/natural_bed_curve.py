@@ -28,10 +28,17 @@ from incipient.survey.pockets import Pocket
 from incipient.survey.thresholds import SUBMERGED_WEIGHT
 
 EVEN, ODD = [0, 2, 4], [1, 3, 5]  # force along the flow and up, couple about y; the others
-DISC, AHEAD, REACH = 24, 2.0, 0.6  # points across the disc, and lengths over which neighbours shelter [d]
+DISC, AHEAD, REACH = (
+    24,
+    2.0,
+    0.6,
+)  # points across the disc, and lengths over which neighbours shelter [d]
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
-TURBULENT, FEWEST_OF_FACTORS = "k-omega-sst", 5  # model of runs with turbulence, and how many tell factors
+TURBULENT, FEWEST_OF_FACTORS = (
+    "k-omega-sst",
+    5,
+)  # model of runs with turbulence, and how many tell factors
 FASTEST = 5000.0  # u* d/nu up to which mean flows are tabulated
 LOWEST = 0.1  # height of a top below which the velocity there is that at this height [d]
 INTENSITY_OF_WALLS = 0.49  # u'/u next to walls, the limit of the law used
@@ -133,7 +140,9 @@ class FlowLoads:
             return known
         if self.shear_reynolds > LAYER:
             return lower[:, EVEN], lower[:, ODD[:1]]
-        return np.column_stack([known[0], lower[:, EVEN[:2]]]), np.column_stack([known[1], lower[:, ODD[:1]]])
+        return np.column_stack([known[0], lower[:, EVEN[:2]]]), np.column_stack(
+            [known[1], lower[:, ODD[:1]]]
+        )
 
     @property
     def error(self) -> float:
@@ -199,12 +208,16 @@ def flow_loads() -> list[FlowLoads]:
         if not row["check"]:
             by_flow.setdefault((row["shear_reynolds"], row["model"]), []).append(row)
     found: list[FlowLoads] = []
-    for (level, model), rows in sorted(by_flow.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)):
+    for (level, model), rows in sorted(
+        by_flow.items(), key=lambda one: (one[0][0], one[0][1] == TURBULENT)
+    ):
         if len(rows) < (FEWEST_OF_FACTORS if model == TURBULENT else FEWEST):
             continue
         numbers = tuple(int(row["pocket"]) for row in rows)
         own = [natural_bed.top_speed(natural_bed.protrusion_of(one), level) for one in numbers]
-        scale = (np.array(own) / [row["speed"] for row in rows]) ** 2 if level else np.ones(len(rows))
+        scale = (
+            (np.array(own) / [row["speed"] for row in rows]) ** 2 if level else np.ones(len(rows))
+        )
         values = np.array([[row[name] for name in COMPONENTS] for row in rows]) * scale[:, None]
         lower = [one for one in found if set(numbers) <= set(one.numbers)]
         found.append(FlowLoads(level, model, numbers, values, lower[-1] if lower else None))
@@ -258,7 +271,9 @@ class MeanFlows:
         if not shear_reynolds:
             return np.full(len(self.heights), INTENSITY_OF_WALLS)
         logarithms, speeds = self._speeds
-        velocity = np.array([np.exp(np.interp(math.log(shear_reynolds), logarithms, row)) for row in speeds])
+        velocity = np.array(
+            [np.exp(np.interp(math.log(shear_reynolds), logarithms, row)) for row in speeds]
+        )
         fluctuation = np.array([near_wall(shear_reynolds * one) for one in self.heights.tolist()])
         return np.asarray(fluctuation * shear_reynolds / velocity)
 
@@ -272,13 +287,17 @@ class MeanFlows:
         ]
         return np.asarray(np.exp(found))
 
-    def gusts(self, shear_reynolds: float, probability: float, lognormal: bool) -> tuple[Floats, Floats]:
+    def gusts(
+        self, shear_reynolds: float, probability: float, lognormal: bool
+    ) -> tuple[Floats, Floats]:
         """u* d/nu (n,) of mean flows as fast as gusts of a probability, and their bed stress over that of the mean."""
         asked = shear_reynolds, probability, lognormal
         if asked not in self._known:
             factors = factor(self.intensity(shear_reynolds), probability, lognormal)
             # In creeping flow stress goes as velocity.
-            faster = self.as_fast(shear_reynolds, factors) if shear_reynolds else np.zeros(len(factors))
+            faster = (
+                self.as_fast(shear_reynolds, factors) if shear_reynolds else np.zeros(len(factors))
+            )
             stresses = (faster / shear_reynolds) ** 2 if shear_reynolds else factors
             self._known[asked] = faster, stresses
         return self._known[asked]
@@ -323,7 +342,9 @@ class NaturalBed:
 def evenly(shear_reynolds: Floats) -> Floats:
     """A coordinate (n,) along which mobility is nearly straight: u* d/nu in the viscous layer, its logarithm above."""
     above = np.maximum(shear_reynolds / LAYER, 1.0)
-    return np.asarray(np.where(shear_reynolds < LAYER, shear_reynolds, LAYER * (1.0 + np.log(above))))
+    return np.asarray(
+        np.where(shear_reynolds < LAYER, shear_reynolds, LAYER * (1.0 + np.log(above)))
+    )
 
 
 def factor(intensity: Floats, probability: float, lognormal: bool = True) -> Floats:
@@ -401,7 +422,10 @@ def worked(spheres: Spheres, loads: FlowLoads, rounds: int, seed: int = 0) -> Sp
         grains = list(natural_bed.free_grains(spheres, 0.0))
         sample = Sample(grains, np.zeros(len(grains), dtype=np.int64), [loads])
         steady = sample.drawn(seed).steady[:, 0]
-        first = [grains[place].number for place in np.argsort(steady)[: round(0.1 * len(grains))].tolist()]
+        first = [
+            grains[place].number
+            for place in np.argsort(steady)[: round(0.1 * len(grains))].tolist()
+        ]
         kept = np.setdiff1d(np.arange(len(spheres)), first)
         spheres = Spheres(spheres.centres[kept], spheres.radii[kept], spheres.period)
         for _ in first:
@@ -417,7 +441,9 @@ def with_another(spheres: Spheres, random: np.random.Generator) -> Spheres:
     rests = [rolled(spheres, np.array([*place, np.inf]), radius, floor=0.0) for place in places]
     lowest = min(rests, key=lambda rest: float(rest[2]))
     lowest[:2] %= spheres.period
-    return Spheres(np.vstack([spheres.centres, lowest]), np.append(spheres.radii, radius), spheres.period)
+    return Spheres(
+        np.vstack([spheres.centres, lowest]), np.append(spheres.radii, radius), spheres.period
+    )
 
 
 def flow_error() -> float:
@@ -444,5 +470,7 @@ def flow_error() -> float:
             )
             changes[place] = changes.get(place, 0.0) + abs(shields(row) / shields(first) - 1.0)
     levels = {level for level, _ in changes}
-    means = [np.mean([value for place, value in changes.items() if place[0] == one]) for one in levels]
+    means = [
+        np.mean([value for place, value in changes.items() if place[0] == one]) for one in levels
+    ]
     return float(max(means, default=0.0))

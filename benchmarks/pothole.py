@@ -82,8 +82,13 @@ def run(job: Job) -> Run:
     kept = np.column_stack([times, *(np.interp(times, path[:, 0], path[:, k]) for k in (1, 2, 3))])
     assert result.trajectory is not None
     told = {key: result.trajectory[key] for key in ("place", "angle", "velocity", "spin", "ended")}
-    told["place"], told["velocity"] = (np.asarray(told[key]).tolist() for key in ("place", "velocity"))
-    cost = {"unknowns": result.cost["unknowns"], "seconds": round(result.cost["wall_time"]["total"], 1)}
+    told["place"], told["velocity"] = (
+        np.asarray(told[key]).tolist() for key in ("place", "velocity")
+    )
+    cost = {
+        "unknowns": result.cost["unknowns"],
+        "seconds": round(result.cost["wall_time"]["total"], 1),
+    }
     return {
         **told,
         **cost,
@@ -163,7 +168,8 @@ def _ends(store: dict[str, Run]) -> str:
     for case in CASES:
         found = extrapolated(store, case)
         cells = [
-            f"{v:.{d}f} ± {e:.{d}f}" for v, e, d in zip(found.values, found.error, (3, 3, 4), strict=True)
+            f"{v:.{d}f} ± {e:.{d}f}"
+            for v, e, d in zip(found.values, found.error, (3, 3, 4), strict=True)
         ]
         lines.append(_row(case, *cells, f"{found.order:.2f}"))
     return "\n".join(lines)
@@ -174,7 +180,9 @@ def _others(store: dict[str, Run]) -> str:
     for job in (job for job in others() if (job.case, job.reading) not in NEAR_THE_FIRST):
         base, (x, y, angle) = end(store, Job(job.case)), end(store, job)
         away = "-" if job.reading == "grain" else f"{np.hypot(x - base[0], y - base[1]):.2f}"
-        lines.append(_row(job.case, job.reading, job.shape, f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}", away))
+        lines.append(
+            _row(job.case, job.reading, job.shape, f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}", away)
+        )
     return "\n".join(lines)
 
 
@@ -192,7 +200,8 @@ def figures(store: dict[str, Run]) -> None:
         _path(axes, run, pothole().SHAPES["ellipse"], "#2166ac", every=0.4)
         x, y, angle = (f"{v:.3f} ± {e:.3f}" for v, e in zip(found.values, found.error, strict=True))
         axes.set_title(
-            f"m = {run['mass']:g}, J = {run['inertia']:g}, t = {run['ended']['time']:g}", fontsize=10
+            f"m = {run['mass']:g}, J = {run['inertia']:g}, t = {run['ended']['time']:g}",
+            fontsize=10,
         )
         axes.set_xlabel(f"end: x = {x}, y = {y}\nangle = {angle}", fontsize=8.5)
     made.savefig(FIGURES / "pothole.png", dpi=160)
@@ -201,7 +210,9 @@ def figures(store: dict[str, Run]) -> None:
     for axes, picked in ((left, _readings()), (right, _shapes())):
         _cavity(axes)
         for colour, (label, job) in zip(COLOURS, picked.items(), strict=False):
-            _path(axes, store[job.name], pothole().SHAPES[job.shape], colour, every=0.9, label=label)
+            _path(
+                axes, store[job.name], pothole().SHAPES[job.shape], colour, every=0.9, label=label
+            )
         axes.legend(loc="lower left", fontsize=8, frameon=False)
     left.set_title("Readings of the print, case 1", fontsize=10)
     right.set_title("Shapes of one area and mass, case 1", fontsize=10)
@@ -209,8 +220,14 @@ def figures(store: dict[str, Run]) -> None:
 
 
 def _readings() -> dict[str, Job]:
-    told = {"printed": "printed: 40 times as dense as the fluid", "neutral": "neutral: as dense as the fluid"}
-    told |= {"rest": "rest: the lid starts at t = 0", "grain": "grain: t in grain lengths / lid speed"}
+    told = {
+        "printed": "printed: 40 times as dense as the fluid",
+        "neutral": "neutral: as dense as the fluid",
+    }
+    told |= {
+        "rest": "rest: the lid starts at t = 0",
+        "grain": "grain: t in grain lengths / lid speed",
+    }
     return {label: Job(1, reading) for reading, label in told.items()}
 
 
@@ -223,7 +240,10 @@ def _cavity(axes: Any) -> None:
     axes.plot([0, 0, 40, 40], [40, 0, 0, 40], color="#333333", linewidth=1.2)
     axes.plot([0, 40], [40, 40], color="#b2182b", linewidth=1.8)
     axes.annotate(
-        "", (27, 41.6), (13, 41.6), arrowprops={"arrowstyle": "-|>", "color": "#b2182b", "linewidth": 1.2}
+        "",
+        (27, 41.6),
+        (13, 41.6),
+        arrowprops={"arrowstyle": "-|>", "color": "#b2182b", "linewidth": 1.2},
     )
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0, labelsize=8)
@@ -242,7 +262,13 @@ def _path(axes: Any, run: Run, shape: Any, colour: str, every: float, label: str
         placement = Placement((x, y), angle)
         outline = np.vstack([curve.moved(placement).point(s) for curve in shape.grain().outline()])
         last = time == path[-1, 0]
-        axes.fill(*outline.T, facecolor=colour, edgecolor=colour, alpha=0.75 if last else 0.25, linewidth=0.8)
+        axes.fill(
+            *outline.T,
+            facecolor=colour,
+            edgecolor=colour,
+            alpha=0.75 if last else 0.25,
+            linewidth=0.8,
+        )
 
 
 def write(store: dict[str, Run]) -> None:
@@ -257,7 +283,9 @@ def main() -> None:
     """Compute what is missing, and write the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--report", action="store_true", help="rewrite tables and figures from pothole.json")
+    parser.add_argument(
+        "--report", action="store_true", help="rewrite tables and figures from pothole.json"
+    )
     options = parser.parse_args()
     store = json.loads(STORE.read_text()) if STORE.exists() else {}
     if not options.report:
@@ -268,7 +296,9 @@ def main() -> None:
 def compute(store: dict[str, Run], processes: int) -> None:
     """Run what is not in the store yet."""
     left = [job for job in jobs() if job.name not in store]
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), max_tasks_per_child=1) as pool:
+    with ProcessPoolExecutor(
+        processes, multiprocessing.get_context("spawn"), max_tasks_per_child=1
+    ) as pool:
         under_way = {pool.submit(run, job): job for job in left}
         for done in as_completed(under_way):
             job = under_way[done]

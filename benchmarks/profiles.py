@@ -41,7 +41,9 @@ def main(reynolds: float, size: float) -> None:
     ]
     extrema = {name: asdict(extremum) for name, extremum in result.centrelines.items()}
     print(
-        json.dumps({"positions": s.round(6).tolist(), "lines": lines, "points": points, "extrema": extrema})
+        json.dumps(
+            {"positions": s.round(6).tolist(), "lines": lines, "points": points, "extrema": extrema}
+        )
     )
 
 

@@ -35,7 +35,11 @@ def write(results: dict[str, Any]) -> None:
     """Write the page."""
     measured = results["cases"]
     parts = [_head(results), "## Goals\n\n" + goals.summary(measured)]
-    parts += [case.describe(measured[name]).strip() for name, case in cases.ALL.items() if name in measured]
+    parts += [
+        case.describe(measured[name]).strip()
+        for name, case in cases.ALL.items()
+        if name in measured
+    ]
     parts.append(_shortcomings(measured))
     PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text("\n\n".join(part.strip() for part in parts) + "\n")

@@ -67,7 +67,10 @@ def coefficient(gdim: int, gap: float, cells: float) -> float:
     with tempfile.TemporaryDirectory() as place:
         incipient.run(scene(gdim, gap, cells), place)
         table = np.genfromtxt(Path(place) / "history.csv", delimiter=",", names=True)
-    drag, couple = -table["force_x"][-1], table["couple"][-1] if gdim == 2 else -table["couple_y"][-1]
+    drag, couple = (
+        -table["force_x"][-1],
+        table["couple"][-1] if gdim == 2 else -table["couple_y"][-1],
+    )
     return float(2.0 * (drag + 2.0 * couple) / (1.0 if gdim == 2 else math.pi / 4.0))
 
 
@@ -100,7 +103,9 @@ def table(found: list[Found]) -> list[str]:
     rows = [f"| gap | {' | '.join(heads)} |", f"| --: {'| --: ' * len(heads)}|"]
     for gap in GAPS:
         discs = [f"{values[2, gap, cells]:.3f}" for cells in CELLS[2]]
-        spheres = [f"{values[3, gap, one]:.3f}" if (3, gap, one) in values else "" for one in CELLS[3]]
+        spheres = [
+            f"{values[3, gap, one]:.3f}" if (3, gap, one) in values else "" for one in CELLS[3]
+        ]
         rows.append(f"| {gap:.2%} | {' | '.join([*discs, f'{creeping(gap):.3f}', *spheres])} |")
     return rows
 

@@ -29,7 +29,9 @@ def main() -> int:
     results = _stored()
     if not options.report:
         with tempfile.TemporaryDirectory(prefix="incipient-bench-") as scratch:
-            _measure(options.only or list(cases.ALL), Session(options.repeat, Path(scratch)), results)
+            _measure(
+                options.only or list(cases.ALL), Session(options.repeat, Path(scratch)), results
+            )
     report.write(results)
     return 0
 
@@ -40,7 +42,9 @@ def _options() -> argparse.Namespace:
         "--only", action="append", choices=list(cases.ALL), help="only this part (repeatable)"
     )
     parser.add_argument("--repeat", type=int, default=3, help="measured rounds (default 3)")
-    parser.add_argument("--report", action="store_true", help="write the page again from what was measured")
+    parser.add_argument(
+        "--report", action="store_true", help="write the page again from what was measured"
+    )
     return parser.parse_args()
 
 
@@ -54,7 +58,11 @@ def _measure(names: list[str], session: Session, results: dict[str, Any]) -> Non
         session.say(f"--- {name}")
         results["cases"][name] = cases.ALL[name].measure(session)
         seconds = round(time.perf_counter() - began)
-        results["sessions"][name] = {"load_before": load, "seconds": seconds, "repeat": session.repeat}
+        results["sessions"][name] = {
+            "load_before": load,
+            "seconds": seconds,
+            "repeat": session.repeat,
+        }
         # After each part, so that an interruption loses no more than the part under way.
         _store(results)
 
@@ -62,11 +70,20 @@ def _measure(names: list[str], session: Session, results: dict[str, Any]) -> Non
 def _stored() -> dict[str, Any]:
     if RESULTS.exists():
         return json.loads(RESULTS.read_text())
-    return {"schema_version": SCHEMA_VERSION, "machine": {}, "versions": {}, "sessions": {}, "cases": {}}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "machine": {},
+        "versions": {},
+        "sessions": {},
+        "cases": {},
+    }
 
 
 def _store(results: dict[str, Any]) -> None:
-    kept = {**results, "cases": {name: _without_paths(data) for name, data in results["cases"].items()}}
+    kept = {
+        **results,
+        "cases": {name: _without_paths(data) for name, data in results["cases"].items()},
+    }
     RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
 
 

@@ -41,7 +41,9 @@ def solve(mesh: Path, reynolds: float, gap: float) -> dict[str, Any]:
     model = FlowModel(inertia=inertia, upwind=inertia, solver="block")
     with Fluid(domain, model, conditions(), 2 * reynolds or 1.0) as fluid:
         counts: list[int] = []
-        fluid.watch = lambda k, size: counts.append(fluid.solver.statistics.krylov_iterations - sum(counts))
+        fluid.watch = lambda k, size: counts.append(
+            fluid.solver.statistics.krylov_iterations - sum(counts)
+        )
         report = fluid.solve(1e-6)
         load = TractionProbe(fluid, "body", (0.0, 0.0, 0.5 + gap)).resultant()
         times = os.times()
@@ -60,7 +62,15 @@ def solve(mesh: Path, reynolds: float, gap: float) -> dict[str, Any]:
 
 def run(mesh: Path, reynolds: float, gap: float, ranks: int = 1) -> dict[str, Any]:
     """`solve` in processes of its own."""
-    arguments = [str(Path(__file__)), "--mesh", str(mesh), "--reynolds", str(reynolds), "--gap", str(gap)]
+    arguments = [
+        str(Path(__file__)),
+        "--mesh",
+        str(mesh),
+        "--reynolds",
+        str(reynolds),
+        "--gap",
+        str(gap),
+    ]
     start = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
     # This process has begun MPI, and mpirun refuses to start within what that leaves in the environment.
     free = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
@@ -100,7 +110,9 @@ def main() -> None:
             print(json.dumps(found))
         return
     sizes = SIZES[:2] if given.quick else SIZES
-    print("| flow | unknowns | ranks | iterations | processor s | kB an unknown | force / (nu G d) |")
+    print(
+        "| flow | unknowns | ranks | iterations | processor s | kB an unknown | force / (nu G d) |"
+    )
     print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         meshes = {size: drawn(Path(name), size, GAP) for size in sizes}
@@ -110,7 +122,10 @@ def main() -> None:
                 print(row(flow, run(meshes[size], reynolds, GAP)), flush=True)
         print(row("Stokes", run(meshes[sizes[-1]], 0.0, GAP, ranks=2)), flush=True)
         for gap in GAPS:
-            print(row(f"Stokes, gap {gap:g}", run(drawn(Path(name), SIZES[0], gap), 0.0, gap)), flush=True)
+            print(
+                row(f"Stokes, gap {gap:g}", run(drawn(Path(name), SIZES[0], gap), 0.0, gap)),
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -25,7 +25,16 @@ import natural_bed
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from natural_bed_curve import SHARES, FlowLoads, NaturalBed, Sample, flow_error, flow_loads, quantiles, worked
+from natural_bed_curve import (
+    SHARES,
+    FlowLoads,
+    NaturalBed,
+    Sample,
+    flow_error,
+    flow_loads,
+    quantiles,
+    worked,
+)
 from PIL import Image
 from scipy.optimize import brentq
 
@@ -81,7 +90,9 @@ class Bead:
     error: float
     top: float
 
-    def mean(self, probability: float, share: float = 1.0, lognormal: bool = True) -> tuple[float, float]:
+    def mean(
+        self, probability: float, share: float = 1.0, lognormal: bool = True
+    ) -> tuple[float, float]:
         """Shields number and u* d/nu of the mean flow in which the bead is moved at an instant with a probability.
 
         share: multiplies the critical Shields number
@@ -97,7 +108,11 @@ class Bead:
 
     def intensity(self, shear_reynolds: float) -> float:
         """u'/u at the bead's top, which is in the viscous layer: u = u* k+ h/d."""
-        return near_wall(shear_reynolds) / (shear_reynolds * self.top) if shear_reynolds else 0.49 / self.top
+        return (
+            near_wall(shear_reynolds) / (shear_reynolds * self.top)
+            if shear_reynolds
+            else 0.49 / self.top
+        )
 
 
 def beads() -> list[Bead]:
@@ -112,7 +127,9 @@ def beads() -> list[Bead]:
         rise = math.sqrt(max(1.0 - side**2, 0.25))
         shear = math.sqrt(float(row["reynolds"]))
         found.append(
-            Bead(row["arrangement"], spacing, shear, float(row["shields"]), float(row["error"]), rise)
+            Bead(
+                row["arrangement"], spacing, shear, float(row["shields"]), float(row["error"]), rise
+            )
         )
     return found
 
@@ -123,7 +140,10 @@ def computed() -> list[dict[str, object]]:
     for bead in beads():
         for probability in PROBABILITIES:
             shields, shear = bead.mean(probability)
-            ends = [bead.mean(probability, 1.0 + sign * bead.error / bead.shields)[0] for sign in (-1.0, 1.0)]
+            ends = [
+                bead.mean(probability, 1.0 + sign * bead.error / bead.shields)[0]
+                for sign in (-1.0, 1.0)
+            ]
             other, _ = bead.mean(probability, lognormal=False)
             of_flow = max(abs(one - shields) for one in ends)
             values = (
@@ -183,7 +203,10 @@ def natural(sample: Sample) -> list[dict[str, float]]:
         if beyond > BEYOND:
             continue
         own = bed.median(at)
-        each = [float(quantiles_of(shields[:, sample.beds == one], (0.5,))[0]) for one in set(sample.beds)]
+        each = [
+            float(quantiles_of(shields[:, sample.beds == one], (0.5,))[0])
+            for one in set(sample.beds)
+        ]
         parts = np.array([one.median(at) for one in fewer])
         errors = (
             share * own,
@@ -217,7 +240,9 @@ def assumptions(loads: list[FlowLoads]) -> str:
     ]
     for name, spheres, friction in made:
         grains = [
-            one for azimuth in natural_bed.AZIMUTHS for one in natural_bed.free_grains(spheres, azimuth)
+            one
+            for azimuth in natural_bed.AZIMUTHS
+            for one in natural_bed.free_grains(spheres, azimuth)
         ]
         sample = Sample(grains, np.zeros(len(grains), dtype=np.int64), loads)
         bed = Pooled([sample.drawn(seed, friction) for seed in range(DRAWS)])
@@ -330,7 +355,10 @@ def soulsby_whitehouse(size: np.ndarray) -> np.ndarray:
 
 def table(rows: list[dict[str, object]]) -> str:
     """Shields numbers of all beads by probability."""
-    lines = ["| substrate | spacing | u* d/ν at 1% | 0.1% | 1% | 5% | 50% | steady |", "|" + " --- |" * 8]
+    lines = [
+        "| substrate | spacing | u* d/ν at 1% | 0.1% | 1% | 5% | 50% | steady |",
+        "|" + " --- |" * 8,
+    ]
     for bead in beads():
         name, spacing, steady = bead.arrangement, bead.spacing, bead.shields
         own = [bead.mean(one) for one in PROBABILITIES]
@@ -343,8 +371,12 @@ def table(rows: list[dict[str, object]]) -> str:
                 == (name, spacing, probability, shields)
             )
             errors.append(float(str(row["flow"])) + float(str(row["law"])))
-        cells = [f"{shields:.4f} ± {error:.4f}" for (shields, _), error in zip(own, errors, strict=True)]
-        lines.append(f"| {name} | {spacing:g} | {own[1][1]:.2g} | {' | '.join(cells)} | {steady:.4f} |")
+        cells = [
+            f"{shields:.4f} ± {error:.4f}" for (shields, _), error in zip(own, errors, strict=True)
+        ]
+        lines.append(
+            f"| {name} | {spacing:g} | {own[1][1]:.2g} | {' | '.join(cells)} | {steady:.4f} |"
+        )
     return "\n".join(lines)
 
 
@@ -357,15 +389,26 @@ def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Fig
     low, median, high = np.array([balanced(one) for one in places]).T
     axes.fill_between(places, low, high, color=style.WEIGHT, alpha=0.15, linewidth=0.0)
     axes.plot(
-        places, median, color=style.WEIGHT, lw=1.0, label="balance of forces, assumed drag and protrusion"
+        places,
+        median,
+        color=style.WEIGHT,
+        lw=1.0,
+        label="balance of forces, assumed drag and protrusion",
     )
     size = np.geomspace(0.5, 600.0, 80)
     curve = soulsby_whitehouse(size)
     axes.plot(
-        np.sqrt(curve * size**3), curve, "--", color=style.INK, lw=0.9, label="Soulsby & Whitehouse 1997"
+        np.sqrt(curve * size**3),
+        curve,
+        "--",
+        color=style.INK,
+        lw=0.9,
+        label="Soulsby & Whitehouse 1997",
     )
     lines = [line for line in ZANKE.read_text().splitlines() if not line.startswith("#")]
-    zanke = np.array([[float(row["Re_star"]), float(row["theta_c"])] for row in csv.DictReader(lines)])
+    zanke = np.array(
+        [[float(row["Re_star"]), float(row["theta_c"])] for row in csv.DictReader(lines)]
+    )
     axes.plot(*zanke.T, ":", color=style.INK, lw=1.1, label="Zanke 2003")
     draw_bed(axes, of_bed)
     chosen = [one for one in rows if one["probability"] == SHOWN]
@@ -375,7 +418,11 @@ def figure(rows: list[dict[str, object]], of_bed: list[dict[str, float]]) -> Fig
     label = f"beads on regular substrates, {100 * SHOWN:g}%"
     axes.plot(across, up, "^", color=style.PUSH, markerfacecolor="white", markersize=4, label=label)
     axes.set(
-        xscale="log", yscale="log", xlabel="u* d/ν [-]", ylabel="Shields number [-]", xlim=(0.08, 2000.0)
+        xscale="log",
+        yscale="log",
+        xlabel="u* d/ν [-]",
+        ylabel="Shields number [-]",
+        xlim=(0.08, 2000.0),
     )
     axes.set_ylim(0.002, 2.0)
     drawn.legend(fontsize="small", loc="outside lower center", ncols=2)
@@ -402,7 +449,9 @@ def main() -> None:
     rows, sample = computed(), Sample(*natural_bed.sample(), loads)
     of_bed, shares = natural(sample), shares_of_pockets(sample)
     NUMBERS.write_text(csv_text(COLUMNS, rows))
-    OF_BED.write_text(csv_text(COLUMNS_OF_BED, [{k: f"{v:.4g}" for k, v in row.items()} for row in of_bed]))
+    OF_BED.write_text(
+        csv_text(COLUMNS_OF_BED, [{k: f"{v:.4g}" for k, v in row.items()} for row in of_bed])
+    )
     POCKETS.write_text(csv_text(*rows_of_pockets(shares)))
     with style.applied():
         drawn = figure(rows, of_bed)

@@ -94,7 +94,11 @@ def near_contact() -> Iterator[Row]:
     for motion in MOTIONS:
         errors = [wall_force(motion, gap) / exact_wall_force(motion, gap) - 1 for gap in gaps]
         found = "; ".join(f"{100 * error:.2g}%" for error in errors)
-        yield f"cylinder {motion}, gap {'; '.join(f'{gap:g}' for gap in gaps)}", f"error {found}", "completed"
+        yield (
+            f"cylinder {motion}, gap {'; '.join(f'{gap:g}' for gap in gaps)}",
+            f"error {found}",
+            "completed",
+        )
 
 
 def long_steps() -> Iterator[Row]:
@@ -117,7 +121,9 @@ def new_meshes() -> Iterator[Row]:
     for below in (0.97, 0.995):
         told = remeshed_run(below)
         moved = np.linalg.norm(np.subtract(told.place, usual.place)) / told.size
-        found = f"{told.count} new meshes in 20 steps; place differs by {100 * moved:.2g}% of the grain"
+        found = (
+            f"{told.count} new meshes in 20 steps; place differs by {100 * moved:.2g}% of the grain"
+        )
         yield f"remesh_below = {below:g}", found, f"largest change of energy {told.energy:.1e}"
 
 
@@ -159,7 +165,11 @@ def moved_meshes() -> Iterator[Row]:
         kinetic, _ = energies(1e6, model, 1, 0.1, 100)
         factor = (kinetic[1:] / kinetic[:-1]).max()
         case = f"energy-stable form{', stabilised' if stabilised else ''}"
-        yield case, f"largest factor of a step {factor:.4f}", "energy never grows" if factor <= 1 else "grows"
+        yield (
+            case,
+            f"largest factor of a step {factor:.4f}",
+            "energy never grows" if factor <= 1 else "grows",
+        )
 
 
 def stopped_and_resumed() -> Iterator[Row]:

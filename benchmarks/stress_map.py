@@ -22,7 +22,11 @@ STYLE = {
 BOUNDS = (0, 3, 6, 12, 41)
 COLOURS = ("#d1e5f0", "#92c5de", "#4393c3", "#2166ac")
 FAILED = "#b2182b"
-NAMES = {"step": "step [1/lid speed]", "reynolds": "Reynolds number", "gap": "gap to the wall [diameters]"}
+NAMES = {
+    "step": "step [1/lid speed]",
+    "reynolds": "Reynolds number",
+    "gap": "gap to the wall [diameters]",
+}
 ROWS = {True: "exact added mass", False: "naive iteration"}
 DOTS_PER_INCH = 200
 
@@ -63,7 +67,13 @@ def _panel(axes: Axes, points: list[Point], values: tuple[float, ...]) -> object
     for i, j in zip(*np.nonzero(~np.isnan(table)), strict=True):
         tone = "white" if table[i, j] > 6 else "#333333"
         axes.text(
-            j + 0.5, i + 0.5, f"{table[i, j] - 0.5:.0f}", ha="center", va="center", color=tone, fontsize=7
+            j + 0.5,
+            i + 0.5,
+            f"{table[i, j] - 0.5:.0f}",
+            ha="center",
+            va="center",
+            color=tone,
+            fontsize=7,
         )
     axes.set_xticks(np.arange(len(RATIOS)) + 0.5, [_power(r) for r in RATIOS])
     axes.set_yticks(np.arange(len(values)) + 0.5, [_power(v) for v in values])

@@ -67,11 +67,15 @@ IN_A_LINE = {
 
 
 def page(
-    sections: dict[str, list[tuple[str, str, str]]], points: list[Point], seconds: float, machine: str
+    sections: dict[str, list[tuple[str, str, str]]],
+    points: list[Point],
+    seconds: float,
+    machine: str,
 ) -> str:
     """The whole page."""
     solved = {
-        exact: sum(p.corrections is not None for p in points if p.exact is exact) for exact in (True, False)
+        exact: sum(p.corrections is not None for p in points if p.exact is exact)
+        for exact in (True, False)
     }
     text = HEAD.format(minutes=f"{seconds / 60:.0f}", machine=machine)
     text += MAP.format(points=len(points) // 2, exact=solved[True], naive=solved[False])
@@ -90,7 +94,10 @@ def _section(title: str, rows: list[tuple[str, str, str]]) -> str:
     lines = [f"- {case}: {found}; {outcome}" for case, found, outcome in _gathered(_folded(rows))]
     if len(outcomes) == 1:
         common = outcomes.pop()
-        said, lines = f"{said} All cases: {common}.", [line.removesuffix(f"; {common}") for line in lines]
+        said, lines = (
+            f"{said} All cases: {common}.",
+            [line.removesuffix(f"; {common}") for line in lines],
+        )
     return "\n".join([f"## {title}", "", said, "", *lines, ""])
 
 
@@ -112,7 +119,11 @@ def _folded(rows: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
     for case, found, outcome in rows[1:]:
         known, *same = folded[-1]
         if same == [found, outcome] and known.rpartition(", ")[0] == case.rpartition(", ")[0] != "":
-            folded[-1] = (f"{known}; {case.rpartition(', ')[2].removeprefix('friction ')}", found, outcome)
+            folded[-1] = (
+                f"{known}; {case.rpartition(', ')[2].removeprefix('friction ')}",
+                found,
+                outcome,
+            )
         else:
             folded.append((case, found, outcome))
     return folded

@@ -74,7 +74,9 @@ def pools(directory: Path) -> None:
     """How many of forty tasks fail where one of four workers is killed."""
     context = multiprocessing.get_context("spawn")
     makers = {
-        "concurrent.futures.ProcessPoolExecutor": lambda: concurrent.futures.ProcessPoolExecutor(4, context),
+        "concurrent.futures.ProcessPoolExecutor": lambda: concurrent.futures.ProcessPoolExecutor(
+            4, context
+        ),
         "with max_tasks_per_child": lambda: concurrent.futures.ProcessPoolExecutor(
             4, context, max_tasks_per_child=1000
         ),
@@ -167,7 +169,14 @@ def _a_run() -> tuple[str, str]:
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "one.sqlite"
         scene = Path(__file__).parents[1] / "demos" / "scenes" / "reynolds_sweep.toml"
-        sweep.run(scene, file, {"fluid.reynolds": [1.0]}, do="run", settings=["numerics.mesh_size=3"], jobs=1)
+        sweep.run(
+            scene,
+            file,
+            {"fluid.reynolds": [1.0]},
+            do="run",
+            settings=["numerics.mesh_size=3"],
+            jobs=1,
+        )
         with Store(file) as store:
             (row,) = store.rows()
             return row["scene"], row["result"]
@@ -182,14 +191,18 @@ def _peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def simulation(directory: Path, number: int = 100_000, places: int = 1000, seconds: float = 60.0) -> None:
+def simulation(
+    directory: Path, number: int = 100_000, places: int = 1000, seconds: float = 60.0
+) -> None:
     """A large sweep on paper."""
     global SCENE, RESULT
     if not SCENE:
         SCENE, RESULT = _a_run()
     before = _peak()
     cases = [
-        SweepCase(f"{n:020d}", "run", "scene", (f"fluid.reynolds={n}",), f"{SCENE}\n# {n}\n", "forms")
+        SweepCase(
+            f"{n:020d}", "run", "scene", (f"fluid.reynolds={n}",), f"{SCENE}\n# {n}\n", "forms"
+        )
         for n in range(number)
     ]
     workers, file = Simulated(places, seconds, 3600.0), directory / f"{number}_{places}.sqlite"

@@ -46,7 +46,9 @@ def expense(row: Row) -> list[str]:
 
 def failures(rows: Iterable[Row]) -> str:
     """A sentence for each program that could not run."""
-    lines = [f"*{row['name']}* could not run here: `{row['error']}`." for row in rows if "error" in row]
+    lines = [
+        f"*{row['name']}* could not run here: `{row['error']}`." for row in rows if "error" in row
+    ]
     return "\n".join(lines)
 
 

@@ -69,7 +69,9 @@ class Pressures:
         x = np.linspace(0.0, 1.0, 4001)
         y, pressure = np.interp(x, *shape.T), self.at(x)
         middle = 0.5 * (pressure[1:] + pressure[:-1])
-        return float(middle @ np.diff(y)), float(0.5 * (pressure[0] + pressure[-1]) - middle @ np.diff(x))
+        return float(middle @ np.diff(y)), float(
+            0.5 * (pressure[0] + pressure[-1]) - middle @ np.diff(x)
+        )
 
 
 def scene(shape: np.ndarray, distance: float, mesh_size: float) -> of.Scene:
@@ -159,11 +161,17 @@ def tables(found: list[Pressures], shape: np.ndarray) -> str:
         apart = " to ".join(f"{x:.2f}" for x in one.separated) or "nowhere"
         of_run = (one.y_plus, one.cells or "", f"{drag:.4f}", f"{lift:.3f}", apart)
         lines.append(f"| {' | '.join(map(str, (one.name, *of_run)))} |")
-    lines += ["", f"| x | {' | '.join(f'{x:g}' for x in STATIONS)} |", "| --- |" + " --- |" * len(STATIONS)]
+    lines += [
+        "",
+        f"| x | {' | '.join(f'{x:g}' for x in STATIONS)} |",
+        "| --- |" + " --- |" * len(STATIONS),
+    ]
     for one in {one.name: one for one in found}.values():  # the finest mesh of each
         values = " | ".join(f"{value:.2f}" for value in one.at(np.array(STATIONS)))
         lines.append(
-            f"| {one.name}, {one.cells} cells | {values} |" if one.cells else f"| {one.name} | {values} |"
+            f"| {one.name}, {one.cells} cells | {values} |"
+            if one.cells
+            else f"| {one.name} | {values} |"
         )
     return "\n".join(lines)
 
@@ -178,7 +186,9 @@ def table_to_the_wall(found: list[Pressures], shape: np.ndarray) -> str:
         drag, lift = one.loads(shape)
         apart = " | ".join(f"{x:.3f}" for x in one.separated)
         seconds = f"{one.seconds:.0f} s" if one.seconds else ""
-        numbers = f"{one.cells or ''} | {apart} | {drag:.4f} | {lift:.3f} | {one.y_plus} | {seconds}"
+        numbers = (
+            f"{one.cells or ''} | {apart} | {drag:.4f} | {lift:.3f} | {one.y_plus} | {seconds}"
+        )
         lines.append(f"| {one.name} | {numbers} |")
     return "\n".join(lines)
 
@@ -207,7 +217,10 @@ def main() -> None:
     """Run, write."""
     shape = rows("hump_shape")
     measured = Pressures(
-        "measured", *rows("hump_pressure").T, separated=(0.665, 1.11), friction=rows("hump_friction").T
+        "measured",
+        *rows("hump_pressure").T,
+        separated=(0.665, 1.11),
+        friction=rows("hump_friction").T,
     )
     others = Pressures(
         "CFL3D, SST",
@@ -222,7 +235,12 @@ def main() -> None:
         to_wall.append(computed(f"k-omega SST, `mesh_size` = {mesh_size:.3g}", asked, "bed"))
         print(to_wall[-1].name, to_wall[-1].separated, to_wall[-1].loads(shape), flush=True)
     draw(to_wall[-1], others, measured)
-    put(PAGE_TO_WALL, table_to_the_wall([*to_wall, others, measured], shape), BEGIN_TO_WALL, END_TO_WALL)
+    put(
+        PAGE_TO_WALL,
+        table_to_the_wall([*to_wall, others, measured], shape),
+        BEGIN_TO_WALL,
+        END_TO_WALL,
+    )
     found = [measured]
     for distance, mesh_size in RUNS:
         name = f"k-epsilon, the law from {distance:g}"

@@ -75,7 +75,9 @@ def table(found: list[Found]) -> str:
             for one in mine
         ]
         if len(mine) == len(MESH_SIZES[model]):
-            limits = [extrapolated([getattr(one, name) for one in mine[-3:]]) for name in ("drag", "lift")]
+            limits = [
+                extrapolated([getattr(one, name) for one in mine[-3:]]) for name in ("drag", "lift")
+            ]
             told = " | ".join(f"{limit:.3f} ± {wide:.3f}" for limit, wide in limits)
             lines.append(f"| {words}, extrapolated | | | {told} | | |")
     return "\n".join(lines)

@@ -50,9 +50,19 @@ def table(found: list[tuple[str, str, float, str]], of_layer: float) -> str:
         if "flat plate" in line[:10]
     ]
     finest = max(rows, key=lambda row: int(row[2]))
-    lines = ["| | unknowns a component | C_f | from CFL3D | time |", "| --- | --- | --- | --- | --- |"]
-    others = (("CFL3D", finest[2], float(finest[3]), ""), ("FUN3D", finest[2], float(finest[4]), ""))
-    for name, unknowns, value, seconds in (*found, ("boundary-layer equations", "", of_layer, ""), *others):
+    lines = [
+        "| | unknowns a component | C_f | from CFL3D | time |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    others = (
+        ("CFL3D", finest[2], float(finest[3]), ""),
+        ("FUN3D", finest[2], float(finest[4]), ""),
+    )
+    for name, unknowns, value, seconds in (
+        *found,
+        ("boundary-layer equations", "", of_layer, ""),
+        *others,
+    ):
         share = f"{100 * (value / float(finest[3]) - 1):+.1f}%" if name != "CFL3D" else ""
         lines.append(f"| {name} | {unknowns} | {value:.6f} | {share} | {seconds} |")
     return "\n".join(lines)
@@ -69,12 +79,29 @@ def draw(x: np.ndarray, friction: np.ndarray, layer: np.ndarray, value: float) -
     figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
     axes.plot(reynolds, 0.664 / np.sqrt(reynolds), "k:", lw=1, label="Blasius")
     white = reynolds[reynolds > 2e5]
-    axes.plot(white, 0.455 / np.log(0.06 * white) ** 2, "k--", lw=1, label="turbulent: White (2006)")
-    resolved = layer[:, REYNOLDS * layer[0] > 1.5e5]  # its steps are too long for the laminar layer before
-    axes.plot(REYNOLDS * resolved[0], resolved[1], "C1", lw=1, label="k-omega SST, boundary-layer equations")
+    axes.plot(
+        white, 0.455 / np.log(0.06 * white) ** 2, "k--", lw=1, label="turbulent: White (2006)"
+    )
+    resolved = layer[
+        :, REYNOLDS * layer[0] > 1.5e5
+    ]  # its steps are too long for the laminar layer before
+    axes.plot(
+        REYNOLDS * resolved[0],
+        resolved[1],
+        "C1",
+        lw=1,
+        label="k-omega SST, boundary-layer equations",
+    )
     axes.plot(REYNOLDS * x, friction, "C0", lw=1.5, label="incipient, k-omega SST")
     axes.plot(REYNOLDS * PLACE, value, "C3o", ms=5, label="CFL3D, k-omega SST")
-    axes.set(xscale="log", yscale="log", xlim=(1e3, 1e7), ylim=(1.5e-3, 3e-2), xlabel="Re of x", ylabel="C_f")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=(1e3, 1e7),
+        ylim=(1.5e-3, 3e-2),
+        xlabel="Re of x",
+        ylabel="C_f",
+    )
     axes.legend(frameon=False)
     figure.savefig(FIGURE, dpi=130)
 
@@ -87,7 +114,9 @@ def main() -> None:
     for mesh_size in MESH_SIZES:
         x, values, unknowns, seconds = computed(mesh_size)
         value = float(np.interp(PLACE, x, values))
-        found.append((f"incipient, `mesh_size` = {mesh_size:.3g}", str(unknowns), value, f"{seconds:.0f} s"))
+        found.append(
+            (f"incipient, `mesh_size` = {mesh_size:.3g}", str(unknowns), value, f"{seconds:.0f} s")
+        )
         print(found[-1], flush=True)
     values_there = np.array([one[2] for one in found])
     first, second = np.diff(values_there)

@@ -50,7 +50,9 @@ def by_incipient(mesh_size: float) -> Found:
     from incipient.scene.file import load
 
     scene = load(SCENE)
-    scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"mesh_size": mesh_size})})
+    scene = scene.model_copy(
+        update={"numerics": scene.numerics.model_copy(update={"mesh_size": mesh_size})}
+    )
     began = time.process_time()
     result = incipient.run(scene)
     seconds, walls = time.process_time() - began, result.turbulence
@@ -72,7 +74,9 @@ def to_the_wall(mesh_size: float) -> Found:
     scene = load(SCENE)
     assert scene.turbulence is not None
     sections = {
-        "turbulence": scene.turbulence.model_copy(update={"model": "k-omega-sst", "wall_distance": None}),
+        "turbulence": scene.turbulence.model_copy(
+            update={"model": "k-omega-sst", "wall_distance": None}
+        ),
         "numerics": scene.numerics.model_copy(update={"mesh_size": mesh_size, "error_bars": False}),
     }
     began = time.process_time()
@@ -165,7 +169,9 @@ def table(found: list[Found]) -> str:
             for one in mine[::2]
         ]
         limit, away = extrapolated([one.reattachment for one in mine])
-        lines.append(f"| {program}, extrapolated | | {limit:.2f} +- {away:.2f} | {_short(limit)} | |")
+        lines.append(
+            f"| {program}, extrapolated | | {limit:.2f} +- {away:.2f} | {_short(limit)} | |"
+        )
     return "\n".join(lines)
 
 

@@ -35,7 +35,10 @@ BED_CELLS, BED_GROWTH = (
 )  # over those: the largest along the bed; their growth with the distance from the stone
 GAP = 0.08  # where the space at contacts is closed: wider than OpenFOAM's cells at walls
 ROWS = 400
-CONVECTION = {"linear upwind": "linearUpwind grad(U)", "upwind": "upwind"}  # of the velocity, in OpenFOAM
+CONVECTION = {
+    "linear upwind": "linearUpwind grad(U)",
+    "upwind": "upwind",
+}  # of the velocity, in OpenFOAM
 BEHIND = (5.0, 6.0)  # from where to where u* of the bed is averaged: four of its waves
 
 
@@ -158,7 +161,9 @@ def _outline(asked: Any, closing: Any, size: float) -> Any:
     def along(curve: Any, least: int) -> np.ndarray:
         return curve.point(np.linspace(0.0, 1.0, max(round(curve.length / size), least) + 1))
 
-    stone = np.vstack([along(curve, 1)[1 if k else 0 :] for k, curve in enumerate(closing.outline)])[::-1]
+    stone = np.vstack(
+        [along(curve, 1)[1 if k else 0 :] for k, curve in enumerate(closing.outline)]
+    )[::-1]
     parts = [
         bed_between(*ends[:2]),
         along(closing.left, 1),
@@ -198,7 +203,8 @@ def table(found: list[Found]) -> str:
             for one in mine[::2]
         ]
         limits = [
-            extrapolated([getattr(one, name) for one in mine]) for name in ("drag", "lift", "shear_velocity")
+            extrapolated([getattr(one, name) for one in mine])
+            for name in ("drag", "lift", "shear_velocity")
         ]
         told = " | ".join(f"{limit:.4f} +- {away:.4f}" for limit, away in limits)
         lines.append(f"| {program}, extrapolated | | {told} |")

@@ -48,7 +48,9 @@ class Waves:
     converged: bool
 
     @classmethod
-    def of(cls, program: str, cells: int, x: np.ndarray, friction: np.ndarray, converged: bool) -> Waves:
+    def of(
+        cls, program: str, cells: int, x: np.ndarray, friction: np.ndarray, converged: bool
+    ) -> Waves:
         """From friction (n,) at ascending x (n,)."""
         seen = np.interp(np.linspace(*SEEN, 2001), x, friction)
         return cls(program, cells, float(seen.mean()), float((seen < 0.0).mean()), converged)
@@ -99,9 +101,13 @@ def by_openfoam(name: str) -> Waves:
     inflow = inflow_of(asked, walls)
     with tempfile.TemporaryDirectory() as folder:
         case = Path(folder)
-        for file, text in openfoam.case(inflow, openfoam_stone.WALLS, ("lid",), law, schemes).items():
+        for file, text in openfoam.case(
+            inflow, openfoam_stone.WALLS, ("lid",), law, schemes
+        ).items():
             (case / file).parent.mkdir(parents=True, exist_ok=True)
-            text = text.replace("default Gauss linear; }\ndiv", f"default Gauss linear; {LIMITED}\ndiv")
+            text = text.replace(
+                "default Gauss linear; }\ndiv", f"default Gauss linear; {LIMITED}\ndiv"
+            )
             for key in ("endTime", "writeInterval"):
                 text = text.replace(f"{key} {openfoam.ITERATIONS}", f"{key} {ITERATIONS}")
             (case / file).write_text(text, encoding="utf-8")

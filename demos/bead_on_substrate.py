@@ -24,13 +24,19 @@ def settings(kind, spacing=1.0, size=1.0, reynolds=0.0):
     """The settings of the scene for a bead behind two spheres of the bed, on one or two more or on the base plane."""
     x, apart, (around, angle) = 6 * size, 0.5 + size / 2, POCKETS[kind]
     height = sqrt(max(apart**2 - around * spacing**2, size**2 / 4))
-    ahead = sqrt(apart**2 - height**2 - spacing**2 / 4)  # to the line through the centres of the two
+    ahead = sqrt(
+        apart**2 - height**2 - spacing**2 / 4
+    )  # to the line through the centres of the two
     bed = [f'arrangement="{kind}"', f"spacing={spacing}", f"angle={angle}"]
     bed += [f"offset=[{x + ahead!r}, {x + spacing / 2!r}]"]
     chosen = [*(f"bed.{one}" for one in bed), f"body.x={x}", f"body.diameter={size}"]
     if reynolds:  # a Shields number of 0.018, as in creeping flow on touching spheres
         gravity = size / (1.65 * 0.018 * reynolds)
-        chosen += ["fluid.inertia=true", f"fluid.reynolds={reynolds}", f"gravity.acceleration={gravity}"]
+        chosen += [
+            "fluid.inertia=true",
+            f"fluid.reynolds={reynolds}",
+            f"gravity.acceleration={gravity}",
+        ]
     return [*chosen, f"domain.length={2 * x}", f"domain.width={2 * x}", f"domain.height={x}"]
 
 

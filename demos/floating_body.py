@@ -15,7 +15,9 @@ from mpi4py import MPI
 import incipient
 from incipient.errors import IncipientError
 
-scene = incipient.load(Path(__file__).parent / "scenes/floating_body.toml", sys.argv[1:], MPI.COMM_WORLD)
+scene = incipient.load(
+    Path(__file__).parent / "scenes/floating_body.toml", sys.argv[1:], MPI.COMM_WORLD
+)
 try:
     incipient.run(scene, "results/floating_body")
 except IncipientError as error:

@@ -14,7 +14,9 @@ from mpi4py import MPI
 
 import incipient
 
-SCENE = incipient.load(Path(__file__).parent / "scenes/grain_in_channel.toml", sys.argv[1:], MPI.COMM_WORLD)
+SCENE = incipient.load(
+    Path(__file__).parent / "scenes/grain_in_channel.toml", sys.argv[1:], MPI.COMM_WORLD
+)
 
 
 def told(name, scene):

@@ -15,7 +15,9 @@ from mpi4py import MPI
 import incipient
 
 DIRECTORY = "results/grain_under_waves"
-SCENE = incipient.load(Path(__file__).parent / "scenes/grain_under_waves.toml", sys.argv[1:], MPI.COMM_WORLD)
+SCENE = incipient.load(
+    Path(__file__).parent / "scenes/grain_under_waves.toml", sys.argv[1:], MPI.COMM_WORLD
+)
 HEIGHT = float(SCENE.surface.height(np.zeros((3, 1)))[0])
 
 
@@ -24,7 +26,9 @@ def history_below(height, **sections):
     elevation = f"{height / HEIGHT!r}*({SCENE.surface.elevation})"
     surface = SCENE.surface.model_copy(update={"elevation": elevation})
     incipient.run(SCENE.model_copy(update={"surface": surface, **sections}), DIRECTORY)
-    return np.genfromtxt(f"{DIRECTORY}/history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    return np.genfromtxt(
+        f"{DIRECTORY}/history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
 
 
 def told(of, history):
@@ -39,4 +43,7 @@ def told(of, history):
 height = HEIGHT
 for _ in range(3):  # the load grows nearly in proportion to the wave
     height *= told(f"wave of {height:.3f}", history_below(height))
-told("without convection", history_below(height, effects=SCENE.effects.model_copy(update={"inertia": False})))
+told(
+    "without convection",
+    history_below(height, effects=SCENE.effects.model_copy(update={"inertia": False})),
+)

@@ -30,13 +30,18 @@ CHANNEL = {
     "contact": of.Contact(friction=0.6),
 }
 FLOW = {"fluid": of.Fluid(reynolds=1 / NU, scale="flow"), "flow": of.OpenChannel()}
-LAMINAR = {"fluid": of.Fluid(reynolds=50.0, scale="grain"), "flow": of.LogLaw(shear_velocity=0.0421)}
+LAMINAR = {
+    "fluid": of.Fluid(reynolds=50.0, scale="grain"),
+    "flow": of.LogLaw(shear_velocity=0.0421),
+}
 
 for name in sys.argv[1:] or (*MODELS, "log-law"):
     case = LAMINAR if name == "log-law" else FLOW | {"effects": of.Effects(turbulence=True)}
     if MODELS.get(name):
         case["turbulence"] = of.Turbulence(**MODELS[name])
     numerics = of.Numerics(mesh_size=2.0, order=2, error_bars=name == "standard")
-    result = incipient.run(of.Scene(title=name, numerics=numerics, **CHANNEL, **case), f"results/{name}")
+    result = incipient.run(
+        of.Scene(title=name, numerics=numerics, **CHANNEL, **case), f"results/{name}"
+    )
     if MPI.COMM_WORLD.rank == 0:
         print(f"{name}\n{result.text()}")

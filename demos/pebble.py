@@ -17,7 +17,9 @@ from incipient.contact.equilibrium import safety_factor
 from incipient.evaluation.contact_verdict import find_contacts, load_of
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
-SAID = "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other scans {:.3f}, {:.3f}"
+SAID = (
+    "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other scans {:.3f}, {:.3f}"
+)
 
 
 if __name__ == "__main__":
@@ -26,14 +28,24 @@ if __name__ == "__main__":
     parser.add_argument("--set", action="append", default=[])
     given, low, high, bars, options = parser.parse_args(), 0.0, float("inf"), (1.0, 1.0), []
     for facets in given.facets:
-        files = [scan(f"results/pebble_{facets}_{turn}.stl", facets, turn, RANK == 0) for turn in range(3)]
-        scenes = [incipient.load(SCENE, given.set + options + [file], MPI.COMM_WORLD) for file in files]
-        result, options = incipient.run(scenes[0], f"results/pebble_{facets}"), ["numerics.error_bars=false"]
+        files = [
+            scan(f"results/pebble_{facets}_{turn}.stl", facets, turn, RANK == 0)
+            for turn in range(3)
+        ]
+        scenes = [
+            incipient.load(SCENE, given.set + options + [file], MPI.COMM_WORLD) for file in files
+        ]
+        result, options = (
+            incipient.run(scenes[0], f"results/pebble_{facets}"),
+            ["numerics.error_bars=false"],
+        )
         if RANK == 0:
             # The same load on other scans of the pebble, whose facets are elsewhere.
             loads = [load_of(scene.placement, result.force, result.couple) for scene in scenes[1:]]
             held_by = [(find_contacts(scene), scene.contact.friction) for scene in scenes[1:]]
-            others = [safety_factor(load, *by).value for load, by in zip(loads, held_by, strict=True)]
+            others = [
+                safety_factor(load, *by).value for load, by in zip(loads, held_by, strict=True)
+            ]
             found = [result.verdict["safety_factor"], *others]
             if result.error_bars and (bar := result.error_bars.safety):
                 bars = bar.low / bar.value, bar.high / bar.value

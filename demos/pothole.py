@@ -14,8 +14,16 @@ from mpi4py import MPI
 import incipient
 from incipient.scene import Disc, Ellipse, Rectangle
 
-READINGS = {"printed": [], "neutral": [], "grain": ["flow.velocity=1.0"], "rest": ['time.start="rest"']}
-SHAPES = {"ellipse": Ellipse(semi_axes=(2, 1), x=0), "disc": Disc(diameter=8**0.5, x=0)}  # all of area 2 pi
+READINGS = {
+    "printed": [],
+    "neutral": [],
+    "grain": ["flow.velocity=1.0"],
+    "rest": ['time.start="rest"'],
+}
+SHAPES = {
+    "ellipse": Ellipse(semi_axes=(2, 1), x=0),
+    "disc": Disc(diameter=8**0.5, x=0),
+}  # all of area 2 pi
 SHAPES["square"] = Rectangle(width=2.5508, height=2.5508, corner_radius=0.51016, x=0)
 
 
@@ -34,7 +42,9 @@ if __name__ == "__main__":
     parser.add_argument("cases", nargs="*", type=int, default=[1, 2, 3, 4])
     parser.add_argument("--reading", choices=READINGS, default="printed")
     parser.add_argument("--shape", choices=SHAPES, default="ellipse")
-    parser.add_argument("--set", action="append", default=["time.step=0.2", "numerics.mesh_size=2.0"])
+    parser.add_argument(
+        "--set", action="append", default=["time.step=0.2", "numerics.mesh_size=2.0"]
+    )
     given = parser.parse_args()
     for case in given.cases:
         made = scene(case, given.reading, given.shape, given.set)

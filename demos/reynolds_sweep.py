@@ -39,4 +39,6 @@ if __name__ == "__main__":
     with incipient.sweep.watching() as watcher:
         done = incipient.sweep.run(scene, file, over, watcher=watcher, **chosen)
     if MPI.COMM_WORLD.rank == 0:
-        print(f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before: {file}")
+        print(
+            f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before: {file}"
+        )

@@ -21,7 +21,9 @@ def faxen(scene):
     """Terminal velocity of a disc of the grain's area, midway between walls, without inertia (Faxén 1946)."""
     area, acceleration = scene.grain.volume, scene.gravity.acceleration
     weight = (scene.body.density - 1) * area * acceleration
-    s = 2 * (area / np.pi) ** 0.5 / scene.domain.length  # diameter over width; off by 4e-4 at 1/3, 5% at 1/2
+    s = (
+        2 * (area / np.pi) ** 0.5 / scene.domain.length
+    )  # diameter over width; off by 4e-4 at 1/3, 5% at 1/2
     factor = -log(s) - 0.9157 + 1.7244 * s**2 - 1.7302 * s**4 + 2.4056 * s**6 - 4.5913 * s**8
     return weight * factor / (4 * np.pi * scene.viscosity)
 

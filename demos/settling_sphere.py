@@ -26,7 +26,9 @@ def unbounded(scene):
     """Terminal velocity of the sphere in an endless fluid, with the drag of Abraham (1970, Phys. Fluids 13, 2194)."""
     diameter, nu = scene.body.diameter, scene.viscosity
     weight = 4 / 3 * (scene.body.density - 1) * scene.gravity.acceleration * diameter  # C_D V^2
-    return brentq(lambda v: 24 / 9.06**2 * (v + 9.06 * (v * nu / diameter) ** 0.5) ** 2 - weight, 1e-9, 1e9)
+    return brentq(
+        lambda v: 24 / 9.06**2 * (v + 9.06 * (v * nu / diameter) ** 0.5) ** 2 - weight, 1e-9, 1e9
+    )
 
 
 if __name__ == "__main__":
@@ -39,6 +41,8 @@ if __name__ == "__main__":
         fastest, endless = history[np.argmin(history["velocity_z"])], unbounded(scene)
         peak = -fastest["velocity_z"] / endless
         print(result.text(), f"unbounded          {endless:.3f} mm/s by Abraham's drag", sep="\n")
-        print(f"fastest            {peak:.3f} of it, at t = {fastest['time']:.2f} s of {scene.time.end:g}")
+        print(
+            f"fastest            {peak:.3f} of it, at t = {fastest['time']:.2f} s of {scene.time.end:g}"
+        )
         for who, value in (("measured  ", measured), ("computed by them", computed)):
             print(f"{who:<18} {value} by ten Cate et al.; difference {peak / value - 1:+.1%}")

@@ -15,7 +15,9 @@ from scipy.interpolate import CubicSpline
 
 import incipient
 
-scene = incipient.load(Path(__file__).parent / "scenes/shear_orbit.toml", sys.argv[1:], MPI.COMM_WORLD)
+scene = incipient.load(
+    Path(__file__).parent / "scenes/shear_orbit.toml", sys.argv[1:], MPI.COMM_WORLD
+)
 result = incipient.run(scene, "results/shear_orbit")
 if MPI.COMM_WORLD.rank == 0:
     history = np.genfromtxt("results/shear_orbit/history.csv", delimiter=",", names=True)
@@ -29,6 +31,10 @@ if MPI.COMM_WORLD.rank == 0:
     phase = 2 * np.pi * (times - begin) / period
     turned = np.unwrap(np.arctan2(r * np.sin(phase), np.cos(phase)))
     away = np.abs(angle(times) - angle(begin) + turned).max()
-    print(result.text(), f"largest difference  {np.degrees(away):.2f} degrees from Jeffery's orbit", sep="\n")
+    print(
+        result.text(),
+        f"largest difference  {np.degrees(away):.2f} degrees from Jeffery's orbit",
+        sep="\n",
+    )
     print(f"period              {2 * (end - begin):.4f}, Jeffery's is {period:.4f}")
     print(f"error of the period {200 * (end - begin) / period - 100:+.2f}%")

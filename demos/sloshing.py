@@ -28,17 +28,28 @@ def released(times, nu, k=np.pi, g=1.0):
     z = 32 * (0.5017 / 0.6407 * a / np.tan(a) - 0.6122 + 0.2645j / 0.6407 * a)
     slope = 32 * (0.5017 * (1 / np.tan(a) - a / np.sin(a) ** 2) + 0.2645j)
     s = z / times[:, None]
-    rest = (1 - g * k * T / D(s)) / s - residue / (s - pole) - np.conj(residue) / (s - np.conj(pole))
+    rest = (
+        (1 - g * k * T / D(s)) / s - residue / (s - pole) - np.conj(residue) / (s - np.conj(pole))
+    )
     inverted = (np.exp(z) * slope * rest).sum(axis=1) / (32j * times)
     return np.real(2 * residue * np.exp(pole * times) + inverted)
 
 
-for reynolds in [number for number in sys.argv[1:] if "=" not in number] or ["2", "20", "200", "2000"]:
+for reynolds in [number for number in sys.argv[1:] if "=" not in number] or [
+    "2",
+    "20",
+    "200",
+    "2000",
+]:
     changes = [f"fluid.reynolds={reynolds}", *(one for one in sys.argv[1:] if "=" in one)]
     scene = incipient.load(Path(__file__).parent / "scenes/sloshing.toml", changes, MPI.COMM_WORLD)
     began, directory = time.process_time(), f"results/sloshing_{reynolds}"
     incipient.run(scene, directory)
     if MPI.COMM_WORLD.rank == 0:
         history = np.genfromtxt(f"{directory}/history.csv", delimiter=",", names=True)
-        error = np.abs(history["elevation_1"] / 0.01 - released(history["time"], scene.viscosity)).max()
-        print(f"Re = {reynolds:<6} error {error:.2%} of the wave, {time.process_time() - began:.0f} s")
+        error = np.abs(
+            history["elevation_1"] / 0.01 - released(history["time"], scene.viscosity)
+        ).max()
+        print(
+            f"Re = {reynolds:<6} error {error:.2%} of the wave, {time.process_time() - began:.0f} s"
+        )

@@ -17,7 +17,11 @@ import incipient
 
 SCENE = Path(__file__).parent / "scenes/sphere_on_plane.toml"
 # By gaps in diameters: force and couple, from bispherical coordinates in two resolutions.
-EXACT = {0.05: (1.6325438, 0.95179124), 0.025: (1.6649234, 0.94805328), 0.01: (1.685911, 0.94565455)}
+EXACT = {
+    0.05: (1.6325438, 0.95179124),
+    0.025: (1.6649234, 0.94805328),
+    0.01: (1.685911, 0.94565455),
+}
 EXACT[0.005] = (1.6931902, 0.94482758)
 
 if __name__ == "__main__":

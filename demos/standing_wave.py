@@ -21,11 +21,15 @@ def exact(nu, k, g):
     s = 1j * np.sqrt(g * k * np.tanh(k))
     for _ in range(100):
         m = np.sqrt(k**2 + s / nu)
-        s = -2 * nu * k**2 + 1j * np.sqrt(g * k * np.tanh(k) - 4 * nu**2 * k**3 * m * np.tanh(k) / np.tanh(m))
+        s = -2 * nu * k**2 + 1j * np.sqrt(
+            g * k * np.tanh(k) - 4 * nu**2 * k**3 * m * np.tanh(k) / np.tanh(m)
+        )
     return s
 
 
-scene = incipient.load(Path(__file__).parent / "scenes/standing_wave.toml", sys.argv[1:], MPI.COMM_WORLD)
+scene = incipient.load(
+    Path(__file__).parent / "scenes/standing_wave.toml", sys.argv[1:], MPI.COMM_WORLD
+)
 result = incipient.run(scene, "results/standing_wave")
 if MPI.COMM_WORLD.rank == 0:
     s = exact(scene.viscosity, np.pi / scene.domain.length, scene.gravity.acceleration)
@@ -36,5 +40,9 @@ if MPI.COMM_WORLD.rank == 0:
     found = least_squares(lambda p: np.exp(p[2] * t) * (p[0] * np.cos(p[3] * t) + p[1] * np.sin(p[3] * t)) - h,
                           [1.0, 0.0, s.real, s.imag]).x  # fmt: skip
     print(result.text())
-    print(f"frequency           {found[3]:.5f}, exact {s.imag:.5f}, error {found[3] / s.imag - 1:.2%}")
-    print(f"decay               {-found[2]:.5f}, exact {-s.real:.5f}, error {found[2] / s.real - 1:.2%}")
+    print(
+        f"frequency           {found[3]:.5f}, exact {s.imag:.5f}, error {found[3] / s.imag - 1:.2%}"
+    )
+    print(
+        f"decay               {-found[2]:.5f}, exact {-s.real:.5f}, error {found[2] / s.real - 1:.2%}"
+    )

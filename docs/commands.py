@@ -25,7 +25,9 @@ COARSE = ["--set", "numerics.mesh_size=3"]
 SIZED = ("run", "threshold", "sweep", "plan")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 WRITTEN = re.compile(r"as `([\w.]+\.toml)`:\s*\n\s*```toml\n(.*?)^```", re.M | re.S)
-FORCES = "time,force_x,force_y,couple\n" + "".join(f"{t},{0.2 + 0.3 * t},0,-0.04\n" for t in range(4))
+FORCES = "time,force_x,force_y,couple\n" + "".join(
+    f"{t},{0.2 + 0.3 * t},0,-0.04\n" for t in range(4)
+)
 # A placeholder such as SCENE or CASE.toml stands for a file of the reader's.
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}(?:\.\w+)?\b")
 
@@ -46,7 +48,9 @@ class Command:
     def program(self) -> list[str]:
         """The words from the program on: without what starts ranks, and without a directory."""
         words = self.words
-        at = next(i for i, word in enumerate(words) if Path(word).name in ("incipient", "python", "make"))
+        at = next(
+            i for i, word in enumerate(words) if Path(word).name in ("incipient", "python", "make")
+        )
         return [Path(words[at]).name, *words[at + 1 :]]
 
 
@@ -64,7 +68,8 @@ def commands(page: Path) -> Iterator[Command]:
         for line in block.replace("\\\n", " ").splitlines():
             text = line.strip().removeprefix("$ ")
             if re.match(
-                r"(?:\w+=\S+ )*(?:(?:mpirun -n \d+|srun) )?(?:\S*/)?(?:incipient|python|make)\b", text
+                r"(?:\w+=\S+ )*(?:(?:mpirun -n \d+|srun) )?(?:\S*/)?(?:incipient|python|make)\b",
+                text,
             ):
                 yield Command(name, text)
 
@@ -77,7 +82,11 @@ def main() -> int:
         if asked and str(page.relative_to(ROOT)) not in (*asked, *(f"docs/{one}" for one in asked)):
             continue
         directory = _prepared(page)
-        done = json.loads((directory / "done.json").read_text()) if (directory / "done.json").exists() else []
+        done = (
+            json.loads((directory / "done.json").read_text())
+            if (directory / "done.json").exists()
+            else []
+        )
         for command in commands(page):
             if command.text in done or PLACEHOLDER.search(command.text.partition("#")[0]):
                 continue
@@ -127,7 +136,9 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
     if "mine.toml" in words and not (directory / "mine.toml").exists():
         yield ["incipient", "new", "mine", *(["--space"] if "space" in command.page else [])]
     for made in (
-        word for word in words[1:2] if word.startswith("results/") and not (directory / word).exists()
+        word
+        for word in words[1:2]
+        if word.startswith("results/") and not (directory / word).exists()
     ):
         stem = made.removeprefix("results/").removesuffix(".sqlite")
         base, _, task = stem.partition("_threshold")

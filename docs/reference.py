@@ -22,7 +22,12 @@ from mkdocs.structure.files import File, Files
 from incipient import cli
 from incipient.scene import schema
 
-BOUNDS = {"exclusiveMinimum": "> {}", "minimum": "≥ {}", "exclusiveMaximum": "< {}", "maximum": "≤ {}"}
+BOUNDS = {
+    "exclusiveMinimum": "> {}",
+    "minimum": "≥ {}",
+    "exclusiveMaximum": "< {}",
+    "maximum": "≤ {}",
+}
 # What is public, module by module.
 PUBLIC = {
     "incipient": "Scenes in, results out.",
@@ -118,15 +123,17 @@ def section(models: list[dict[str, Any]], required: list[str], name: str) -> Ite
         return
     tag = next(one for one in ("kind", "shape") if one in models[0]["properties"])
     common = set.intersection(*(set(model["properties"]) for model in models)) - {tag}
-    differing = {key for key in common if len({json.dumps(model["properties"][key]) for model in models}) > 1}
+    differing = {
+        key for key in common if len({json.dumps(model["properties"][key]) for model in models}) > 1
+    }
     if common - differing:
         yield f"With every `{tag}`:"
         yield keys(models[0], [key for key in models[0]["properties"] if key in common - differing])
     alike: dict[str, list[dict[str, Any]]] = {}
     for model in models:  # those of the plane, those of space
-        alike.setdefault(json.dumps([model["properties"][key] for key in sorted(differing)]), []).append(
-            model
-        )
+        alike.setdefault(
+            json.dumps([model["properties"][key] for key in sorted(differing)]), []
+        ).append(model)
     for group in alike.values() if differing else ():
         yield f"With `{tag}` {', '.join(f'`{value_of(model, tag)}`' for model in group)}:"
         yield keys(group[0], [key for key in group[0]["properties"] if key in differing])
@@ -149,7 +156,9 @@ def keys(model: dict[str, Any], chosen: Any) -> str:
     lines = ["| key | what | values | default |", "| --- | --- | --- | --- |"]
     for key in chosen:
         found = model["properties"][key]
-        default = "must be given" if key in model.get("required", ()) else shown(found.get("default"))
+        default = (
+            "must be given" if key in model.get("required", ()) else shown(found.get("default"))
+        )
         what = escaped(found.get("description", ""))
         lines.append(f"| `{key}` | {what} | {escaped(values(found))} | {escaped(default)} |")
     return "\n".join(lines)
@@ -170,11 +179,24 @@ def values(found: dict[str, Any]) -> str:
         return ", ".join(f"`{json.dumps(one)}`" for one in found.get("enum", [found.get("const")]))
     if found.get("type") == "array":
         least, most = found.get("minItems"), found.get("maxItems")
-        number = f"{least} " if least == most and least else f"{least} to {most} " if least and most else ""
+        number = (
+            f"{least} "
+            if least == most and least
+            else f"{least} to {most} "
+            if least and most
+            else ""
+        )
         number = number or (f"at least {least} " if least else "")
         return f"list of {number}({values(found['items'])})"
-    words = {"number": "number", "integer": "whole number", "boolean": "`true`, `false`", "string": "text"}
-    bounds = " and ".join(form.format(f"{found[key]:g}") for key, form in BOUNDS.items() if key in found)
+    words = {
+        "number": "number",
+        "integer": "whole number",
+        "boolean": "`true`, `false`",
+        "string": "text",
+    }
+    bounds = " and ".join(
+        form.format(f"{found[key]:g}") for key, form in BOUNDS.items() if key in found
+    )
     return f"{words[found['type']]} {bounds}".strip()
 
 
@@ -199,7 +221,9 @@ def commands_page() -> str:
         parser = argparse.ArgumentParser(prog=f"incipient {name}", add_help=False)
         options(parser)
         usage = textwrap.fill(
-            " ".join(parser.format_usage().split()).removeprefix("usage: "), 96, subsequent_indent="    "
+            " ".join(parser.format_usage().split()).removeprefix("usage: "),
+            96,
+            subsequent_indent="    ",
         )
         parts += [f"## {name}", f"{text[0].upper()}{text[1:]}.", f"```text\n{usage}\n```"]
         lines = []
@@ -248,7 +272,9 @@ def exported(module: Any) -> list[str]:
     named = getattr(module, "__all__", None)
     found = named or [name for name in vars(module) if not name.startswith("_")]
     here = [
-        name for name in found if named or getattr(getattr(module, name), "__module__", "") == module.__name__
+        name
+        for name in found
+        if named or getattr(getattr(module, name), "__module__", "") == module.__name__
     ]
     return [name for name in here if callable(getattr(module, name))]
 
@@ -259,7 +285,11 @@ def documented(name: str, thing: Any) -> Iterator[str]:
     if inspect.isclass(thing) and issubclass(thing, Exception):
         yield told(thing)
         return
-    if not inspect.isclass(thing) or "__init__" in vars(thing) or hasattr(thing, "__dataclass_fields__"):
+    if (
+        not inspect.isclass(thing)
+        or "__init__" in vars(thing)
+        or hasattr(thing, "__dataclass_fields__")
+    ):
         yield f"```python\n{signature(name, thing)}\n```"
     yield told(thing)
     yield from described_fields(thing)
@@ -307,7 +337,9 @@ def signature(name: str, thing: Any) -> str:
         parameters = [re.sub(long, short, one) for one in parameters]
         result = re.sub(long, short, result)
     line = f"{name}({', '.join(parameters)}){result}"
-    return line if len(line) <= 96 else f"{name}(\n    " + ",\n    ".join(parameters) + f",\n){result}"
+    return (
+        line if len(line) <= 96 else f"{name}(\n    " + ",\n    ".join(parameters) + f",\n){result}"
+    )
 
 
 def told(thing: Any) -> str:

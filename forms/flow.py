@@ -106,7 +106,9 @@ class GradDiv(FlowTerm):
 
     def in_cells(self, of: Unknowns) -> Any:
         """J gamma div(v) div(w)."""
-        return terms.grad_div(of.v, self.carrier, of.w, self.viscosity, self.cell_size, of.reference_map)
+        return terms.grad_div(
+            of.v, self.carrier, of.w, self.viscosity, self.cell_size, of.reference_map
+        )
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,9 @@ class OpenBoundary(FlowTerm):
         n = ufl.FacetNormal(of.w.ufl_domain())
         found = terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map)
         if self.carrier is not None:
-            found += terms.entering_boundary(of.v, self.carrier, of.w, surface_vector(n, of.reference_map))
+            found += terms.entering_boundary(
+                of.v, self.carrier, of.w, surface_vector(n, of.reference_map)
+            )
         return found * self.measure
 
 

@@ -26,13 +26,17 @@ from .turbulence import MOST_PRODUCED, Stream
 BETA_STAR, A_1, SIGMA_CROSS = 0.09, 0.31, 0.856
 # Constants of the inner model, next to walls, and of the outer one: sigma_k, sigma_omega, beta, gamma.
 INNER, OUTER = (0.85, 0.5, 0.075, 5.0 / 9.0), (1.0, SIGMA_CROSS, 0.0828, 0.44)
-EXPONENT = 0.5 + math.sqrt(0.25 + 6.0 * BETA_STAR / INNER[2])  # n of k = c y^n next to a smooth wall
+EXPONENT = 0.5 + math.sqrt(
+    0.25 + 6.0 * BETA_STAR / INNER[2]
+)  # n of k = c y^n next to a smooth wall
 LARGEST_ARGUMENT = 5.0  # of a blending function, from which on it is one to round-off
 LEAST_CROSS = 1e-10  # of d^2 grad K . grad W, as a divisor
 LEAST_SHARE = 1e-6  # of k in what its unknown holds, as a divisor
 LEAST_RATE = 1e-30  # of S^2, so that its root has a derivative
 SMOOTHEST_SAND = 4.0  # u* k_s/nu below which a rough wall is as at this one, nearly smooth
-LITTLE_K = 0.01  # k over u*^2, which is added at rough walls: it does nothing there, and keeps ln k finite
+LITTLE_K = (
+    0.01  # k over u*^2, which is added at rough walls: it does nothing there, and keeps ln k finite
+)
 ROOTS = 4  # of a quadratic equation, to u* on a rough wall
 UFL = SimpleNamespace(exp=ufl.exp, tanh=ufl.tanh, log=ufl.ln, sqrt=ufl.sqrt, larger=ufl.max_value)
 
@@ -70,7 +74,9 @@ class Closure:
         """What makes k and omega less what destroys them, over k and omega."""
         omega, square = ufl.exp(logarithms[1]), _square(stream.velocity)
         inner = self.inner_share(logarithms, stream.viscosity)
-        made = ufl.min_value(square * self._time(logarithms, stream), MOST_PRODUCED * BETA_STAR * omega)
+        made = ufl.min_value(
+            square * self._time(logarithms, stream), MOST_PRODUCED * BETA_STAR * omega
+        )
         made *= self._share(logarithms[0], 0.0)
         along = ufl.inner(ufl.grad(logarithms[0]), ufl.grad(logarithms[1]))
         cross = 2 * (1 - inner) * SIGMA_CROSS * ufl.exp(logarithms[0] - logarithms[1]) * along
@@ -91,7 +97,9 @@ class Closure:
         d = self.distance
         cross = ufl.max_value(d**2 * ufl.inner(ufl.grad(k), ufl.grad(w)), LEAST_CROSS)
         cross /= self._share(k, self.least_share)
-        found = ufl.min_value(ufl.max_value(self._turbulent(k, w), self._viscous(w, viscosity)), 2 / cross)
+        found = ufl.min_value(
+            ufl.max_value(self._turbulent(k, w), self._viscous(w, viscosity)), 2 / cross
+        )
         return ufl.tanh(ufl.min_value(found, LARGEST_ARGUMENT) ** 4)
 
     def limited_share(self, logarithms: Any, viscosity: Any) -> Any:
@@ -112,7 +120,9 @@ class Closure:
 
     def _share(self, logarithm: Any, least: float) -> Any:
         """The share of k in what its unknown holds, not below a least one."""
-        return 1 if self.added is None else ufl.max_value(1 - self.added * ufl.exp(-logarithm), least)
+        return (
+            1 if self.added is None else ufl.max_value(1 - self.added * ufl.exp(-logarithm), least)
+        )
 
     def _viscous(self, w: Any, viscosity: Any) -> Any:
         """500 nu/(d^2 omega)."""
@@ -124,7 +134,13 @@ def from_wall(logarithms: Any, test: Any, normal: Any, stream: Stream, closure: 
     diffusivity = closure.diffusivities(logarithms, stream)[0]
     if closure.added is not None:
         diffusivity *= 1 - closure.added * ufl.exp(-logarithms[0])
-    return -diffusivity * EXPONENT / closure.distance * ufl.dot(ufl.grad(closure.distance), normal) * test
+    return (
+        -diffusivity
+        * EXPONENT
+        / closure.distance
+        * ufl.dot(ufl.grad(closure.distance), normal)
+        * test
+    )
 
 
 def at_smooth_wall(viscosity: float, distance: Any, functions: Any) -> Any:
@@ -155,7 +171,9 @@ def on_rough_wall(logarithms: Any, tests: Any, wall: RoughWall, stream: Stream) 
     slope = ufl.dot(ufl.grad(stream.velocity), wall.normal)
     along = slope - ufl.dot(slope, wall.normal) * wall.normal
     calm = wall.calm / stream.viscosity
-    found = shear_velocity_at(ufl.sqrt(ufl.inner(along, along) + calm**2), wall.roughness, stream.viscosity)
+    found = shear_velocity_at(
+        ufl.sqrt(ufl.inner(along, along) + calm**2), wall.roughness, stream.viscosity
+    )
     k, omega = at_rough_wall(wall.roughness * found / stream.viscosity)
     given = ufl.ln(k * found**2 + wall.little), ufl.ln(omega * stream.viscosity / wall.roughness**2)
     # Those of the values given, which do not change with what they are to bring about.

@@ -55,10 +55,14 @@ def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) ->
 
 def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap | None = None) -> Any:
     """grad p . grad q: the Schur complement of flow dominated by its inertia (Cahouet & Chabard 1988)."""
-    return weighted(ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map)
+    return weighted(
+        ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map
+    )
 
 
-def pressure_convection(p: Any, q: Any, viscosity: Any, carrier: Any, size: Any, dx: Any, ds: Any) -> Any:
+def pressure_convection(
+    p: Any, q: Any, viscosity: Any, carrier: Any, size: Any, dx: Any, ds: Any
+) -> Any:
     """Convection of a pressure, (c . grad p) q, stabilised as by `terms.streamline_upwind`, as a form.
 
     Where the carrier c enters nothing comes in with it, -(c . n) p q. `ds` is the measure of the whole boundary.

@@ -11,9 +11,7 @@ from typing import Any
 
 import ufl
 
-LAYER = (
-    0.1  # thickness of the layer of cells at the surface that a pressure there moves, in the size of a cell
-)
+LAYER = 0.1  # thickness of the layer of cells at the surface that a pressure there moves, in the size of a cell
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,9 @@ def _tension(v: Any, w: Any, n: Any, surface: SurfaceTerms) -> Any:
     """
     up = n[len(v) - 1]
     stretched = ufl.div(w) - ufl.dot(n, ufl.dot(ufl.grad(w), n))
-    rising = ufl.dot(ufl.grad(v).T, n) / surface.rate - up * ufl.grad(surface.elevation - surface.known)
+    rising = ufl.dot(ufl.grad(v).T, n) / surface.rate - up * ufl.grad(
+        surface.elevation - surface.known
+    )
     tested = ufl.dot(ufl.grad(w).T, n)
     bent = ufl.dot(rising, tested) - ufl.dot(rising, n) * ufl.dot(tested, n)
     return surface.tension * (stretched + bent)

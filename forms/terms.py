@@ -57,7 +57,12 @@ def through_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
 
 
 def grad_div(
-    v: Any, carrier: Any, w: Any, viscosity: Any, size: Any, reference_map: ReferenceMap | None = None
+    v: Any,
+    carrier: Any,
+    w: Any,
+    viscosity: Any,
+    size: Any,
+    reference_map: ReferenceMap | None = None,
 ) -> Any:
     """J gamma div(v) div(w), gamma = nu P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size/nu.
 
@@ -71,11 +76,18 @@ def grad_div(
         size = size * reference_map.J ** (1 / len(v))
     square = ufl.inner(carrier, carrier) * (size / viscosity) ** 2
     gamma = viscosity * square**1.5 / (RESOLVED**2 + square)
-    return weighted(gamma * divergence(v, reference_map) * divergence(w, reference_map), reference_map)
+    return weighted(
+        gamma * divergence(v, reference_map) * divergence(w, reference_map), reference_map
+    )
 
 
 def streamline_upwind(
-    strong: Any, carrier: Any, w: Any, viscosity: Any, size: Any, reference_map: ReferenceMap | None = None
+    strong: Any,
+    carrier: Any,
+    w: Any,
+    viscosity: Any,
+    size: Any,
+    reference_map: ReferenceMap | None = None,
 ) -> Any:
     """J delta r . (c . grad w): the residual r of momentum tested along streamlines as well (SUPG).
 
@@ -87,7 +99,9 @@ def streamline_upwind(
         carrier = carrier - reference_map.velocity
         size = size * reference_map.J ** (1 / len(carrier))
     along = ufl.dot(gradient(w, reference_map), carrier)
-    return weighted(streamline_time(carrier, viscosity, size) * ufl.inner(strong, along), reference_map)
+    return weighted(
+        streamline_time(carrier, viscosity, size) * ufl.inner(strong, along), reference_map
+    )
 
 
 def upwind_in_steps(strong: Any, along: Any, w: Any, size: Any, per_step: Any) -> Any:
@@ -133,7 +147,9 @@ def streamline_time(carrier: Any, viscosity: Any, size: Any) -> Any:
     return ufl.conditional(ufl.gt(peclet, 1), size / (2 * speed) * (1 - 1 / peclet), 0)
 
 
-def internal_force(v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+def internal_force(
+    v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap | None = None
+) -> Any:
     """P : grad w with P = J sigma F^-T, the weak form of -div P.
 
     Written as 2 nu D(v) : D(w) - p div w, which is the same since sigma is symmetric.
@@ -153,7 +169,9 @@ def body_force(b: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any
     return -weighted(ufl.inner(b, w), reference_map)
 
 
-def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+def open_boundary(
+    v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None
+) -> Any:
     """-nu (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
 
     The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0; the latter bends the

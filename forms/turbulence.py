@@ -84,11 +84,17 @@ class Closure:
     def diffusivities(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
         """Diffusivities of k and of epsilon, molecules and eddies together."""
         eddies = eddy_viscosity(logarithms, self)
-        return stream.viscosity + eddies / self.sigma_k, stream.viscosity + eddies / self.sigma_epsilon
+        return (
+            stream.viscosity + eddies / self.sigma_k,
+            stream.viscosity + eddies / self.sigma_epsilon,
+        )
 
     def sources(self, logarithms: Any, stream: Stream) -> tuple[Any, Any]:
         """What makes k and epsilon less what destroys them, over k and epsilon."""
-        made, lost = rate_of_production(logarithms, stream.velocity, self), rate_of_dissipation(logarithms)
+        made, lost = (
+            rate_of_production(logarithms, stream.velocity, self),
+            rate_of_dissipation(logarithms),
+        )
         return made - lost, self.c_1 * made - self.c_2 * lost
 
 
@@ -119,7 +125,10 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: An
     Boundaries let nothing of both quantities diffuse through; see `at_wall` for what epsilon does at a wall.
     """
     carrier = stream.velocity if stream.carrier is None else stream.carrier
-    diffusivities, sources = closure.diffusivities(logarithms, stream), closure.sources(logarithms, stream)
+    diffusivities, sources = (
+        closure.diffusivities(logarithms, stream),
+        closure.sources(logarithms, stream),
+    )
     known = None if stream.size is None else closure.diffusivities(stream.known, stream)
     form = 0
     for i, diffusivity in enumerate(diffusivities):
@@ -163,7 +172,9 @@ def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: 
     Its condition is of Neumann's type, as that of k, which does not change there: Kuzmin, Mierka & Turek (2007),
     Int. J. Computing Science and Mathematics 1, 193.
     """
-    return -(viscosity + eddy_viscosity(logarithms, closure) / closure.sigma_epsilon) / distance * test
+    return (
+        -(viscosity + eddy_viscosity(logarithms, closure) / closure.sigma_epsilon) / distance * test
+    )
 
 
 def shear_velocity(logarithms: Any, closure: Closure) -> Any:

@@ -45,7 +45,9 @@ def unit(vectors: Floats) -> Floats:
 def spatial(vectors: ArrayLike) -> Floats:
     """Vectors (..., 2) or (..., 3) with three components, (..., 3): the third of plane ones is zero."""
     vectors = np.asarray(vectors, dtype=np.float64)
-    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 3 - vectors.shape[-1]))], axis=-1)
+    return np.concatenate(
+        [vectors, np.zeros((*vectors.shape[:-1], 3 - vectors.shape[-1]))], axis=-1
+    )
 
 
 def planar_cross(a: Floats, b: Floats) -> Floats:

@@ -22,7 +22,9 @@ from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
 DEFECT, INTERRUPTED = 70, 130
-UNREAD = 128 + signal.SIGPIPE  # as of programs that the system ends because nobody reads what they print
+UNREAD = (
+    128 + signal.SIGPIPE
+)  # as of programs that the system ends because nobody reads what they print
 TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
@@ -64,7 +66,8 @@ class _Version(argparse.Action):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
-        prog="incipient", description="Does a rigid grain on a rigid bed in a viscous flow begin to move?"
+        prog="incipient",
+        description="Does a rigid grain on a rigid bed in a viscous flow begin to move?",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and end")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -81,24 +84,79 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
     """The commands by name: the function called, the purpose in words, the function that adds the options."""
     rows = (
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
-        ("resume", "runs", options.of_resume, "continue a run that was cut short (also under mpirun)"),
-        ("threshold", "runs", options.of_threshold, "find the flow at which the scene's grain first moves"),
-        ("gust", "gusts", options.of_gust, "find the weakest gusts that move the grain out of its pocket"),
+        (
+            "resume",
+            "runs",
+            options.of_resume,
+            "continue a run that was cut short (also under mpirun)",
+        ),
+        (
+            "threshold",
+            "runs",
+            options.of_threshold,
+            "find the flow at which the scene's grain first moves",
+        ),
+        (
+            "gust",
+            "gusts",
+            options.of_gust,
+            "find the weakest gusts that move the grain out of its pocket",
+        ),
         (
             "entrainment",
             "gusts",
             options.of_entrainment,
             "find how probable motion is in a fluctuating stream",
         ),
-        ("plan", "costs", options.of_plan, "say what would be computed and what not, and what it needs"),
-        ("cost", "costs", options.of_cost, "measure error against time by runs on ever finer meshes"),
-        ("calibrate", "costs", options.no_options, "measure this machine, to predict times and errors"),
-        ("show", "showing", options.of_show, "draw the pictures of a finished run, or animate its flow"),
-        ("report", "showing", options.of_report, "write one HTML page of results, to be read anywhere"),
+        (
+            "plan",
+            "costs",
+            options.of_plan,
+            "say what would be computed and what not, and what it needs",
+        ),
+        (
+            "cost",
+            "costs",
+            options.of_cost,
+            "measure error against time by runs on ever finer meshes",
+        ),
+        (
+            "calibrate",
+            "costs",
+            options.no_options,
+            "measure this machine, to predict times and errors",
+        ),
+        (
+            "show",
+            "showing",
+            options.of_show,
+            "draw the pictures of a finished run, or animate its flow",
+        ),
+        (
+            "report",
+            "showing",
+            options.of_report,
+            "write one HTML page of results, to be read anywhere",
+        ),
         ("sweep", "sweep", options.of_sweep, "run or judge many cases, or find their thresholds"),
-        ("survey", "survey", options.of_survey, "find the thresholds of the exposed grains of a bed of many"),
-        ("table", "tabulate", options.of_table, "print the results of a sweep, a row for each case"),
-        ("judge", "judge", options.of_judge, "judge forces and contacts of a case file, without a flow"),
+        (
+            "survey",
+            "survey",
+            options.of_survey,
+            "find the thresholds of the exposed grains of a bed of many",
+        ),
+        (
+            "table",
+            "tabulate",
+            options.of_table,
+            "print the results of a sweep, a row for each case",
+        ),
+        (
+            "judge",
+            "judge",
+            options.of_judge,
+            "judge forces and contacts of a case file, without a flow",
+        ),
         ("new", "writing", options.of_new, "write a commented example scene"),
         ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),
     )
@@ -138,7 +196,11 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         return error.exit_code
     except KeyboardInterrupt:
         if comm.rank == 0:
-            print("incipient: interrupted; what was computed so far is kept", file=sys.stderr, flush=True)
+            print(
+                "incipient: interrupted; what was computed so far is kept",
+                file=sys.stderr,
+                flush=True,
+            )
         return _leave(comm, INTERRUPTED)
     except Exception as error:
         if isinstance(error, BrokenPipeError) and nobody_reads():
@@ -152,7 +214,9 @@ def _listen(level: str) -> None:
     """Show this program's messages from a level on, and those of the libraries below from warnings on."""
     shown = logging.StreamHandler(sys.stderr)
     # A level of the root logger would not last: compiling a form sets it to info, and the compiler narrates.
-    shown.addFilter(lambda record: record.levelno >= logging.WARNING or record.name.startswith("incipient"))
+    shown.addFilter(
+        lambda record: record.levelno >= logging.WARNING or record.name.startswith("incipient")
+    )
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[shown])
     logging.getLogger("incipient").setLevel(level.upper())
 

@@ -49,7 +49,11 @@ ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfin
 
 def element(mesh: Any, degree: int, shape: tuple[int, ...] = (), family: str = "Lagrange") -> Any:
     """Lagrange (or other) element of a degree on the mesh's cells, with values of a shape; () is a scalar."""
-    cell = mesh.topology.cell_name() if hasattr(mesh.topology, "cell_name") else mesh.ufl_cell().cellname()
+    cell = (
+        mesh.topology.cell_name()
+        if hasattr(mesh.topology, "cell_name")
+        else mesh.ufl_cell().cellname()
+    )
     if hasattr(ufl, "FiniteElement"):
         if not shape:
             return ufl.FiniteElement(family, cell, degree)
@@ -67,7 +71,9 @@ def mixed_element(parts: list[Any]) -> Any:
 def function_space(mesh: Any, any_element: Any) -> Any:
     """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
-    return _compiled(make, repr(any_element), mesh.comm, lambda keys: make(mesh, any_element, **keys))
+    return _compiled(
+        make, repr(any_element), mesh.comm, lambda keys: make(mesh, any_element, **keys)
+    )
 
 
 def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> Any:
@@ -86,7 +92,10 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
     options, make = {keyword: dict(compiler or {})}, dolfinx.fem.form
-    comm, signature = expression.ufl_domains()[0].ufl_cargo().comm, f"{expression.signature()}{options}"
+    comm, signature = (
+        expression.ufl_domains()[0].ufl_cargo().comm,
+        f"{expression.signature()}{options}",
+    )
     return _compiled(make, signature, comm, lambda keys: make(expression, **options, **keys))
 
 
@@ -129,7 +138,9 @@ def quiet_compiler() -> Iterator[None]:
 
 def _is_not_of_a_build(record: logging.LogRecord) -> bool:
     """Whether a record comes from elsewhere than the compilers, or is a warning at least."""
-    return record.levelno >= logging.WARNING or not any(name in record.pathname for name in BUILDERS)
+    return record.levelno >= logging.WARNING or not any(
+        name in record.pathname for name in BUILDERS
+    )
 
 
 def create_vector(compiled: Any, space: Any) -> Any:
@@ -138,7 +149,9 @@ def create_vector(compiled: Any, space: Any) -> Any:
     return petsc.create_vector(space if takes_spaces else compiled)
 
 
-def _compiled(compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]) -> Any:
+def _compiled(
+    compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]
+) -> Any:
     """What `make` makes with the option for the folder of the code, by a signature of what is compiled. Collective."""
     settings = getattr(dolfinx.jit, "get_options", None) or dolfinx.jit.get_parameters
     keyword = "jit_options" if hasattr(dolfinx.jit, "get_options") else "jit_params"
@@ -146,10 +159,18 @@ def _compiled(compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[
         if keyword not in inspect.signature(compiled_by).parameters:
             return make({})
         chosen = settings()
-        told = (compiled_by.__name__, signature, dolfinx.__version__, sys.implementation.cache_tag, chosen)
+        told = (
+            compiled_by.__name__,
+            signature,
+            dolfinx.__version__,
+            sys.implementation.cache_tag,
+            chosen,
+        )
         name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
         root = Path(chosen["cache_dir"]) / "incipient"
-        return form_cache.compiled(root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}}))
+        return form_cache.compiled(
+            root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}})
+        )
 
 
 def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
@@ -307,7 +328,9 @@ def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
     """Size of each given local cell: the largest distance between two of its vertices."""
     if hasattr(mesh, "h"):
         return mesh.h(mesh.topology.dim, cells)
-    return dolfinx.cpp.mesh.h(mesh._mesh if hasattr(mesh, "_mesh") else mesh, mesh.topology.dim, cells)
+    return dolfinx.cpp.mesh.h(
+        mesh._mesh if hasattr(mesh, "_mesh") else mesh, mesh.topology.dim, cells
+    )
 
 
 def versions() -> dict[str, str]:

@@ -55,7 +55,9 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
             getattr(error, "errno", None) or 0,
             "check that the directory exists, has space and may be written to",
         )
-        raise OutputError(f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}") from error
+        raise OutputError(
+            f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}"
+        ) from error
 
 
 def cause_of(error: Exception) -> str:
@@ -179,7 +181,9 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         end = stream.seek(0, os.SEEK_END)
         stream.seek(0)
         if end and stream.readline() != header:
-            raise OutputError(f"{path}: has other columns than the row to append; move it out of the way")
+            raise OutputError(
+                f"{path}: has other columns than the row to append; move it out of the way"
+            )
         try:
             _write_fully(stream, line if end else header + line)
         except OSError:
@@ -245,7 +249,9 @@ def cut(path: Path, rows: int, size: int) -> None:
             return
         head = path.read_bytes()[:size] if path.exists() else b""
         if len(head) < size or head.count(b"\n") != rows + 1 or not head.endswith(b"\n"):
-            raise OutputError(f"{path}: has lost some of its {rows} rows; put the file back, or start anew")
+            raise OutputError(
+                f"{path}: has lost some of its {rows} rows; put the file back, or start anew"
+            )
         os.truncate(path, size)
 
 

@@ -71,7 +71,9 @@ def _begun(root: Path, name: str) -> Path:
             shutil.rmtree(left, ignore_errors=True)
         return Path(tempfile.mkdtemp(prefix=f"{name}.", dir=root))
     except OSError as error:
-        raise OutputError(f"{root}: compiled forms cannot be kept ({error.strerror}); {REMEDY}") from error
+        raise OutputError(
+            f"{root}: compiled forms cannot be kept ({error.strerror}); {REMEDY}"
+        ) from error
 
 
 def _finish(folder: Path, final: Path) -> None:

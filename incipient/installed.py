@@ -22,9 +22,7 @@ MODULES_REMEDY = (
     "pip install 'incipient[dolfinx]'"
 )
 # What PyPI's packages expect of the system: gmsh, pictures by VTK, and the forms that dolfinx compiles.
-LIBRARIES = (
-    "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1 libegl1 libgl1-mesa-dri"
-)
+LIBRARIES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1 libegl1 libgl1-mesa-dri"
 COMPILER = "gcc libc6-dev python3-dev"
 SYSTEM_REMEDY = f"on Debian run apt-get install {LIBRARIES} {COMPILER}"
 # Memory [MiB] of Python with all libraries loaded and a small mesh, by the version of dolfinx; measured again by
@@ -54,7 +52,9 @@ def free_bytes() -> float:
     free = [float("inf")]
     with suppress(OSError, StopIteration):
         lines = Path("/proc/meminfo").read_text().splitlines()
-        free.append(1024 * next(float(line.split()[1]) for line in lines if line.startswith("MemAvailable")))
+        free.append(
+            1024 * next(float(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+        )
     with suppress(OSError, ValueError):
         groups = Path("/sys/fs/cgroup")
         most, used = (int((groups / name).read_text()) for name in ("memory.max", "memory.current"))

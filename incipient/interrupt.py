@@ -69,7 +69,9 @@ def handlers_kept() -> Iterator[None]:
         with _handlers_left_alone():
             yield
         return
-    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)}
+    before = {
+        number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)
+    }
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield

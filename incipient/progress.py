@@ -45,7 +45,10 @@ class Logged(Silent):
     def iterate(self, share: float, iteration: int, size: float) -> None:
         """Log at level debug."""
         log.debug(
-            "at %.4g of the Reynolds number: correction %d, relative size %.2e", share, iteration + 1, size
+            "at %.4g of the Reynolds number: correction %d, relative size %.2e",
+            share,
+            iteration + 1,
+            size,
         )
 
     def advance(self, time: float, end: float) -> None:
@@ -74,7 +77,8 @@ class Live(Logged):
         """Show how far Newton's method is."""
         super().iterate(share, iteration, size)
         self._bar.update(
-            self._task, description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}"
+            self._task,
+            description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}",
         )
 
     def advance(self, time: float, end: float) -> None:
@@ -86,7 +90,9 @@ class Live(Logged):
 
     def count(self, what: str, done: int, total: int) -> None:
         """Show the share that is done."""
-        self._bar.update(self._task, completed=done, total=total, description=f"{what}: {done} of {total}")
+        self._bar.update(
+            self._task, completed=done, total=total, description=f"{what}: {done} of {total}"
+        )
 
 
 @contextmanager

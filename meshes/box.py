@@ -46,7 +46,9 @@ def cut(grid: BoxGrid) -> Tetrahedra:
         found.append((corners @ strides).T)
     cells = np.concatenate(found)
     sides: dict[str, Integers] = {}
-    for (axis, end), name in zip([(a, e) for a in range(3) for e in (0, counts[a])], grid.sides, strict=True):
+    for (axis, end), name in zip(
+        [(a, e) for a in range(3) for e in (0, counts[a])], grid.sides, strict=True
+    ):
         there = (cells // strides[axis]) % (counts[axis] + 1) == end
         of_side = there.sum(axis=1) == 3
         triangles = cells[of_side][there[of_side]].reshape(-1, 3)

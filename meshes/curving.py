@@ -15,7 +15,9 @@ LESS, LEAST_BEND = (
     0.2,
 )  # the factor of bends where cells fold over, and the share below which they are straight
 LEAST = 0.1  # of a straight cell's volume: the least that the curved one's map may have anywhere
-FARTHEST = 0.3  # of its edge's length: a node that moves farther has found another part of the surface
+FARTHEST = (
+    0.3  # of its edge's length: a node that moves farther has found another part of the surface
+)
 ON_PLANE = 1e-12  # of a region's height
 
 
@@ -60,7 +62,9 @@ def curved(
     return curved_cells, _unfold(places, made.cells, moved, leads, 0.0 if columns is None else LESS)
 
 
-def _follow(places: Floats, cells: Integers, moved: Integers, columns: Columns, leads: Integers) -> Integers:
+def _follow(
+    places: Floats, cells: Integers, moved: Integers, columns: Columns, leads: Integers
+) -> Integers:
     """Move the middles of edges above curved edges of walls as these, the less the farther; which.
 
     `leads` (points,) becomes the middle at the wall that each of them follows.
@@ -139,7 +143,9 @@ def least_stretch(nodes: Floats) -> Floats:
 
     The determinant is a cubic: its least control point in Bernstein's form is a lower bound of it everywhere.
     """
-    thirds = [[i, j, k, 3 - i - j - k] for i in range(4) for j in range(4 - i) for k in range(4 - i - j)]
+    thirds = [
+        [i, j, k, 3 - i - j - k] for i in range(4) for j in range(4 - i) for k in range(4 - i - j)
+    ]
     lattice = np.array(thirds) / 3.0
     slopes = np.stack([_slopes(point).T for point in lattice])
     # Components first, cells last: one product of matrices, and determinants of whole rows of numbers.

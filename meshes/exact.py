@@ -47,7 +47,9 @@ class Body(ExactSurface):
     def draft(self) -> Draft:
         """The grain's own triangles, of a clump the level surface's."""
         whole = self._whole()
-        surface = Surface(self.frame.local(self.placed.placement.to_scene(whole.points)), whole.triangles)
+        surface = Surface(
+            self.frame.local(self.placed.placement.to_scene(whole.points)), whole.triangles
+        )
         surface = halved(surface) if self.symmetric else surface
         held = np.zeros(surface.points.shape, dtype=bool)
         held[:, 1] = self.symmetric & (surface.points[:, 1] == 0.0)
@@ -65,14 +67,22 @@ class Body(ExactSurface):
             return solid.surface(solid.size / PER_SIZE)
         step = min(solid.radii) / PER_RADIUS
         centres, radii = np.array(solid.centres), np.array(solid.radii)[:, None]
-        low, high = (centres - radii).min(axis=0) - 1.3 * step, (centres + radii).max(axis=0) + 1.3 * step
-        axes = [np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in zip(low, high, strict=True)]
+        low, high = (
+            (centres - radii).min(axis=0) - 1.3 * step,
+            (centres + radii).max(axis=0) + 1.3 * step,
+        )
+        axes = [
+            np.linspace(a, b, 1 + int(np.ceil((b - a) / step)))
+            for a, b in zip(low, high, strict=True)
+        ]
         return level_surface(self._clump_level(solid), (axes[0], axes[1], axes[2]))
 
     def _clump_level(self, solid: Spheres) -> Level:
         centres, radii = np.array(solid.centres), np.array(solid.radii)
         fillet = self.fillet or FILLET * min(solid.radii)
-        return lambda x: rounded_union(np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], fillet)
+        return lambda x: rounded_union(
+            np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], fillet
+        )
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
         """Along rays or normals; held coordinates are put back, and the rest is projected again."""
@@ -134,7 +144,9 @@ class Ground(ExactSurface):
         middle, reach = self._reach
         t = reach * (2.0 * (np.arange(SAMPLES) + 0.5) / SAMPLES - 1.0)
         around = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
-        return float(self.region.bed.height(middle + around[np.linalg.norm(around, axis=1) <= reach]).mean())
+        return float(
+            self.region.bed.height(middle + around[np.linalg.norm(around, axis=1) <= reach]).mean()
+        )
 
     @cached_property
     def _balls(self) -> HalfSpacesAndBalls | None:
@@ -176,7 +188,9 @@ class Ground(ExactSurface):
         """
         assert self._balls is not None
         nearest = NearestOf(self._balls.centres)
-        return nearest, nearest.most_within(2.0 * (self._balls.radii.max(initial=0.0) + self._fillet))
+        return nearest, nearest.most_within(
+            2.0 * (self._balls.radii.max(initial=0.0) + self._fillet)
+        )
 
     def _distances(self, x: Floats) -> Floats:
         """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
@@ -215,14 +229,18 @@ class Ground(ExactSurface):
         """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
         low, high = (float(side[axis]) for side in self.region.rectangle)
         middle, reach = self._reach
-        step = self.region.bed.feature / (PER_FEATURE if self._balls is None else self.finer * PER_RADIUS)
+        step = self.region.bed.feature / (
+            PER_FEATURE if self._balls is None else self.finer * PER_RADIUS
+        )
         ends = (low - self.frame.origin[axis], high - self.frame.origin[axis])
         if not np.isfinite(step):
             return np.array(ends) / self.frame.length
         first, last = max(low, middle[axis] - reach), min(high, middle[axis] + reach)
         inner = np.linspace(first, last, 2 + int((last - first) / step))
         before, after = _widening(first - low, step), _widening(high - last, step)
-        places = np.concatenate([first - before[::-1], inner, last + after]) - self.frame.origin[axis]
+        places = (
+            np.concatenate([first - before[::-1], inner, last + after]) - self.frame.origin[axis]
+        )
         places[[0, -1]] = ends
         return np.asarray(np.round(places / self.frame.length / GRID) * GRID)
 
@@ -236,7 +254,10 @@ class Ground(ExactSurface):
         balls, base = self._balls, self._balls.origins[:, 2].min()
         step = self.region.bed.feature / (self.finer * PER_RADIUS)
         low = min(base, self._mean) - 1.37 * step
-        high = max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._mean) + 1.29 * step
+        high = (
+            max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._mean)
+            + 1.29 * step
+        )
         zs = np.linspace(low, high, 2 + int((high - low) / step)) - self.frame.origin[2]
         return level_surface(self.distance, (xs, ys, zs / self.frame.length))
 

@@ -12,7 +12,9 @@ from .solid_sizes import BOX, CORNERS, Boxes, SizeMap, boxes
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
-MOST_COUNTED = 50_000  # boxes from which the number of tetrahedra is told: with more it takes a minute
+MOST_COUNTED = (
+    50_000  # boxes from which the number of tetrahedra is told: with more it takes a minute
+)
 PARTS = 50  # of a boundary along which sizes grow
 
 
@@ -58,7 +60,9 @@ def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) 
     reach = np.minimum((far - size) / near.growth, height)
     ratio = 1.0 + near.growth * reach / size
     if near.points:
-        return float(len(near.points) * np.pi / near.growth**2 * (np.log(ratio) - 1.0 + 1.0 / ratio)[0])
+        return float(
+            len(near.points) * np.pi / near.growth**2 * (np.log(ratio) - 1.0 + 1.0 / ratio)[0]
+        )
     return float(lengths[near.boundary] * np.mean((1.0 - 1.0 / ratio) / (near.growth * size)))
 
 
@@ -75,7 +79,9 @@ def _integral_of_field(sizes: Sizes) -> float:
     assert sizes.field is not None
     a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
     doubled = np.abs(planar_cross(b - a, c - a))
-    return float((0.5 * doubled * (sizes.field.sizes[sizes.field.triangles] ** -2.0).mean(axis=1)).sum())
+    return float(
+        (0.5 * doubled * (sizes.field.sizes[sizes.field.triangles] ** -2.0).mean(axis=1)).sum()
+    )
 
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
@@ -92,7 +98,9 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     # Were the others cut on, to the smallest size of what asks for it, their number would grow as it did; but as many
     # are about a point at each distance.
     halvings = np.log2(cubes.sides / (BOX * size.least[asking])).clip(0.0)
-    about_points = np.array([False, *(bool(near.points) for near in sizes.near), False, False])[asking]
+    about_points = np.array([False, *(bool(near.points) for near in sizes.near), False, False])[
+        asking
+    ]
     grown = np.where(about_points, halvings, cubes.growth**halvings)
     count = np.where(cubes.uncut, np.maximum(count, PER_VOLUME * share * BOX**3 * grown), count)
     found: dict[str, float] = {}

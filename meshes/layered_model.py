@@ -36,7 +36,9 @@ def layered_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
         MeshError: gmsh finds no mesh, there is no room for the layers, or cells fold over.
     """
     if order not in (1, 2):
-        raise MeshError(f"cells in layers are of order 1 or 2, not {order}: change numerics.geometry_order")
+        raise MeshError(
+            f"cells in layers are of order 1 or 2, not {order}: change numerics.geometry_order"
+        )
     assert sizes.layers is not None
     with session() as model:
         with complaints_as_errors():
@@ -55,7 +57,9 @@ def layered_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
 def _meshed(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Triangles:
     """The mesh of a region in a frame: layers, as thick as there is room, and free triangles between them."""
     assert sizes.layers is not None
-    layers = replace(sizes.layers, first={name: frame.size(one) for name, one in sizes.layers.first.items()})
+    layers = replace(
+        sizes.layers, first={name: frame.size(one) for name, one in sizes.layers.first.items()}
+    )
     columns = columns_on(boundary, layers)
     part = ROOM
     for attempt in range(ATTEMPTS):
@@ -80,10 +84,14 @@ def _sound(boundary: Boundary, columns: Columns, thickness: Floats, layers: Wall
         if not len(wrong):
             return made
         thickness = np.where(np.isin(made.rows, wrong).any(axis=1), LESS * thickness, thickness)
-    raise MeshError("there is no room for layers of cells along the walls: use another numerics.mesh_size")
+    raise MeshError(
+        "there is no room for layers of cells along the walls: use another numerics.mesh_size"
+    )
 
 
-def _filled(boundary: Boundary, columns: Columns, made: Layered, sizes: Sizes, frame: Frame) -> Triangles:
+def _filled(
+    boundary: Boundary, columns: Columns, made: Layered, sizes: Sizes, frame: Frame
+) -> Triangles:
     """Layers and, between them, free triangles, of order one."""
     walls = {boundary.names[k] for k in columns.edges if k >= 0}
     lines = _lines(boundary, columns, made, walls)
@@ -112,13 +120,19 @@ def _filled(boundary: Boundary, columns: Columns, made: Layered, sizes: Sizes, f
     free = row[_of_kind(2, 3)]
     free = np.where(areas(points, free)[:, None] < 0.0, free[:, [0, 2, 1]], free)
     sides = {
-        name: [row[_of_kind(1, 2, tag)] for tag in part] for name, part in curves.items() if name not in walls
+        name: [row[_of_kind(1, 2, tag)] for tag in part]
+        for name, part in curves.items()
+        if name not in walls
     }
     for column, edge in columns.ends:
         rows = made.rows[column]
-        sides[boundary.names[edge]].append(np.column_stack([rows[:-1], rows[1:]])[rows[1:] > rows[:-1]])
+        sides[boundary.names[edge]].append(
+            np.column_stack([rows[:-1], rows[1:]])[rows[1:] > rows[:-1]]
+        )
     for name in sorted(walls):
-        sides[name] = [boundary.edges[[k for k in columns.edges if k >= 0 and boundary.names[k] == name]]]
+        sides[name] = [
+            boundary.edges[[k for k in columns.edges if k >= 0 and boundary.names[k] == name]]
+        ]
     named = {name: np.concatenate(part) for name, part in sides.items()}
     return Triangles(points, np.concatenate([made.cells, free]), named)
 
@@ -158,7 +172,9 @@ def _area(corners: Floats) -> float:
 
 def _of_kind(kind: int, nodes: int, entity: int = -1) -> Integers:
     """Tags of the nodes (m, nodes) of gmsh's cells of a kind, of all entities or of one."""
-    return np.asarray(gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(np.int64).reshape(-1, nodes))
+    return np.asarray(
+        gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(np.int64).reshape(-1, nodes)
+    )
 
 
 def _shifts(boundary: Boundary, columns: Columns, made: Layered) -> tuple[Integers, Floats]:

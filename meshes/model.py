@@ -21,8 +21,12 @@ from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes, So
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
-ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
-MOST_STRAIGHTENED = 3  # times: a side made straight can leave too little room to the cell on its other side
+ENLARGED = (
+    1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
+)
+MOST_STRAIGHTENED = (
+    3  # times: a side made straight can leave too little room to the cell on its other side
+)
 
 
 @contextmanager
@@ -70,7 +74,9 @@ def solid_grid_model(grid: SolidGrid, order: int) -> Iterator[Any]:
 def session() -> Iterator[Any]:
     """A quiet gmsh session of its own."""
     options = (
-        {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
+        {"interruptible": False}
+        if "interruptible" in inspect.signature(gmsh.initialize).parameters
+        else {}
     )
     with handlers_kept():
         gmsh.initialize(**options)
@@ -138,7 +144,9 @@ class _Pen:
         if isinstance(curve, Spline):
             inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
             return geo.addSpline([start, *inner, end])
-        raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn; use lines, arcs or splines")
+        raise MeshError(
+            f"a curve of kind {type(curve).__name__} cannot be drawn; use lines, arcs or splines"
+        )
 
 
 def draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
@@ -157,7 +165,9 @@ def draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
         curves.setdefault(name, []).extend(pen.curve(curve) for curve in side)
     for name, standing in region.standing.items():
         curves[name] = [pen.curve(curve) for curve in standing]
-    outer = [tag for name in dict.fromkeys((*region.sides, *region.standing)) for tag in curves[name]]
+    outer = [
+        tag for name in dict.fromkeys((*region.sides, *region.standing)) for tag in curves[name]
+    ]
     loops = [gmsh.model.geo.addCurveLoop(outer, reorient=True)]
     for name, outline in region.holes.items():
         curves[name] = [pen.curve(curve) for curve in outline]
@@ -182,7 +192,10 @@ def set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
-        points, lengths = (sizes.field.points - frame.origin) / frame.length, sizes.field.sizes / frame.length
+        points, lengths = (
+            (sizes.field.points - frame.origin) / frame.length,
+            sizes.field.sizes / frame.length,
+        )
         parts.append(_adapted_field(replace(sizes.field, points=points, sizes=lengths)))
     whole = fields.add("MathEval")
     fields.setString(whole, "F", repr(frame.size(sizes.far)))
@@ -196,7 +209,9 @@ def set_background(field: int) -> None:
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
         _set_either(
-            ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option), gmsh.option.setNumber, 0
+            ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option),
+            gmsh.option.setNumber,
+            0,
         )
 
 
@@ -220,7 +235,9 @@ def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
             expression = f"Min({expression},{other})"
     else:
         distance = fields.add("Distance")
-        _set_either(("CurvesList", "EdgesList"), partial(fields.setNumbers, distance), curves[near.boundary])
+        _set_either(
+            ("CurvesList", "EdgesList"), partial(fields.setNumbers, distance), curves[near.boundary]
+        )
         samples = _samples(curves[near.boundary], frame.size(near.size))
         _set_either(("Sampling", "NumPointsPerCurve"), partial(fields.setNumber, distance), samples)
         expression = f"F{distance}"
@@ -251,7 +268,9 @@ def _adapted_field(wanted: SizeField) -> int:
     corners = corners + (ENLARGED - 1.0) * (corners - corners.mean(axis=1, keepdims=True))
     shifted = values + (ENLARGED - 1.0) * (values - values.mean(axis=1, keepdims=True))
     shifted = np.maximum(shifted, values.min(axis=1, keepdims=True))
-    return view_field("ST", np.hstack([corners[:, :, 0], corners[:, :, 1], np.zeros_like(values), shifted]))
+    return view_field(
+        "ST", np.hstack([corners[:, :, 0], corners[:, :, 1], np.zeros_like(values), shifted])
+    )
 
 
 def _samples(tags: list[int], size: float) -> int:
@@ -290,7 +309,10 @@ def _rectangle(grid: Grid, frame: Frame) -> tuple[list[tuple[int, str]], int]:
     ]
     name, number = grid.ahead
     lines[:number] = [(line, name) for line, _ in lines[:number]]
-    upright, level = [1] * len(grid.ends) or [grid.rows], [1] * len(grid.column_ends) or [grid.columns]
+    upright, level = (
+        [1] * len(grid.ends) or [grid.rows],
+        [1] * len(grid.column_ends) or [grid.columns],
+    )
     for (line, _), number in zip(lines, [*level, *upright] * 2, strict=True):
         geo.mesh.setTransfiniteCurve(line, number + 1, "Bump", grid.grading)
     surface = geo.addPlaneSurface([geo.addCurveLoop([line for line, _ in lines])])
@@ -352,7 +374,9 @@ def _put_in_place(frame: Frame, across: float | None = None) -> None:
     # The library's own call: the Python function around it converts each number on its own.
     put, error, none = gmsh.lib.gmshModelMeshSetNode, c_int(), c_size_t(0)
     rows = nodes.ctypes.data
-    for tag, row in zip(tags.tolist(), range(rows, rows + nodes.nbytes, nodes.strides[0]), strict=True):
+    for tag, row in zip(
+        tags.tolist(), range(rows, rows + nodes.nbytes, nodes.strides[0]), strict=True
+    ):
         put(c_size_t(tag), c_void_p(row), c_size_t(3), None, none, byref(error))
         if error.value:
             raise MeshError(f"gmsh could not move node {tag}")
@@ -401,7 +425,9 @@ def _folded(kind: int, places: np.ndarray) -> np.ndarray:
     """(cells, nodes of a cell) node tags of the cells whose map loses its sense at one of their nodes."""
     points = np.column_stack([places, np.zeros(len(places))])
     # The determinants gmsh gives for cells in the plane have lost their sign.
-    jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points.ravel())[0], (-1, len(places), 3, 3))
+    jacobians = np.reshape(
+        gmsh.model.mesh.getJacobians(kind, points.ravel())[0], (-1, len(places), 3, 3)
+    )
     senses = np.linalg.det(jacobians[..., :2, :2])
     senses *= np.sign(np.median(senses))
     nodes = np.reshape(gmsh.model.mesh.getElementsByType(kind)[1], (-1, len(places)))

@@ -23,7 +23,9 @@ EVENNESS = 0.4  # by which thickness changes along a wall at most, over the leng
 THINNEST = 0.5  # of the first layer as wanted: where there is no more room, there are no layers
 FAN = np.radians(30.0)  # turn between the columns of cells around a corner that sticks out, at most
 SKEWEST = 0.5  # cosine between a column and the normal of an edge, at the least taken into account
-CLOSE = 1e-6  # cosine between a normal and the way to another place, below which they are on one line
+CLOSE = (
+    1e-6  # cosine between a normal and the way to another place, below which they are on one line
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,9 @@ class Boundary:
         rows, names = [np.empty((0, 3), dtype=np.int64)], list[str]()
         for name, tags in curves.items():
             for tag in tags:
-                rows.append(gmsh.model.mesh.getElementsByType(8, tag)[1].astype(np.int64).reshape(-1, 3))
+                rows.append(
+                    gmsh.model.mesh.getElementsByType(8, tag)[1].astype(np.int64).reshape(-1, 3)
+                )
                 names += [name] * len(rows[-1])
         nodes, places, _ = gmsh.model.mesh.getNodes()
         row = np.full(int(nodes.max()) + 1, -1)
@@ -78,7 +82,9 @@ def _around(points: Floats, edges: Integers) -> tuple[Integers, Integers]:
     for loop in loops:
         corners = points[[edges[k][int(flip)] for k, flip in loop]]
         area = planar_cross(corners, np.roll(corners, -1, axis=0)).sum()
-        turned.append(([*loop] if area > 0 else [(k, not flip) for k, flip in reversed(loop)], abs(area)))
+        turned.append(
+            ([*loop] if area > 0 else [(k, not flip) for k, flip in reversed(loop)], abs(area))
+        )
     outer = max(range(len(turned)), key=lambda k: turned[k][1])
     result = []
     for number, (loop, _) in enumerate(turned):
@@ -135,7 +141,9 @@ def columns_on(boundary: Boundary, layers: WallLayers) -> Columns:
             turned = [way / max(float(way @ turned[0]), SKEWEST)]
             ends.append((number, side))
         else:
-            turn = float(np.arctan2(planar_cross(along[ahead], along[after]), along[ahead] @ along[after]))
+            turn = float(
+                np.arctan2(planar_cross(along[ahead], along[after]), along[ahead] @ along[after])
+            )
             parts = int(np.ceil(-turn / FAN - 1e-9)) if turn < -FAN else 0
             turned = _fan(normals[ahead], turn, parts)
         thin = float(first[walls].min())
@@ -181,7 +189,9 @@ def room_at(boundary: Boundary, columns: Columns, part: float = ROOM) -> Floats:
     kept = [k for k, name in enumerate(boundary.names) if k not in ends]
     sides = {boundary.names[k] for k in ends}
     kept = [k for k in kept if boundary.names[k] not in sides]
-    places = np.concatenate([boundary.points[np.unique(boundary.edges[kept])], boundary.middles[kept]])
+    places = np.concatenate(
+        [boundary.points[np.unique(boundary.edges[kept])], boundary.middles[kept]]
+    )
     found = columns.most.copy()
     feet = boundary.points[columns.foot]
     lengths = np.linalg.norm(columns.direction, axis=1)
@@ -230,7 +240,9 @@ class Layered:
         return self.rows[:, -1]
 
 
-def layers_on(boundary: Boundary, columns: Columns, thickness: Floats, layers: WallLayers) -> Layered:
+def layers_on(
+    boundary: Boundary, columns: Columns, thickness: Floats, layers: WallLayers
+) -> Layered:
     """The cells of layers that together are as thick (n,) as given."""
     high = steps(thickness, columns.wanted, layers)
     new = np.diff(high, axis=1, prepend=0.0) > 0.0

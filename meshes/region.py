@@ -8,9 +8,7 @@ from incipient.arrays import Floats, Integers, Point
 from incipient.geometry.plane.curves import Curve
 
 GRID = 2.0**-40  # of a region's height
-PART = (
-    0.35  # of the edges at a place of a wall in space: what all layers there take at most of the cells beyond
-)
+PART = 0.35  # of the edges at a place of a wall in space: what all layers there take at most of the cells beyond
 
 Place = Point | tuple[float, float, float]  # in the plane, in space
 
@@ -82,7 +80,9 @@ class Near:
     growth: float
     points: tuple[Place, ...] = ()
     boundary: str = ""
-    needed: bool = False  # without cells of this size the geometry is not resolved; they are not coarsened
+    needed: bool = (
+        False  # without cells of this size the geometry is not resolved; they are not coarsened
+    )
     away: Away | None = None  # where along a boundary the cells may be larger; None: nowhere
     # The largest cells that follow the boundary's shape: by no factor do they become larger
     most: float = float("inf")
@@ -131,7 +131,9 @@ class WallLayers:
     def scaled(self, factor: float) -> WallLayers:
         """First layers thicker by a factor."""
         growth = self.growth**factor if self.graded else self.growth
-        return replace(self, first={name: factor * size for name, size in self.first.items()}, growth=growth)
+        return replace(
+            self, first={name: factor * size for name, size in self.first.items()}, growth=growth
+        )
 
 
 @dataclass(frozen=True)
@@ -149,13 +151,18 @@ class Sizes:
         """All sizes but a field's times a factor: one number refines everything alike."""
         near = tuple(n.scaled(factor) for n in self.near)
         layers = self.layers and self.layers.scaled(factor)
-        return replace(self, far=self.far * factor, near=near, gap_part=self.gap_part * factor, layers=layers)
+        return replace(
+            self, far=self.far * factor, near=near, gap_part=self.gap_part * factor, layers=layers
+        )
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
         """Sizes times a factor but where they are needed, all growing with distance at least as given."""
         near = tuple(n.coarsened(factor, growth) for n in self.near)
         return replace(
-            self, far=self.far * factor, near=near, layers=self.layers and self.layers.scaled(factor)
+            self,
+            far=self.far * factor,
+            near=near,
+            layers=self.layers and self.layers.scaled(factor),
         )
 
 
@@ -189,7 +196,10 @@ class SolidGrid:
     across: tuple[float, float]  # the least and the largest y
     # Where each layer ends, as ascending parts of the way across, the last of them one
     ends: tuple[float, ...]
-    sides: tuple[str, str] = ("right", "left")  # names of the boundaries at the least and the largest y
+    sides: tuple[str, str] = (
+        "right",
+        "left",
+    )  # names of the boundaries at the least and the largest y
 
     @property
     def layers(self) -> int:

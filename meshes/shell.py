@@ -37,7 +37,12 @@ class Walls:
         ends = points[edges]
         return [
             edges[(ends[:, :, axis] == place).all(axis=1)]
-            for axis, place in ((0, self.low[0]), (0, self.high[0]), (1, self.low[1]), (1, self.high[1]))
+            for axis, place in (
+                (0, self.low[0]),
+                (0, self.high[0]),
+                (1, self.low[1]),
+                (1, self.high[1]),
+            )
         ]
 
 
@@ -51,7 +56,10 @@ def closed_shell(walls: Walls, bed: Surface, bodies: dict[str, Surface]) -> Shel
     drawing = _Drawing()
     sides = [drawing.lines(bed.points, edges) for edges in walls.of_edges(bed.points, _rim(bed))]
     top = [drawing.point(place) for place in corners.top]
-    upright = [drawing.line(drawing.point(low), high) for low, high in zip(corners.bottom, top, strict=True)]
+    upright = [
+        drawing.line(drawing.point(low), high)
+        for low, high in zip(corners.bottom, top, strict=True)
+    ]
     upper = [drawing.line(top[i], top[(i + 1) % 4]) for i in range(4)]
     # Corners run (low, low), (high, low), (high, high), (low, high); the sides are x low, x high, y low, y high.
     rims = [
@@ -168,13 +176,17 @@ def _triangles_of(plate: int) -> Floats:
     return np.asarray(table[nodes.astype(int)].reshape(-1, 3, 3))
 
 
-def _put_together(walls: Walls, bed: Surface, bodies: dict[str, Surface], plates: list[Floats]) -> Shell:
+def _put_together(
+    walls: Walls, bed: Surface, bodies: dict[str, Surface], plates: list[Floats]
+) -> Shell:
     """All triangles with the points that they share taken as one."""
     parts = [("", part) for part in (bed, *bodies.values())]
     names = [walls.names[5], *bodies, *walls.names[:5]]
     tables = [part.corners for _, part in parts] + plates
     points = np.concatenate([table.reshape(-1, 3) for table in tables])
-    _, first, number = np.unique(np.round(points / SAME), axis=0, return_index=True, return_inverse=True)
+    _, first, number = np.unique(
+        np.round(points / SAME), axis=0, return_index=True, return_inverse=True
+    )
     number = number.ravel()
     triangles: dict[str, list[np.ndarray]] = {}
     start = 0

@@ -37,7 +37,9 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
     Raises MeshError if a surface is open or meets itself or another one, or gmsh finds no mesh.
     """
     if order not in (1, 2):
-        raise MeshError(f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order")
+        raise MeshError(
+            f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order"
+        )
     with session() as model:
         with complaints_as_errors():
             frame = SolidFrame.of(region)
@@ -45,7 +47,9 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             size = SizeMap(region, sizes, frame, outline.ground, outline.bodies)
             size, bed, bodies = outline.triangulated(size)
             cubes = boxes(size, float(bed.points[:, 2].min()))
-            rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
+            rows = np.concatenate(
+                [cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1
+            )
             set_background(view_field("SH", rows))
             shell = closed_shell(_walls(region, frame), bed, bodies)
             made, columns = _mesh(shell), None
@@ -80,7 +84,9 @@ class Outline:
                 bed = found.pop(bed_name)
                 return size, bed, found
             ends = np.cumsum([len(surface.triangles) for surface in found.values()])
-            crossing = [list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+            crossing = [
+                list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))
+            ]
             # Balls that cross themselves may have been folded by their first triangles: others come before finer ones.
             folded = crossing == [bed_name] and self.ground.of_balls
             if folded:
@@ -129,12 +135,18 @@ def _mesh(shell: Shell) -> Tetrahedra:
 
 
 def _in_place(
-    region: SolidRegion, frame: SolidFrame, outline: Outline, made: Tetrahedra, columns: Columns | None
+    region: SolidRegion,
+    frame: SolidFrame,
+    outline: Outline,
+    made: Tetrahedra,
+    columns: Columns | None,
 ) -> Tetrahedra:
     """The cells with their points on the exact surfaces, in the scene."""
     walls = _walls(region, frame)
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
-    found, straight = curved(made, {region.names[5]: outline.ground, **outline.bodies}, planes, columns)
+    found, straight = curved(
+        made, {region.names[5]: outline.ground, **outline.bodies}, planes, columns
+    )
     gmsh.logger.write(
         f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
     )

@@ -53,7 +53,14 @@ class SolidRegion:
     bed: Terrain
     holes: dict[str, PlacedSolid] = field(default_factory=dict)  # closed surfaces by name
     # Names of the boundary at x[0], x[1], y[0], y[1], at the ceiling and at the bed; names may occur twice
-    sides: tuple[str, str, str, str, str, str] = ("inflow", "outflow", "right", "left", "top", "bed")
+    sides: tuple[str, str, str, str, str, str] = (
+        "inflow",
+        "outflow",
+        "right",
+        "left",
+        "top",
+        "bed",
+    )
     # Only the half above the middle of `y` is meshed; the cut is called "symmetry" and sides[2] does not occur. Grains
     # and bed are taken to be mirror images of themselves in that plane.
     symmetric: bool = False

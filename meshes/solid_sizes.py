@@ -119,7 +119,9 @@ class SizeMap:
         if not np.isfinite(self.sizes.gap_part) or len(names) < 2:
             return np.full(count, np.inf)
         both = np.sort(np.array([distances[name] for name in names]), axis=0)
-        return np.asarray(np.maximum(self.sizes.gap_part * (both[0] + both[1]), LEAST * self.least[-2]))
+        return np.asarray(
+            np.maximum(self.sizes.gap_part * (both[0] + both[1]), LEAST * self.least[-2])
+        )
 
     def _at_spots(self, x: Floats) -> Floats:
         if not len(self.spots):
@@ -148,7 +150,9 @@ class SizeMap:
 
     def outside(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are beyond the sides or in the bed."""
-        low, high = (self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle)
+        low, high = (
+            self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle
+        )
         beyond = (x[:, :2] < low).any(axis=1) | (x[:, :2] > high).any(axis=1) | (x[:, 2] > 1.0)
         beyond |= self.ground.distance(x) < 0.0
         return np.asarray(beyond)
@@ -179,8 +183,12 @@ class Boxes:
         return self.centres[:, None] + 0.5 * self.sides[:, None, None] * CORNERS
 
 
-CORNERS = np.array([[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float)
-MOST_BOXES = 400_000  # from then on the boxes are larger than asked: so many stand for ten million cells
+CORNERS = np.array(
+    [[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float
+)
+MOST_BOXES = (
+    400_000  # from then on the boxes are larger than asked: so many stand for ten million cells
+)
 
 
 def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
@@ -189,13 +197,19 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
     Those that would make more than `most` stay as they are.
     """
     low, high = (
-        np.array([*end, z]) for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
+        np.array([*end, z])
+        for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
     )
-    low, high = (low - size.frame.origin) / size.frame.length, (high - size.frame.origin) / size.frame.length
+    low, high = (
+        (low - size.frame.origin) / size.frame.length,
+        (high - size.frame.origin) / size.frame.length,
+    )
     low[2] = bottom - 0.01
     side = 0.51 * float((high - low).min())
     counts = np.ceil((high - low) / side).astype(int)
-    steps = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    steps = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
     centres = 0.5 * (low + high) + side * (steps + 0.5 - 0.5 * counts)
     found, total, cut = [], 0, [1]
     while len(centres):
@@ -204,10 +218,14 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
         least = np.minimum(values.min(axis=1), in_blocks(size, centres))
         split = side > BOX * least
         count, small = int(split.sum()), int((~split).sum())
-        found.append((centres[~split], np.full(small, side), values[~split], np.zeros(small, dtype=bool)))
+        found.append(
+            (centres[~split], np.full(small, side), values[~split], np.zeros(small, dtype=bool))
+        )
         total, cut = total + small, [*cut, count]
         if total + 8 * count > most:
-            found.append((centres[split], np.full(count, side), values[split], np.ones(count, dtype=bool)))
+            found.append(
+                (centres[split], np.full(count, side), values[split], np.ones(count, dtype=bool))
+            )
             break
         centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
         side *= 0.5

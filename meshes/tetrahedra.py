@@ -17,7 +17,12 @@ with handlers_kept():  # at its import gmsh takes interrupts for itself
 # In cells of order two gmsh has the corners first, then the middles of these edges; in triangles likewise.
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 SIDES = ((0, 1), (1, 2), (2, 0))
-KINDS = {3: 2, 6: 9, 4: 4, 10: 11}  # gmsh's kinds of triangles and tetrahedra by the number of their nodes
+KINDS = {
+    3: 2,
+    6: 9,
+    4: 4,
+    10: 11,
+}  # gmsh's kinds of triangles and tetrahedra by the number of their nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +80,9 @@ class Tetrahedra:
 
 def _of_kind(kind: int, nodes: int, entity: int = -1) -> Integers:
     """Tags of the nodes (m, nodes) of gmsh's cells of a kind, of all entities or of one."""
-    return np.asarray(gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(np.int64).reshape(-1, nodes))
+    return np.asarray(
+        gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(np.int64).reshape(-1, nodes)
+    )
 
 
 def _keys(cells: Integers, pair: tuple[int, int], count: int) -> Integers:

@@ -15,7 +15,11 @@ from .model import name_parts
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
-SIDES = ((0, 1), (1, 2), (2, 0))  # whose middles follow the corners of gmsh's triangles of order two
+SIDES = (
+    (0, 1),
+    (1, 2),
+    (2, 0),
+)  # whose middles follow the corners of gmsh's triangles of order two
 KINDS = {
     (1, 1): 1,
     (1, 2): 8,
@@ -43,7 +47,8 @@ class Triangles:
         """
         count = len(self.points)
         keys, inverse = np.unique(
-            np.concatenate([_keys(self.cells[:, pair], count) for pair in SIDES]), return_inverse=True
+            np.concatenate([_keys(self.cells[:, pair], count) for pair in SIDES]),
+            return_inverse=True,
         )
         straight = 0.5 * (self.points[keys // count] + self.points[keys % count])
         cells = np.column_stack([self.cells, count + inverse.reshape(3, -1).T])
@@ -80,7 +85,9 @@ class Triangles:
         model.mesh.addNodes(2, surface, numbers, places.ravel())
         model.mesh.addElementsByType(surface, KINDS[2, order], [], (self.cells + 1).ravel())
         for name, entity in entities.items():
-            model.mesh.addElementsByType(entity, KINDS[1, order], [], (self.sides[name] + 1).ravel())
+            model.mesh.addElementsByType(
+                entity, KINDS[1, order], [], (self.sides[name] + 1).ravel()
+            )
         name_parts(2, surface, {name: [entity] for name, entity in entities.items()})
 
 

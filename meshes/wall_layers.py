@@ -12,7 +12,9 @@ from incipient.errors import MeshError
 from .region import PART, WallLayers
 from .tetrahedra import SIDES, Tetrahedra
 
-STEEPER = 1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
+STEEPER = (
+    1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
+)
 EVENNESS = 0.3  # by which thickness changes along a wall at most, over the length of edges
 LEAST_VOLUME, LESS, MOST_TRIALS = (
     0.2,
@@ -130,7 +132,12 @@ def _inwards(made: Tetrahedra, walls: list[str], feet: Integers) -> Floats:
 
 
 def _room(
-    made: Tetrahedra, triangles: Integers, feet: Integers, inwards: Floats, first: Floats, layers: WallLayers
+    made: Tetrahedra,
+    triangles: Integers,
+    feet: Integers,
+    inwards: Floats,
+    first: Floats,
+    layers: WallLayers,
 ) -> Floats:
     """How thick (n,) all layers together are at points of walls: so that the cells beyond stay sound."""
     edges = np.unique(np.concatenate([triangles[:, side] for side in SIDES]), axis=0)
@@ -154,7 +161,9 @@ def _room(
         if not len(narrow):
             return thickness
         thickness[np.unique(narrow)] *= LESS
-    raise MeshError("there is no room for layers of cells along the walls: use another numerics.mesh_size")
+    raise MeshError(
+        "there is no room for layers of cells along the walls: use another numerics.mesh_size"
+    )
 
 
 def _even(thickness: Floats, edges: Integers, lengths: Floats) -> None:

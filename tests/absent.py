@@ -26,7 +26,13 @@ OF_MOVING_MESH = (
     "coupled.energy",
     "effects.moving_grain.part",
 )
-OF_FREE_BODY = ("coupled.coupling", "coupled.rigid", "body.rigidbody", "body.integrator", "body.fehlberg")
+OF_FREE_BODY = (
+    "coupled.coupling",
+    "coupled.rigid",
+    "body.rigidbody",
+    "body.integrator",
+    "body.fehlberg",
+)
 OF_FREE_SURFACE = (
     "forms.surface",
     "fluid.surface",
@@ -78,7 +84,8 @@ class TakenOut:
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> None:
         """Refuse what is taken out, and leave the rest to others."""
         if any(
-            name == f"incipient.{module}" or name.startswith(f"incipient.{module}.") for module in MODULES
+            name == f"incipient.{module}" or name.startswith(f"incipient.{module}.")
+            for module in MODULES
         ):
             raise ModuleNotFoundError(f"{name} is taken out")
 
@@ -157,7 +164,9 @@ def main(scene: str, state: str, counted: str, directory: str | None = None) -> 
         result = incipient.run(loaded, directory)
     found = {
         "calls": calls.number,
-        "modules": sorted(m.removeprefix("incipient.") for m in sys.modules if m.startswith("incipient.")),
+        "modules": sorted(
+            m.removeprefix("incipient.") for m in sys.modules if m.startswith("incipient.")
+        ),
         "forms": sorted(set(compiled)),
         "number_of_forms": len(compiled),
         "unknowns": result.cost["unknowns"],

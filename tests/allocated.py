@@ -13,7 +13,9 @@ def allocated() -> Iterator[Callable[[], float]]:
     tracemalloc.start()
     peaks: list[float] = []
     try:
-        yield lambda: max([*peaks, tracemalloc.get_traced_memory()[1] / 2**20 if not peaks else 0.0])
+        yield lambda: max(
+            [*peaks, tracemalloc.get_traced_memory()[1] / 2**20 if not peaks else 0.0]
+        )
     finally:
         peaks.append(tracemalloc.get_traced_memory()[1] / 2**20)
         tracemalloc.stop()

@@ -15,7 +15,9 @@ RELAXED, MOST_ROUNDS, SAME = 0.7, 60, 1e-9
 def friction(viscosity, length, k, omega, first=5e-7, ratio=1.03, height=0.1, step=0.02):
     """C_f (n,) at x (n,) of a stream of speed one with this k and omega; volumes grow from `first` by `ratio`."""
     number = int(np.log(1.0 + height * (ratio - 1.0) / first) / np.log(ratio))
-    faces = np.concatenate([[0.0], first * (ratio ** np.arange(1, number + 1) - 1.0) / (ratio - 1.0)])
+    faces = np.concatenate(
+        [[0.0], first * (ratio ** np.arange(1, number + 1) - 1.0) / (ratio - 1.0)]
+    )
     y, sizes = 0.5 * (faces[1:] + faces[:-1]), np.diff(faces)
     speed, k, omega = np.ones(number), np.full(number, k), np.full(number, omega)
     across, near, x, found = np.zeros(number), y < 3.0 * first, 0.0, []

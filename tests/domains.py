@@ -62,7 +62,9 @@ def bent_box(gdim: int, n: int, order: int) -> Any:
     return mesh
 
 
-def square_in_box(size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+def square_in_box(
+    size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD
+) -> Domain:
     """The box (0, 2) x (0, 1) less a square ("body") of a size about (0.8, 0.55), with straight sides."""
     sizes = Sizes(cell, (Near(cell / 2, 0.3, boundary="body"),))
     region = Region(
@@ -81,7 +83,9 @@ def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]
     return tuple(Line(ends[k], ends[(k + 1) % 4]) for k in range(4))
 
 
-def ring(inner: float, outer: float, around: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+def ring(
+    inner: float, outer: float, around: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD
+) -> Domain:
     """The ring between two circles about the origin, `around` cells round each; boundaries "inner", "outer"."""
     return build(comm, partial(_ring_model, (inner, outer), around, order), 2)
 
@@ -169,7 +173,9 @@ def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator
         for name, radius in zip(("inner", "outer"), radii, strict=True):
             quarters = [(radius, 0), (0, radius), (-radius, 0), (0, -radius)]
             points = [geo.addPoint(*quarter, 0) for quarter in quarters]
-            curves[name] = [geo.addCircleArc(points[k], centre, points[(k + 1) % 4]) for k in range(4)]
+            curves[name] = [
+                geo.addCircleArc(points[k], centre, points[(k + 1) % 4]) for k in range(4)
+            ]
             loops.append(geo.addCurveLoop(curves[name]))
             for curve in curves[name]:
                 geo.mesh.setTransfiniteCurve(curve, around // 4 + 1)

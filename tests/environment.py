@@ -39,7 +39,9 @@ def on_ranks(number: int) -> list[str]:
     )
 
 
-def finished(command: Sequence[object], timeout: float, **options: Any) -> subprocess.CompletedProcess[str]:
+def finished(
+    command: Sequence[object], timeout: float, **options: Any
+) -> subprocess.CompletedProcess[str]:
     """Run a command to its end, with its text output, and leave nothing of it behind, whatever happens.
 
     Raises `subprocess.TimeoutExpired` when the time is up.

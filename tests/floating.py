@@ -41,7 +41,9 @@ def box_around(
 ) -> Domain:
     """The box from `low` to `high` less a grain ("body"), of cells that grow from `cell` at it to `far` away."""
     holes = {"body": tuple(curve.moved(placement) for curve in grain.outline())}
-    region = Region((Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left"))
+    region = Region(
+        (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
+    )
     sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
     return build(comm, partial(region_model, region, sizes, order), 2)
 
@@ -89,11 +91,15 @@ def floating(
     with_inertia: bool = True,
 ) -> Iterator[Floating]:
     """A body of a mass and a moment of inertia in a flow that starts from rest."""
-    model = FlowModel(unsteady=True, moving_mesh=True, energy_stable=energy_stable, inertia=with_inertia)
+    model = FlowModel(
+        unsteady=True, moving_mesh=True, energy_stable=energy_stable, inertia=with_inertia
+    )
     with Fluid(domain, model, [Carried(boundary), *conditions], reynolds) as fluid:
         body = RigidBody(Inertia(mass, np.array([inertia])), Freedom(free, motion))
         state = BodyState.at(placement, velocities, fluid.time)
-        displacement = RigidDisplacement(domain, boundary, placement, turning=not isinstance(grain, Disc))
+        displacement = RigidDisplacement(
+            domain, boundary, placement, turning=not isinstance(grain, Disc)
+        )
         part = RigidPart(fluid, body, state, displacement, load)
         coupling = Coupling(fluid, [part], MeshMotion(domain))
         yield Floating(fluid, coupling, part, Transient(fluid, order, 1e-9, interface=coupling))

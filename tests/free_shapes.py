@@ -31,7 +31,9 @@ class StarSolid(Solid):
     def _moments(self) -> moments.Moments:
         """By integrals of powers of r over all directions."""
         weights, directions = sphere_rule(LATITUDES)
-        return moments.star_shape(weights, directions, np.asarray(self.radius(directions), dtype=float))
+        return moments.star_shape(
+            weights, directions, np.asarray(self.radius(directions), dtype=float)
+        )
 
     @cached_property
     def pole(self) -> Floats:
@@ -123,7 +125,9 @@ class Relief(SmoothTerrain):
     def hessian(self, x: ArrayLike) -> Floats:
         """Central differences of the first derivatives, (n, 2, 2)."""
         h = 1e-3 * self.feature_length
-        second = np.stack([_fourth_order(self.gradient, rows(x), h * e) / h for e in np.eye(2)], axis=2)
+        second = np.stack(
+            [_fourth_order(self.gradient, rows(x), h * e) / h for e in np.eye(2)], axis=2
+        )
         return np.asarray(0.5 * (second + np.swapaxes(second, 1, 2)))
 
 
@@ -140,4 +144,6 @@ def sphere_rule(count: int) -> tuple[Floats, Floats]:
     weights, circle = moments.circle_rule(2 * count)
     ring = np.sqrt(1.0 - z**2)[:, None, None] * circle
     height = np.broadcast_to(z[:, None, None], (count, 2 * count, 1))
-    return np.outer(latitude, weights).ravel(), np.concatenate([ring, height], axis=2).reshape(-1, 3)
+    return np.outer(latitude, weights).ravel(), np.concatenate([ring, height], axis=2).reshape(
+        -1, 3
+    )

@@ -30,12 +30,16 @@ class RandomMotion:
         boundary: "slides" along the straight sides, or is thrown as "free"ly as the rest.
     """
 
-    def __init__(self, mesh: Any, radius: float, bend: float = 0.0, boundary: str = "slides", seed: int = 1):
+    def __init__(
+        self, mesh: Any, radius: float, bend: float = 0.0, boundary: str = "slides", seed: int = 1
+    ):
         self.made: Floats = mesh.geometry.x.copy()
         self._gdim, self._radius, self._bend = mesh.geometry.dim, radius, bend
         self._random = np.random.default_rng(seed)
         self._sides = _mid_sides(compat.geometry_dofs(mesh), self._gdim)
-        on_side = np.isclose(self.made[:, : self._gdim], 0.0) | np.isclose(self.made[:, : self._gdim], 1.0)
+        on_side = np.isclose(self.made[:, : self._gdim], 0.0) | np.isclose(
+            self.made[:, : self._gdim], 1.0
+        )
         self._may_move = ~on_side if boundary == "slides" else np.ones_like(on_side)
 
     def places(self) -> Floats:
@@ -104,7 +108,9 @@ class Swaying:
         self._fluid.mesh_moved(self._past[0], self._past[-1])
         return self._fluid.solve(tolerance)
 
-    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
+    def again(
+        self, length: float, order: int, tolerance: float, before: NewtonReport
+    ) -> NewtonReport:
         """Solve for the flow again."""
         return self._fluid.solve(tolerance)
 

@@ -10,7 +10,13 @@ GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
 CHANNEL = Domain(length=12, height=6)
 BOX = Domain(kind="box", length=1, height=1)
 DISC = Disc(diameter=1, x=4)
-GRAIN_ON_BED = {"domain": CHANNEL, "fluid": GRAIN_SCALE, "flow": Shear(), "body": DISC, "bed": Flat()}
+GRAIN_ON_BED = {
+    "domain": CHANNEL,
+    "fluid": GRAIN_SCALE,
+    "flow": Shear(),
+    "body": DISC,
+    "bed": Flat(),
+}
 SPHERE_ON_PLANE = {
     "domain": Domain(length=12.0, width=8.0, height=6.0),
     "fluid": Fluid(reynolds=1.0, scale="grain"),

@@ -21,7 +21,9 @@ def turned(x, angle):
 
 def down(slope, dimension=2):
     """Gravity as on a plane that falls towards positive x."""
-    return (np.sin(slope), -np.cos(slope)) if dimension == 2 else (np.sin(slope), 0.0, -np.cos(slope))
+    return (
+        (np.sin(slope), -np.cos(slope)) if dimension == 2 else (np.sin(slope), 0.0, -np.cos(slope))
+    )
 
 
 def surface_points(grain):
@@ -47,7 +49,10 @@ def flaws(found, grain, bed, gravity=None, friction=1.0):
         "off the bed": (np.abs(bed.distance(points)).max() / size, 1e-9),
         # Beds and outlines are evaluated to round-off; a corner of the bed may be met between the points.
         "in the bed": ((bed.height(x[:, 0] if d == 2 else x[:, :2]) - x[:, -1]).max() / size, 1e-9),
-        "unbalanced": (unbalanced(points - placement.centre, -normals, gravity, friction, size), 1e-8),
+        "unbalanced": (
+            unbalanced(points - placement.centre, -normals, gravity, friction, size),
+            1e-8,
+        ),
     }
     return {name: value for name, (value, limit) in measured.items() if not value <= limit}
 

@@ -49,7 +49,9 @@ TERRAINS = {
     "square half-balls": Hemispheres(0.4, 1.0, "square", (0.1, 0.2), 0.3),
     "triangular overlapping half-balls": Hemispheres(0.5, 0.8, "triangular"),
     "heap": SphereHeap(
-        [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]], [0.9, 0.5, 0.3, 0.6], 0.3
+        [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]],
+        [0.9, 0.5, 0.3, 0.6],
+        0.3,
     ),
     "ridges": Ridges(0.1, 1.0, 0.4, 0.2),
     "callable": Relief(lambda x: 0.2 * np.sin(3.0 * x[:, 0]) * np.cos(2.0 * x[:, 1]), 0.5),

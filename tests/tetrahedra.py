@@ -100,7 +100,12 @@ def area(triangles: np.ndarray) -> float:
             for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
                 by[3 + k, i], by[3 + k, j] = 4.0 * at[j], 4.0 * at[i]
             along = np.einsum("ke,mkd->med", by[:, 1:] - by[:, :1], triangles)
-            total += u * wu * wv * float(np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1).sum())
+            total += (
+                u
+                * wu
+                * wv
+                * float(np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1).sum())
+            )
     return total
 
 
@@ -116,8 +121,10 @@ def roundness(nodes: np.ndarray) -> np.ndarray:
         return np.linalg.norm(np.cross(q - p, r - p), axis=1)
 
     surface = 0.5 * (twice(a, b, c) + twice(a, b, d) + twice(a, c, d) + twice(b, c, d))
-    p, q, r = (length(*s) * length(*t) for s, t in (((a, b), (c, d)), ((a, c), (b, d)), ((a, d), (b, c))))
-    circumscribed = np.sqrt(np.maximum((p + q + r) * (p + q - r) * (p - q + r) * (q + r - p), 0.0)) / (
-        4.0 * six
+    p, q, r = (
+        length(*s) * length(*t) for s, t in (((a, b), (c, d)), ((a, c), (b, d)), ((a, d), (b, c)))
     )
+    circumscribed = np.sqrt(
+        np.maximum((p + q + r) * (p + q - r) * (p - q + r) * (q + r - p), 0.0)
+    ) / (4.0 * six)
     return 1.5 * six / surface / circumscribed

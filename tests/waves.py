@@ -89,9 +89,9 @@ def prosperetti(times: Floats, viscosity: float, k: float, g: float = 1.0) -> Fl
     total = 4 * n**2 / (8 * n**2 + square) * scaled(np.sqrt(n * times)) * np.exp(-n * times)
     for i, one in enumerate(roots):
         others = np.prod(np.delete(roots, i) - one)
-        total = total + one / others * square / (one**2 - n) * scaled(one * np.sqrt(times)) * np.exp(
-            -n * times
-        )
+        total = total + one / others * square / (one**2 - n) * scaled(
+            one * np.sqrt(times)
+        ) * np.exp(-n * times)
     return np.real(total)
 
 

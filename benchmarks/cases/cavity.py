@@ -64,7 +64,9 @@ def describe(data: dict[str, Any]) -> str:
         ]
         for r in cheapest(rows, lambda row: worst(row) <= TARGET).values()
     ]
-    extrema = ", ".join(f"{name} {value:.7f} at {CAVITY_PLACES[name]:g}" for name, value in CAVITY.items())
+    extrema = ", ".join(
+        f"{name} {value:.7f} at {CAVITY_PLACES[name]:g}" for name, value in CAVITY.items()
+    )
     return f"""## Driven cavity, Re = 1000, from rest
 
 Cheapest runs whose extreme velocities on the centrelines are within {TARGET:g} (relative) of those of Botella &

@@ -25,7 +25,9 @@ SETTINGS = {
 def measure(session: Session) -> dict[str, Any]:
     """Rows of runs on a coarse and a fine mesh, with the share of the coupling in each round."""
     programs = [
-        callers.incipient(session, SCENE, f"mesh_size = {size:g}", {**SETTINGS, "numerics.mesh_size": size})
+        callers.incipient(
+            session, SCENE, f"mesh_size = {size:g}", {**SETTINGS, "numerics.mesh_size": size}
+        )
         for size in SIZES
     ]
     return {"rows": session.compare(programs)}
@@ -34,7 +36,9 @@ def measure(session: Session) -> dict[str, Any]:
 def share(row: Row) -> float:
     """The share of body, interface and mesh motion in the wall time, remeshing apart."""
     stages = row["stages"]
-    return sum(stages.get(name, 0.0) for name in OWN) / (stages["total"] - stages.get("remeshing", 0.0))
+    return sum(stages.get(name, 0.0) for name in OWN) / (
+        stages["total"] - stages.get("remeshing", 0.0)
+    )
 
 
 def fine(rows: list[Row]) -> Row | None:

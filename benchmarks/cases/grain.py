@@ -25,7 +25,9 @@ def measure(session: Session) -> dict[str, Any]:
     session.say(f"first run: {first.get('error') or seconds(first['wall']) + ' s'}")
     (later,) = session.compare([callers.incipient(session, SCENE, "later runs", AS_IT_IS)])
     pictures = session.once(
-        callers.incipient(session, SCENE, "later run with pictures", {**AS_IT_IS, "output.pictures": True})
+        callers.incipient(
+            session, SCENE, "later run with pictures", {**AS_IT_IS, "output.pictures": True}
+        )
     )
     refined = [_kept(session.once(_refined(session, *case))) for case in _refinements()]
     closing = [_kept(session.once(_closing(session, gap))) for gap in GAPS]
@@ -39,7 +41,9 @@ def _refinements() -> list[tuple[int, float]]:
 
 def _refined(session: Session, order: int, size: float) -> Any:
     settings = {"numerics.order": order, "numerics.mesh_size": size}
-    return callers.incipient(session, SCENE, f"P{order}-P{order - 1}, mesh_size = {size:g}", settings)
+    return callers.incipient(
+        session, SCENE, f"P{order}-P{order - 1}, mesh_size = {size:g}", settings
+    )
 
 
 def _closing(session: Session, gap: float) -> Any:
@@ -49,7 +53,9 @@ def _closing(session: Session, gap: float) -> Any:
 def _kept(row: Row) -> Row:
     """These ran once, some with forms to compile: their times say nothing."""
     return {
-        key: row[key] for key in row if key not in ("wall", "cpu", "wall_of_each_run", "stages", "settings")
+        key: row[key]
+        for key in row
+        if key not in ("wall", "cpu", "wall_of_each_run", "stages", "settings")
     }
 
 
@@ -107,4 +113,6 @@ def _verdict_on_gap(rows: list[Row]) -> str:
     end = limits(rows)
     default = _vector(rows[GAPS.index(0.01)])
     error = max(abs(a - b) for a, b in zip(default, end, strict=True)) / max(map(abs, end))
-    return f"With the default gap of 0.01 the load differs from that at contact by {100 * error:.1f}%."
+    return (
+        f"With the default gap of 0.01 the load differs from that at contact by {100 * error:.1f}%."
+    )

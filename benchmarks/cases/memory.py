@@ -46,13 +46,17 @@ def measure(session: Session) -> dict[str, Any]:
 
 
 def _name(scene: str, settings: dict[str, Any]) -> str:
-    parts = [f"{key.split('.')[1]} = {value:g}" for key, value in settings.items() if key != ERROR_BARS]
+    parts = [
+        f"{key.split('.')[1]} = {value:g}" for key, value in settings.items() if key != ERROR_BARS
+    ]
     return ", ".join([scene, *parts, *([ERRORS] if ERROR_BARS in settings else [])])
 
 
 def _plan(scene: str, settings: dict[str, Any]) -> Program:
     own, settings = callers.command("incipient"), {ERROR_BARS: False, **settings}
-    options = [part for key, value in settings.items() for part in ("--set", f"{key}={json.dumps(value)}")]
+    options = [
+        part for key, value in settings.items() for part in ("--set", f"{key}={json.dumps(value)}")
+    ]
     command = (own, "plan", f"demos/scenes/{scene}.toml", "--json", *options)
     return Program("plan", callers.INCIPIENT, command, lambda usage: json.loads(usage.output))
 

@@ -19,7 +19,9 @@ WORK = {
 
 def measure(session: Session) -> dict[str, Any]:
     """Processor seconds of each round."""
-    program = callers.script("outlines", "benchmarks/programs/outline_times.py", VERTICES, FREQUENCY)
+    program = callers.script(
+        "outlines", "benchmarks/programs/outline_times.py", VERTICES, FREQUENCY
+    )
     rounds = []
     for turn in range(session.repeat):
         row = session.once(program)
@@ -27,7 +29,10 @@ def measure(session: Session) -> dict[str, Any]:
             return {"error": row["error"]}
         rounds.append(row["seconds"])
         session.say(f"round {turn + 1} of {session.repeat}: {rounds[-1]} s")
-    return {"rounds": rounds, "seconds": {name: median(one[name] for one in rounds) for name in WORK}}
+    return {
+        "rounds": rounds,
+        "seconds": {name: median(one[name] for one in rounds) for name in WORK},
+    }
 
 
 def describe(data: dict[str, Any]) -> str:
@@ -36,7 +41,11 @@ def describe(data: dict[str, Any]) -> str:
     if "error" in data:
         return f"{head}\n\nCould not run here: `{data['error']}`."
     rows = [
-        [WORK[name], f"{data['seconds'][name]:.2f}", ", ".join(f"{one[name]:.2f}" for one in data["rounds"])]
+        [
+            WORK[name],
+            f"{data['seconds'][name]:.2f}",
+            ", ".join(f"{one[name]:.2f}" for one in data["rounds"]),
+        ]
         for name in WORK
     ]
     return f"{head}\n\n{table(['', 'processor time [s]', 'of each round'], rows)}\n"

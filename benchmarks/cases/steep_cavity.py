@@ -19,10 +19,14 @@ def measure(session: Session) -> dict[str, Any]:
     """Profiles, deviations from Ghia's points, cost and error at the highest Reynolds number."""
     profiles = {}
     for reynolds in REYNOLDS:
-        row = session.once(callers.script(f"Re = {reynolds}", "benchmarks/profiles.py", reynolds, 1.0))
+        row = session.once(
+            callers.script(f"Re = {reynolds}", "benchmarks/profiles.py", reynolds, 1.0)
+        )
         if "error" in row:
             return {"error": row["error"]}
-        profiles[str(reynolds)] = {key: row[key] for key in ("positions", "lines", "points", "extrema")}
+        profiles[str(reynolds)] = {
+            key: row[key] for key in ("positions", "lines", "points", "extrema")
+        }
         session.say(f"profiles at Re = {reynolds}")
     _draw(session, profiles)
     reference = _at_hardest(session, FINE)

@@ -34,11 +34,18 @@ def measure(session: Session) -> dict[str, Any]:
     periodic = _periodic(session, {})
     if "error" not in periodic:
         file = Path(periodic["directory"]) / "history.csv"
-        drawn = session.once(callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE))
+        drawn = session.once(
+            callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE)
+        )
         session.say(drawn.get("error", f"drew {FIGURE}"))
     refined = [_periodic(session, settings) for settings in REFINED]
     others = [_other(session, program) for program in _others(session)]
-    return {"periodic": periodic, "refined": refined, "others": others, "pulsating": _pulsating(session)}
+    return {
+        "periodic": periodic,
+        "refined": refined,
+        "others": others,
+        "pulsating": _pulsating(session),
+    }
 
 
 def _others(session: Session) -> Iterator[Program]:
@@ -55,7 +62,9 @@ def _others(session: Session) -> Iterator[Program]:
 
 def _other(session: Session, program: Program) -> Row:
     row = session.once(program)
-    session.say(f"{program.family}, {program.name}: {row.get('error') or seconds(row['wall']) + ' s'}")
+    session.say(
+        f"{program.family}, {program.name}: {row.get('error') or seconds(row['wall']) + ' s'}"
+    )
     if "error" in row:
         return row
     times, drag, lift = (row.pop(key) for key in ("time", "drag", "lift"))
@@ -66,7 +75,8 @@ def _march(session: Session, scene: str, settings: dict[str, Any]) -> Row:
     """One row, after a few steps that see to compiled forms."""
     session.once(callers.incipient(session, scene, "warm-up", {**settings, "time.end": 0.05}))
     name = (
-        ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items()) or "the scene as it is"
+        ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items())
+        or "the scene as it is"
     )
     row = session.once(callers.incipient(session, scene, name, settings))
     session.say(f"{scene}, {name}: {row.get('error') or seconds(row['wall']) + ' s'}")
@@ -77,14 +87,23 @@ def _periodic(session: Session, settings: dict[str, Any]) -> Row:
     row = _march(session, "vortex_street", settings)
     if "error" in row:
         return row
-    times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
+    times, drag, lift = history.columns(
+        Path(row["directory"]) / "history.csv", "time", "drag", "lift"
+    )
     found = _found(times, drag, lift)
     lifts = history.peaks(times, lift, times[-1] - LATE)
     # How periodic it is: the change of the lift's amplitude over the last periods.
-    return {**row, "found": found, "growth": lifts[-1].value - lifts[0].value, "periods": len(lifts)}
+    return {
+        **row,
+        "found": found,
+        "growth": lifts[-1].value - lifts[0].value,
+        "periods": len(lifts),
+    }
 
 
-def _found(times: Sequence[float], drag: Sequence[float], lift: Sequence[float]) -> dict[str, float]:
+def _found(
+    times: Sequence[float], drag: Sequence[float], lift: Sequence[float]
+) -> dict[str, float]:
     """The numbers of the benchmark, from the last of the time."""
     lifts, drags = (history.peaks(times, values, times[-1] - LATE) for values in (lift, drag))
     return {
@@ -98,8 +117,12 @@ def _pulsating(session: Session) -> Row:
     row = _march(session, "pulsating", {})
     if "error" in row:
         return row
-    times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
-    highest = {name: history.highest(times, values) for name, values in (("drag", drag), ("lift", lift))}
+    times, drag, lift = history.columns(
+        Path(row["directory"]) / "history.csv", "time", "drag", "lift"
+    )
+    highest = {
+        name: history.highest(times, values) for name, values in (("drag", drag), ("lift", lift))
+    }
     found: dict[str, float] = {}
     for name, peak in highest.items():
         found |= {name: asdict(peak)["value"], f"{name} at": peak.time}
@@ -127,7 +150,11 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
         "",
     ]
     cells = [
-        [f"{r['family']}: {r['name']}", *(f"{r['found'][key]:.4f}" for key in NAMES), seconds(r["cpu"])]
+        [
+            f"{r['family']}: {r['name']}",
+            *(f"{r['found'][key]:.4f}" for key in NAMES),
+            seconds(r["cpu"]),
+        ]
         for r in (row, *refined, *others)
         if "error" not in r
     ]
@@ -161,7 +188,12 @@ def _describe_pulsating(row: Row) -> str:
         "pressure": "pressure difference at t = 8",
     }
     cells = [
-        [names[key], f"{row['found'][key]:.5f}", f"{value:.5f}", f"{row['found'][key] - value:+.1e}"]
+        [
+            names[key],
+            f"{row['found'][key]:.5f}",
+            f"{value:.5f}",
+            f"{row['found'][key] - value:+.1e}",
+        ]
         for key, value in PULSATING.items()
         if row["found"].get(key) is not None
     ]

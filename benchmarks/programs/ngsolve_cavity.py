@@ -42,7 +42,11 @@ def extrema(mesh: ng.Mesh, velocity: ng.GridFunction) -> dict[str, float]:
     s = np.linspace(0, 1, 4001)
     across = np.ravel(velocity[0](mesh(0 * s + 0.5, s)))
     along = np.ravel(velocity[1](mesh(s, 0 * s + 0.5)))
-    return {"minimum of v1": across.min(), "maximum of v2": along.max(), "minimum of v2": along.min()}
+    return {
+        "minimum of v1": across.min(),
+        "maximum of v2": along.max(),
+        "minimum of v2": along.min(),
+    }
 
 
 def main(order: int, cells: int) -> None:

@@ -37,7 +37,9 @@ def main(order: int, near: float, far: float) -> None:
     space = velocity * ng.H1(mesh, order=order - 1)
     flow = ng.GridFunction(space)
     profile = 6 * MEAN * ng.y * (HEIGHT - ng.y) / HEIGHT**2
-    flow.components[0].Set(ng.CoefficientFunction((profile, 0)), definedon=mesh.Boundaries("inflow"))
+    flow.components[0].Set(
+        ng.CoefficientFunction((profile, 0)), definedon=mesh.Boundaries("inflow")
+    )
     form = make_form(space)
     Newton(form, flow, inverse=INVERSE, maxerr=1e-10, printing=False)
     unit = 0.5 * MEAN**2 * DIAMETER

@@ -19,7 +19,9 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
     velocity = ng.VectorH1(mesh, order=order, dirichlet="wall|inflow|cylinder")
     space = velocity * ng.H1(mesh, order=order - 1)
     (u, p), (v, q) = space.TnT()
-    stokes = (VISCOSITY * ng.InnerProduct(ng.Grad(u), ng.Grad(v)) - ng.div(u) * q - ng.div(v) * p) * ng.dx
+    stokes = (
+        VISCOSITY * ng.InnerProduct(ng.Grad(u), ng.Grad(v)) - ng.div(u) * q - ng.div(v) * p
+    ) * ng.dx
     viscous = ng.BilinearForm(stokes).Assemble()
     implicit = ng.BilinearForm(u * v * ng.dx + step * stokes).Assemble()
     mass = ng.BilinearForm(u * v * ng.dx).Assemble()
@@ -28,7 +30,9 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
 
     flow = ng.GridFunction(space)
     profile = 6 * MEAN * ng.y * (HEIGHT - ng.y) / HEIGHT**2
-    flow.components[0].Set(ng.CoefficientFunction((profile, 0)), definedon=mesh.Boundaries("inflow"))
+    flow.components[0].Set(
+        ng.CoefficientFunction((profile, 0)), definedon=mesh.Boundaries("inflow")
+    )
     residual, change = flow.vec.CreateVector(), flow.vec.CreateVector()
     residual.data = viscous.mat * flow.vec
     free = space.FreeDofs()
@@ -38,7 +42,9 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
     tests = []
     for direction in ((1.0, 0.0), (0.0, 1.0)):
         test = ng.GridFunction(space)
-        test.components[0].Set(ng.CoefficientFunction(direction), definedon=mesh.Boundaries("cylinder"))
+        test.components[0].Set(
+            ng.CoefficientFunction(direction), definedon=mesh.Boundaries("cylinder")
+        )
         tests.append(test)
     unit = 0.5 * MEAN**2 * DIAMETER
     found: dict[str, list[float]] = {"time": [], "drag": [], "lift": []}
@@ -54,7 +60,9 @@ def main(order: int, near: float, far: float, step: float, end: float, since: fl
             forces = [-ng.InnerProduct(residual, test.vec) / unit for test in tests]
             for key, value in zip(found, (i * step, *forces), strict=True):
                 found[key].append(value)
-    print(json.dumps({**found, "unknowns": space.ndof, "cells": mesh.ne, "steps": round(end / step)}))
+    print(
+        json.dumps({**found, "unknowns": space.ndof, "cells": mesh.ne, "steps": round(end / step)})
+    )
 
 
 main(int(sys.argv[1]), *map(float, sys.argv[2:7]))

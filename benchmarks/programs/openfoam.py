@@ -50,7 +50,9 @@ def run(directory: Path, *words: str) -> str:
         RuntimeError: it has failed.
     """
     environment = os.environ | {"WM_PROJECT_DIR": CONFIGURATION, "FOAM_SIGFPE": "false"}
-    done = subprocess.run(words, cwd=directory, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=directory, env=environment, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         raise RuntimeError(f"{words[0]} failed: {done.stderr[-500:] or done.stdout[-500:]}")
     return done.stdout
@@ -115,7 +117,11 @@ def case(
         + "simulationType RAS; RAS { RASModel kEpsilon; turbulence on; printCoeffs on; }\n",
         "0/U": _field(
             *("U", "Vector", "[0 1 -1 0 0 0 0]", "(1 0 0)"),
-            {"inlet": _at_inlet(inflow, 1), "outlet": free, **on_walls("type noSlip;", "type slip;")},
+            {
+                "inlet": _at_inlet(inflow, 1),
+                "outlet": free,
+                **on_walls("type noSlip;", "type slip;"),
+            },
         ),
         "0/p": _field(
             *("p", "Scalar", "[0 2 -2 0 0 0 0]", "0"),
@@ -151,7 +157,8 @@ def case(
 def _field(name: str, kind: str, dimensions: str, inside: str, patches: dict[str, str]) -> str:
     told = "\n".join(f"{patch} {{ {text} }}" for patch, text in patches.items())
     return (
-        header(f"vol{kind}Field", name) + f"dimensions {dimensions};\ninternalField uniform {inside};\n"
+        header(f"vol{kind}Field", name)
+        + f"dimensions {dimensions};\ninternalField uniform {inside};\n"
         f"boundaryField {{\n{told}\nsides {{ type empty; }}\n}}\n"
     )
 
@@ -159,5 +166,7 @@ def _field(name: str, kind: str, dimensions: str, inside: str, patches: dict[str
 def _at_inlet(inflow: Inflow, column: int) -> str:
     values = [f"{row[column]:.8g}" for row in inflow.rows]
     told = [f"({v} 0 0)" for v in values] if column == 1 else values
-    rows = " ".join(f"({height:.8g} {v})" for height, v in zip(inflow.rows[:, 0], told, strict=True))
+    rows = " ".join(
+        f"({height:.8g} {v})" for height, v in zip(inflow.rows[:, 0], told, strict=True)
+    )
     return f"type fixedProfile; profile table ({rows}); direction (0 1 0); origin 0;"

@@ -14,7 +14,9 @@ from . import openfoam
 from .openfoam import Inflow
 
 AHEAD, BEHIND, ABOVE = 4.0, 30.0, 8.0  # of the step
-AT_WALL = 0.06  # height of cells at walls: their centres lie where incipient's law of the wall is taken
+AT_WALL = (
+    0.06  # height of cells at walls: their centres lie where incipient's law of the wall is taken
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,9 @@ def solve(directory: Path, inflow: Inflow, size: float) -> Found:
         (directory / name).write_text(text, encoding="utf-8")
     openfoam.run(directory, "blockMesh")
     iterations, seconds = openfoam.solve(directory)
-    said = openfoam.run(directory, "simpleFoam", "-postProcess", "-latestTime", "-func", "wallShearStress")
+    said = openfoam.run(
+        directory, "simpleFoam", "-postProcess", "-latestTime", "-func", "wallShearStress"
+    )
     said += openfoam.run(directory, "simpleFoam", "-postProcess", "-latestTime", "-func", "yPlus")
     low, high = re.findall(r"patch lower y\+ : min = ([\d.e+-]+), max = ([\d.e+-]+)", said)[-1]
     owners = (directory / "constant/polyMesh/owner").read_text(encoding="utf-8")
@@ -85,14 +89,20 @@ def _abscissae(directory: Path) -> np.ndarray:
 def _cells(length: float, first: float, last: float) -> tuple[int, float]:
     """How many cells in geometric progression from about `first` to `last` fill a length, and last over first."""
     ratio = last / first
-    count = length / first if ratio == 1.0 else 1 + np.log(ratio) / np.log((length - first) / (length - last))
+    count = (
+        length / first
+        if ratio == 1.0
+        else 1 + np.log(ratio) / np.log((length - first) / (length - last))
+    )
     return max(1, round(count)), ratio
 
 
 def _grading(parts: list[tuple[float, float, float]]) -> tuple[int, str]:
     """Cells and blockMesh's grading of an edge in parts of (length, first size, last size)."""
     found = [(length, *_cells(length, first, last)) for length, first, last in parts]
-    return sum(n for _, n, _ in found), "(" + " ".join(f"({le} {n} {r})" for le, n, r in found) + ")"
+    return sum(n for _, n, _ in found), "(" + " ".join(
+        f"({le} {n} {r})" for le, n, r in found
+    ) + ")"
 
 
 def _mesh(size: float) -> str:
@@ -109,7 +119,9 @@ def _mesh(size: float) -> str:
     for i, j, across, up in ((0, 1, ahead, upper), (1, 1, behind, upper), (1, 0, behind, lower)):
         low = [3 * j + i, 3 * j + i + 1, 3 * j + i + 4, 3 * j + i + 3]
         corners = " ".join(str(k) for k in (*low, *(k + 9 for k in low)))
-        blocks.append(f"hex ({corners}) ({across[0]} {up[0]} 1) simpleGrading ({across[1]} {up[1]} 1)")
+        blocks.append(
+            f"hex ({corners}) ({across[0]} {up[0]} 1) simpleGrading ({across[1]} {up[1]} 1)"
+        )
 
     def side(*pair: int) -> str:
         return f"({pair[0]} {pair[1]} {pair[1] + 9} {pair[0] + 9})"
@@ -122,7 +134,8 @@ def _mesh(size: float) -> str:
         "upper": ("wall", [side(6, 7), side(7, 8)]),
     }
     told = "\n".join(
-        f"{name} {{ type {kind}; faces ({' '.join(faces)}); }}" for name, (kind, faces) in patches.items()
+        f"{name} {{ type {kind}; faces ({' '.join(faces)}); }}"
+        for name, (kind, faces) in patches.items()
     )
     return (
         openfoam.header("dictionary", "blockMeshDict")

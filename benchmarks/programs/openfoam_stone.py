@@ -24,7 +24,10 @@ WALLS = (
 THICKNESS = 0.1  # of the one layer of cells
 FARTHEST = 3.0  # cells below the lid, over those at the stone
 RELAXATION = (0.7, 0.5)
-KINDS = {3: 6, 4: 5}  # gmsh's numbers of prisms and hexahedra, by the corners of the cells that they stand on
+KINDS = {
+    3: 6,
+    4: 5,
+}  # gmsh's numbers of prisms and hexahedra, by the corners of the cells that they stand on
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,9 @@ class Outline:
     def beyond(self, distance: float) -> np.ndarray:
         """Points (n, 2) of the outline moved out of the flow, each piece by the distance; ends move along the sides."""
         along = np.diff(self.points, axis=0)
-        outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        outward = (
+            np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        )
         before, after = np.vstack([outward[:1], outward]), np.vstack([outward, outward[-1:]])
         both = (before + after) / (1.0 + (before * after).sum(axis=1, keepdims=True))
         both[[0, -1]] = [[0.0, 1.0 / outward[0, 1]], [0.0, 1.0 / outward[-1, 1]]]
@@ -114,7 +119,10 @@ def _filled(edge: np.ndarray, height: float) -> tuple[np.ndarray, list[np.ndarra
         occ, spacing = gmsh.model.geo, np.linalg.norm(np.diff(edge, axis=0), axis=1)
         sizes = np.maximum(np.append(spacing, spacing[-1]), np.append(spacing[0], spacing))
         far = FARTHEST * float(np.median(spacing))
-        points = [occ.addPoint(x, y, 0.0, s) for (x, y), s in zip(edge.tolist(), sizes.tolist(), strict=True)]
+        points = [
+            occ.addPoint(x, y, 0.0, s)
+            for (x, y), s in zip(edge.tolist(), sizes.tolist(), strict=True)
+        ]
         corners = [occ.addPoint(edge[k, 0], height, 0.0, max(far, least)) for k in (-1, 0)]
         ring = [*points, *corners]
         lines = [occ.addLine(a, b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
@@ -138,7 +146,9 @@ def _filled(edge: np.ndarray, height: float) -> tuple[np.ndarray, list[np.ndarra
         gmsh.finalize()
 
 
-def _write_mesh(path: Path, wall: np.ndarray, outline: Outline, edge: np.ndarray, height: float) -> int:
+def _write_mesh(
+    path: Path, wall: np.ndarray, outline: Outline, edge: np.ndarray, height: float
+) -> int:
     """Write one layer of cells; how many there are."""
     points, (triangles, squares) = _filled(edge, height)
     n = len(wall)
@@ -185,7 +195,9 @@ def write_cells(
     lines += [f"{i + 1} {x:.12g} {y:.12g} {z:.12g}" for i, (x, y, z) in enumerate(nodes)]
     lines += ["$EndNodes", "$Elements", str(len(elements))]
     for i, (kind, group_tag, corners) in enumerate(elements):
-        lines.append(f"{i + 1} {kind} 2 {group_tag} {group_tag} {' '.join(str(c + 1) for c in corners)}")
+        lines.append(
+            f"{i + 1} {kind} 2 {group_tag} {group_tag} {' '.join(str(c + 1) for c in corners)}"
+        )
     path.write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
     return sum(map(len, cells))
 
@@ -204,7 +216,9 @@ def name_kinds(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     for name in (*WALLS, "sides"):
         kind = "wall" if name in WALLS else "empty"
-        text = re.sub(rf"(\b{name}\s*\{{\s*type\s+)\w+;(\s*physicalType\s+\w+;)?", rf"\g<1>{kind};", text)
+        text = re.sub(
+            rf"(\b{name}\s*\{{\s*type\s+)\w+;(\s*physicalType\s+\w+;)?", rf"\g<1>{kind};", text
+        )
     path.write_text(text, encoding="utf-8")
 
 
@@ -224,7 +238,9 @@ def read_walls(
     points = _vectors((mesh / "points").read_text(encoding="utf-8"))
     faces = re.findall(r"^\d+\(([\d ]+)\)", (mesh / "faces").read_text(encoding="utf-8"), re.M)
     owners = _numbers((mesh / "owner").read_text(encoding="utf-8")).astype(int)
-    pressure, k = (_numbers((directory / time / name).read_text(encoding="utf-8")) for name in ("p", "k"))
+    pressure, k = (
+        _numbers((directory / time / name).read_text(encoding="utf-8")) for name in ("p", "k")
+    )
     stress = (directory / time / "wallShearStress").read_text(encoding="utf-8")
     middles = 0.5 * (wall[1:] + wall[:-1])
     found = np.full((len(middles), 4), np.nan)

@@ -40,7 +40,13 @@ def _grade(cylinder: list[int], near: float, far: float) -> None:
     field.setNumbers(1, "EdgesList", cylinder)
     field.setNumber(1, "NumPointsPerCurve", 200)
     field.add("Threshold", 2)
-    settings = {"IField": 1, "LcMin": near, "LcMax": far, "DistMin": 0.5 * RADIUS, "DistMax": HEIGHT}
+    settings = {
+        "IField": 1,
+        "LcMin": near,
+        "LcMax": far,
+        "DistMin": 0.5 * RADIUS,
+        "DistMax": HEIGHT,
+    }
     for name, value in settings.items():
         field.setNumber(2, name, value)
     field.setAsBackgroundMesh(2)

@@ -40,7 +40,9 @@ def main(order: int, cell_order: int, near: float, far: float) -> None:
     state = fem.Function(mixed)
     (u, p), (v, q) = ufl.split(state), ufl.TestFunctions(mixed)
     nu = fem.Constant(mesh, PETSc.ScalarType(VISCOSITY))
-    form = nu * ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx + ufl.inner(ufl.grad(u) * u, v) * ufl.dx
+    form = (
+        nu * ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx + ufl.inner(ufl.grad(u) * u, v) * ufl.dx
+    )
     form -= ufl.inner(p, ufl.div(v)) * ufl.dx + ufl.inner(ufl.div(u), q) * ufl.dx
     residual, iterations = newton(form, state, conditions, tolerance=1e-10)
 
@@ -48,9 +50,14 @@ def main(order: int, cell_order: int, near: float, far: float) -> None:
     forces = []
     for axis in (0, 1):
         component, _ = mixed.sub(0).sub(axis).collapse()
-        dofs = fem.locate_dofs_topological((mixed.sub(0).sub(axis), component), 1, facets.find(CYLINDER))
+        dofs = fem.locate_dofs_topological(
+            (mixed.sub(0).sub(axis), component), 1, facets.find(CYLINDER)
+        )
         forces.append(-residual.array[dofs[0]].sum() / unit)
-    sizes = {"unknowns": mixed.dofmap.index_map.size_global, "cells": mesh.topology.index_map(2).size_global}
+    sizes = {
+        "unknowns": mixed.dofmap.index_map.size_global,
+        "cells": mesh.topology.index_map(2).size_global,
+    }
     print(json.dumps({"drag": forces[0], "lift": forces[1], "iterations": iterations, **sizes}))
 
 

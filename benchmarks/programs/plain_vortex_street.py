@@ -50,18 +50,24 @@ class Splitting:
         self._conditions(facets)
         u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         p, q = ufl.TrialFunction(self.pressures), ufl.TestFunction(self.pressures)
-        self.now, self.before, self.tentative = ([fem.Function(self.space) for _ in "xy"] for _ in range(3))
+        self.now, self.before, self.tentative = (
+            [fem.Function(self.space) for _ in "xy"] for _ in range(3)
+        )
         for i in range(2):
             self.now[i].x.array[self.held] = self.held_values[i]
             self.before[i].x.array[:] = self.now[i].x.array
         self.pressure, self.rise = fem.Function(self.pressures), fem.Function(self.pressures)
-        convecting = ufl.as_vector([1.5 * a - 0.5 * b for a, b in zip(self.now, self.before, strict=True)])
+        convecting = ufl.as_vector(
+            [1.5 * a - 0.5 * b for a, b in zip(self.now, self.before, strict=True)]
+        )
         self.convection = fem.form(ufl.inner(ufl.dot(convecting, ufl.grad(u)), v) * ufl.dx)
         self.mass = assembled(u * v * ufl.dx)
         self.stiffness = assembled(VISCOSITY * ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
         self.gradients = [assembled(p.dx(i) * v * ufl.dx) for i in range(2)]
         self.divergences = [assembled(u.dx(i) * q * ufl.dx) for i in range(2)]
-        self.push = [assembled(p * v.dx(i) * ufl.dx) for i in range(2)]  # of the pressure, at the cylinder
+        self.push = [
+            assembled(p * v.dx(i) * ufl.dx) for i in range(2)
+        ]  # of the pressure, at the cylinder
         laplacian = assembled(ufl.inner(ufl.grad(p), ufl.grad(q)) * ufl.dx, self.outflow)
         self.transport, self.system = petsc.create_matrix(self.convection), self.mass.duplicate()
         self.rows = self.mass.duplicate()
@@ -78,7 +84,10 @@ class Splitting:
         inflow.interpolate(lambda x: 6 * MEAN * x[1] * (HEIGHT - x[1]) / HEIGHT**2)
         self.held = dofs(self.space, INFLOW, WALL, CYLINDER)
         at_inflow = np.isin(self.held, dofs(self.space, INFLOW))
-        self.held_values = [np.where(at_inflow, inflow.x.array[self.held], 0.0), np.zeros(len(self.held))]
+        self.held_values = [
+            np.where(at_inflow, inflow.x.array[self.held], 0.0),
+            np.zeros(len(self.held)),
+        ]
         self.body, self.open = dofs(self.space, CYLINDER), dofs(self.pressures, OUTFLOW)
         self.outflow = [fem.dirichletbc(fem.Function(self.pressures), self.open)]
 
@@ -150,7 +159,8 @@ def main(near: float, far: float, step: float, end: float, since: float) -> None
             for key, value in zip(found, (n * step, *forces), strict=True):
                 found[key].append(value)
     unknowns = (
-        2 * splitting.space.dofmap.index_map.size_global + splitting.pressures.dofmap.index_map.size_global
+        2 * splitting.space.dofmap.index_map.size_global
+        + splitting.pressures.dofmap.index_map.size_global
     )
     print(json.dumps({**found, "unknowns": unknowns, "steps": steps}))
 

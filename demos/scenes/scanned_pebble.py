@@ -26,7 +26,9 @@ def scan(file: str | Path, facets: int, turn: float = 0.0, write: bool = True) -
     random, bumps = np.random.default_rng(SEED), np.zeros(len(towards))
     for degree in (2, 3, 3, 4, 4, 5, 5, 6, 6):
         axis = random.normal(size=3)
-        bumps += random.normal() / degree * Legendre.basis(degree)(towards @ axis / np.linalg.norm(axis))
+        bumps += (
+            random.normal() / degree * Legendre.basis(degree)(towards @ axis / np.linalg.norm(axis))
+        )
     corners = towards * SEMI_AXES * (1.0 + ROUGHNESS * bumps[:, None])
     if write:
         Path(file).parent.mkdir(parents=True, exist_ok=True)

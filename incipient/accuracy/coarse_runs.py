@@ -19,7 +19,9 @@ FINE_BELOW, FINE_ORDER = 0.005, 3
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
 MODEL_STEP_OF_WAVES = 2.0  # which longer steps damp
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
-MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
+MODEL_ITERATION = (
+    1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
+)
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
@@ -96,7 +98,9 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     if scene.fluid.scale == "grain":
         return larger
     # The viscosity stays: the Reynolds number is that of a higher domain.
-    return changed(larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity})
+    return changed(
+        larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity}
+    )
 
 
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
@@ -120,21 +124,27 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 def is_coarse(scene: Scene) -> bool:
     """Whether a scene of steady flow is the first of its own coarse runs, which is then not made. Not collective."""
-    return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": order_of(scene).number})
+    return coarse(scene) == changed(
+        scene, numerics={"error_bars": False, "order": order_of(scene).number}
+    )
 
 
 def _longer_steps(time: Time, longer: float) -> dict[str, float]:
     """The steps of runs in time for terms of the model."""
     found = {"step": min(longer * time.step, max(time.step, time.end / FEWEST_STEPS))}
     if time.tolerance is not None:
-        found["tolerance"] = max(min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance)
+        found["tolerance"] = max(
+            min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance
+        )
     return found
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene with some keys of some sections changed, checked again; raises SceneError if it contradicts itself."""
     plain = scene.model_dump()
-    following = {"body", "fluid", "flow", "gravity"} | ({"domain"} if scene.fluid.scale == "flow" else set())
+    following = {"body", "fluid", "flow", "gravity"} | (
+        {"domain"} if scene.fluid.scale == "flow" else set()
+    )
     if following & sections.keys():
         plain["units"] = None  # what followed from them is as changed now
     for name, keys in sections.items():

@@ -53,8 +53,12 @@ UNSETTLED = (
     "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
 )
-NOT_COARSER = "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
-NOT_RESOLVED = "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
+NOT_COARSER = (
+    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
+)
+NOT_RESOLVED = (
+    "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
+)
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 
 
@@ -66,7 +70,9 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     left = goals.correct_again() if goals.is_upwinded else 0.0
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
     force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
-    return Term("discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt)
+    return Term(
+        "discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt
+    )
 
 
 def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
@@ -101,7 +107,9 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     _require_coarser(scene)
     over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
-    found = _by_two_meshes(on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest)
+    found = _by_two_meshes(
+        on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest
+    )
     return _alike(found, scene.resolves_walls and scene.gdim == 3)
 
 
@@ -115,14 +123,18 @@ def _slowest(resolved: bool) -> float:
     return TO_THE_WALL if resolved else SLOWEST
 
 
-def _by_two_meshes(coarser: Scene, computed: Loads, solve: Solve, order: float, fastest: float) -> Term:
+def _by_two_meshes(
+    coarser: Scene, computed: Loads, solve: Solve, order: float, fastest: float
+) -> Term:
     """The term by runs on two coarser meshes: errors fall at `order`, what the two differ by at most at `fastest`."""
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
     share = 1.0 / (COARSER_MESH**order - 1.0)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     where = in_coarser.where_separates(computed)
-    far = Term.of_difference("discretisation", where, in_coarsest, share / COARSER_MESH**fastest, how)
+    far = Term.of_difference(
+        "discretisation", where, in_coarsest, share / COARSER_MESH**fastest, how
+    )
     return near.at_least(far)
 
 
@@ -143,14 +155,18 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
-    if scene.is_averaged and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
+    if scene.is_averaged and COARSER_MESH * scene.numerics.mesh_size > (
+        most := coarsest(Setup(scene))
+    ):
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most / COARSER_MESH) / 100.0))
     most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.resolves_uneven_walls and scene.numerics.mesh_size > most:
         raise ConvergenceError(NOT_RESOLVED.format(most))
 
 
-def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:
+def by_coarser_runs(
+    scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
+) -> Term:
     """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
 
     What the mesh errs by hardly depends on the steps, so that it is seen in the longer ones, too, and where it is
@@ -165,7 +181,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
         order = (
-            _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order_of(scene).number)
+            _slowest(scene.resolves_walls)
+            if scene.is_averaged
+            else order_in_space(order_of(scene).number)
         )
         how = f"these on a mesh for elements of order {order_of(beside).number}"
         if on_another_mesh(scene):
@@ -174,7 +192,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
         found = enlarged(found, error_over_change(scene))
         of_mesh = _alike(found, scene.resolves_walls and scene.gdim == 3)
     together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
-    return replace(enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene))
+    return replace(
+        enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene)
+    )
 
 
 def shares(scene: Scene) -> tuple[float, float]:
@@ -185,7 +205,9 @@ def shares(scene: Scene) -> tuple[float, float]:
     ratio, order = ratio_of_steps(scene), order_of(scene).number
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
     in_space = _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order)
-    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0
+    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
+        scene
+    ) else 1.0
 
 
 def order_in_space(velocity: int) -> int:

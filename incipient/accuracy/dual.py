@@ -103,7 +103,9 @@ class GoalErrors:
         before = self.improved
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
-        last, both = (float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force))
+        last, both = (
+            float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force)
+        )
         couples = before.couple - self.improved.couple, self.couple
         turned_last, turned_both = (float(np.linalg.norm(one)) for one in couples)
         least = max(LEAST_COUPLE * both * self._reach, 1e-300)

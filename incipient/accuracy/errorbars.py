@@ -36,9 +36,24 @@ from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from .coarse_runs import coarse, is_coarse
-from .discretisation import OF_MESH, by_both, by_coarser_mesh, by_coarser_runs, by_dual, on_centrelines
+from .discretisation import (
+    OF_MESH,
+    by_both,
+    by_coarser_mesh,
+    by_coarser_runs,
+    by_dual,
+    on_centrelines,
+)
 from .kept_runs import KeptRuns, Solve
-from .model_terms import GROUND, MODEL, is_corrected, not_there, of_level_ground, of_the_model, on_more_bed
+from .model_terms import (
+    GROUND,
+    MODEL,
+    is_corrected,
+    not_there,
+    of_level_ground,
+    of_the_model,
+    on_more_bed,
+)
 from .scans import SCAN, is_scanned, of_scans
 
 if TYPE_CHECKING:
@@ -52,7 +67,11 @@ OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_
 
 
 def error_bars(
-    run: Run, force: Forces | None, couple: Couples | None, solve: Solve, improve: Solve | None = None
+    run: Run,
+    force: Forces | None,
+    couple: Couples | None,
+    solve: Solve,
+    improve: Solve | None = None,
 ) -> ErrorBars:
     """The error bars of a finished run with a grain or a free surface. Collective.
 
@@ -94,7 +113,10 @@ def error_terms(
     at_hand = None if force is None else _computed(run, force, couple)
     if at_hand is not None and at_hand.unsteady.any():
         errors = at_hand.unsteady[:3], at_hand.unsteady[3:]
-        found.add(UNSTEADY, lambda _: Term(UNSTEADY, *errors, "by how much loads change in the last steps"))
+        found.add(
+            UNSTEADY,
+            lambda _: Term(UNSTEADY, *errors, "by how much loads change in the last steps"),
+        )
     for name, estimate in of_the_model(scene, speed, at_hand).items():
         found.add(name, estimate)
     if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
@@ -109,7 +131,9 @@ def error_terms(
     return bars
 
 
-def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None) -> ErrorBars:
+def with_safety(
+    bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None
+) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
 
     It is that of the corrected loads. Nothing is certain of a grain in turbulent flow: another program with the same
@@ -149,7 +173,9 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
     """The discretisation's term by the dual-weighted residual, corrected where that is worth a run on other cells."""
-    from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
+    from .dual import (
+        GoalErrors,
+    )  # not above: a plan asks for the coarse runs, without finite elements
 
     placement = run.layout.placement
     assert placement is not None
@@ -232,7 +258,9 @@ def of_interaction(bars: ErrorBars, computed: Loads) -> Term | None:
         size = float(np.linalg.norm(getattr(computed, name))) or np.inf
         shares = [min(float(np.linalg.norm(one)) / size, 1.0) for one in found]
         pairs = combinations(zip(found, shares, strict=True), 2)
-        errors.append(sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs))
+        errors.append(
+            sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs)
+        )
     how = "each correction changed by as much as another one changes the load"
     return Term(INTERACTION, errors[0], errors[1], how)
 

@@ -142,7 +142,9 @@ class Goal:
         contacts, friction = self.contacts, scene.contact.friction
         step = DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        return slopes(load, steps, self._looked_at, lambda one: judged(one, contacts, friction).safety.value)
+        return slopes(
+            load, steps, self._looked_at, lambda one: judged(one, contacts, friction).safety.value
+        )
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
@@ -152,7 +154,9 @@ def components(gdim: int, halved: bool) -> dict[int, int]:
     return {place: place for place in ((0, 2, 4) if halved else range(6))}
 
 
-def slopes(load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]) -> Floats:
+def slopes(
+    load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
+) -> Floats:
     """Derivatives (k,) of log factor along the components of a flow's load, as `components` has them, by steps (k,)."""
     found = np.zeros(len(steps))
     for i, place in places.items():

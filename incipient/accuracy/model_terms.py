@@ -21,8 +21,12 @@ from .coarse_runs import FARTHER, changed, coarse, farther
 from .kept_runs import Solve
 
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
-DECAY_OVER_FORMS = 1.5  # there, with a base flow that suits them: 1.6 to 1.8 were measured (docs/accuracy.md)
-SLOWEST_DECAY = 0.75  # part of it that is believed where loads fall off more slowly (make calibration)
+DECAY_OVER_FORMS = (
+    1.5  # there, with a base flow that suits them: 1.6 to 1.8 were measured (docs/accuracy.md)
+)
+SLOWEST_DECAY = (
+    0.75  # part of it that is believed where loads fall off more slowly (make calibration)
+)
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
@@ -33,9 +37,7 @@ ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL = "level ground", "turbulence model"
-NO_MORE_BED = (
-    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
-)
+NO_MORE_BED = "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
@@ -51,7 +53,9 @@ def of_gap(scene: Scene, solve: Solve, computed: Loads | None = None) -> Term:
     if scene.closes_contacts:
         return _of_closing(scene, contact, solve)
     wide = 4.0 * contact.gap > WIDEST_GAP
-    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
+    sections = [
+        {**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)
+    ]
     loads = [solve(coarse(scene, contact=section)) for section in sections]
     values = [np.concatenate([one.force, one.couple]) for one in loads]
     # With smaller gaps, found is the change from the smallest one: the way there from the scene's is added.
@@ -129,13 +133,19 @@ def has_no_far_sides(scene: Scene) -> str:
     return ""
 
 
-def of_domain(scene: Scene, solve: Solve, decay: float | None = None, computed: Loads | None = None) -> Term:
+def of_domain(
+    scene: Scene, solve: Solve, decay: float | None = None, computed: Loads | None = None
+) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away.
 
     Their influence falls off like their distance to the power `decay`; None: 2, over a bed with forms 1.5. Force and
     couple of a grain that is held are corrected, with sides farther away still: these are the other way to estimate it.
     """
-    decay = (DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY) if decay is None else decay
+    decay = (
+        (DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY)
+        if decay is None
+        else decay
+    )
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     share = 1.0 / (1.0 - FARTHER**-decay)
     here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
@@ -145,7 +155,9 @@ def of_domain(scene: Scene, solve: Solve, decay: float | None = None, computed: 
     try:
         farthest = solve(coarse(farther(scene, FARTHER**2)))
     except IncipientError as error:
-        return replace(term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}")
+        return replace(
+            term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
+        )
     values = [np.concatenate([one.force, one.couple]) for one in (here, far, farthest)]
     change, left = _to_endless(values, decay)
     times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
@@ -165,7 +177,10 @@ def _to_endless(values: list[Floats], decay: float) -> tuple[Floats, Floats]:
     powers = (min(max(seen, SLOWEST_DECAY * decay), decay), decay)
     by_seen, by_decay = (1.0 / (1.0 - FARTHER**-power) for power in powers)
     change = values[1] + by_seen * (values[2] - values[1]) - values[0]
-    others = values[1] + by_decay * (values[2] - values[1]) - values[0], by_seen * (values[1] - values[0])
+    others = (
+        values[1] + by_decay * (values[2] - values[1]) - values[0],
+        by_seen * (values[1] - values[0]),
+    )
     share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
     return change, np.max([np.abs(one - change) for one in others], axis=0) + share * np.abs(change)
 
@@ -220,7 +235,9 @@ def on_more_bed(scene: Scene) -> Scene | None:
     """
     if scene.numerics.accuracy is not None or not _has_level_ground(Setup(scene)):
         return None
-    return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
+    return changed(
+        scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False}
+    )
 
 
 def _has_level_ground(setup: Setup) -> bool:

@@ -36,7 +36,10 @@ def bar_of_scene(
     """
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+    load, inert = (
+        load_of(scene.placement, force, couple),
+        mass_and_inertia(scene.body, scene.placement),
+    )
     return bar_of_safety(load, contacts, scene.contact.friction, inert, errors, *terms)
 
 
@@ -82,7 +85,9 @@ def bar_of_safety(
     )
 
 
-def _modes(case: JudgedCase, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
+def _modes(
+    case: JudgedCase, box: ErrorBox, found: SafetyRange, exact: Exact
+) -> tuple[tuple[str, ...], bool]:
     """What loads of the box do, and whether that is all they can do."""
     load, contacts, friction, inert = case
     if found.rests:

@@ -26,7 +26,9 @@ SCAN = "scan"
 # How much longer the edges of copies are, one each, which puts their facets elsewhere, too. In all of 24 scans of the
 # pebble of demos/scenes, in 320 and 1280 facets, the ratio covers what finer scans change (tests/unit/test_scans.py).
 COARSER = (1.8, 2.0, 2.2)
-FEWEST = 2  # copies that have to come to rest: of so little resolution a grain may balance on a corner
+FEWEST = (
+    2  # copies that have to come to rest: of so little resolution a grain may balance on a corner
+)
 TRACED = 32  # points of an outline, or rows and columns of a bed, from which on they are a scan
 
 
@@ -66,7 +68,10 @@ def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 
     assert scene.contact is not None and scene.body is not None
-    load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+    load, inert = (
+        load_of(scene.placement, force, couple),
+        mass_and_inertia(scene.body, scene.placement),
+    )
     return judged(load, find_contacts(scene), scene.contact.friction, inert)
 
 

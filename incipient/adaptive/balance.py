@@ -40,7 +40,9 @@ SHORTEST, FINEST = 1 / 16, 1 / 4
 COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
 FEWEST_STEPS = 8
 MOST_RUNS = 6
-HIGHEST_OF_SURFACE = 3  # order of the velocity beyond which that of the elevation, which is the cells', stays
+HIGHEST_OF_SURFACE = (
+    3  # order of the velocity beyond which that of the elevation, which is the cells', stays
+)
 AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 
 
@@ -78,13 +80,19 @@ class Refined:
         return self.finer == 1.0 and self.order == order
 
 
-def cheapest(parts: Parts, asked: float, order: int, powers: Powers, highest: int = ORDERS[-1]) -> Refined:
+def cheapest(
+    parts: Parts, asked: float, order: int, powers: Powers, highest: int = ORDERS[-1]
+) -> Refined:
     """Steps, cells and an order not below the given one for an error of `asked` with the least work.
 
     Neither steps nor cells become larger. parts: the errors now, together more than asked for
     highest: order above which none is taken, unless it is the given one
     """
-    found = (_refined(parts, asked, order, k, powers) for k in ORDERS if order <= k <= max(highest, order))
+    found = (
+        _refined(parts, asked, order, k, powers)
+        for k in ORDERS
+        if order <= k <= max(highest, order)
+    )
     wanted = min(found, key=lambda refined: refined.work)
     while wanted.shorter < SHORTEST or wanted.finer < FINEST:
         wanted = milder(wanted)
@@ -115,7 +123,9 @@ def _refined(parts: Parts, asked: float, order: int, higher: int, powers: Powers
 
 
 def _with_work(shorter: float, finer: float, order: int, higher: int, powers: Powers) -> Refined:
-    return Refined(shorter, finer, higher, finer**-powers.work / shorter * WORK[higher] / WORK[order])
+    return Refined(
+        shorter, finer, higher, finer**-powers.work / shorter * WORK[higher] / WORK[order]
+    )
 
 
 def _ratio(wanted: float, now: float, power: float) -> float:
@@ -152,7 +162,9 @@ def _coarsest(scene: Scene) -> float:
     if not is_stream(scene):
         return COARSEST_MESH
     sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-    suitable = LEVEL / (sizes[min(order_of(scene).number + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
+    suitable = LEVEL / (
+        sizes[min(order_of(scene).number + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size
+    )
     return float(np.clip(suitable, 1.0, COARSEST_MESH))
 
 
@@ -164,7 +176,11 @@ def finer(scene: Scene, wanted: Refined) -> Scene:
         steps = scene.time.end / scene.time.step / shorter
         # Even, and from some number on such that the longer steps of a comparison end where these do.
         multiple = LONGEST_STEP if steps > LONGEST_STEP * FEWEST_STEPS else 2.0
-        shorter = scene.time.end / scene.time.step / (multiple * math.ceil(steps / multiple * (1.0 - 1e-9)))
+        shorter = (
+            scene.time.end
+            / scene.time.step
+            / (multiple * math.ceil(steps / multiple * (1.0 - 1e-9)))
+        )
     return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
 
 

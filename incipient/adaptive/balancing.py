@@ -24,7 +24,18 @@ from ..scene.numerics import OF_SURFACE
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from ..simulation.state import Accounts
-from .balance import AIM, MOST_RUNS, WORK_POWER, Powers, Refined, finer, first, halved, milder, refined
+from .balance import (
+    AIM,
+    MOST_RUNS,
+    WORK_POWER,
+    Powers,
+    Refined,
+    finer,
+    first,
+    halved,
+    milder,
+    refined,
+)
 from .search import AccuracySearch, Attempt, SearchRecorder
 
 # At least so much more work has a run to be worth it; where a budget does not allow more, as much as it allows.
@@ -46,7 +57,9 @@ class Balancing(AccuracySearch):
         recorder = self._run(scene, recorded)
         following = None if self.reason else self._following(scene)
         if following is None:
-            return recorder.result if recorded else self._run(scene, recorded=True, again=True).result
+            return (
+                recorder.result if recorded else self._run(scene, recorded=True, again=True).result
+            )
         recorded = following.enough or self._is_last_affordable(following)
         self._keep(self._of_mesh if following.keeps_mesh(order_of(scene).number) else None)
         return Attempt(finer(scene, following), recorded=recorded)
@@ -57,7 +70,9 @@ class Balancing(AccuracySearch):
         if scene.time is None or isinstance(error, MeshError):
             raise error
         self._keep(None)
-        self.report(Trial(order_of(scene).number, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
+        self.report(
+            Trial(order_of(scene).number, 0, 0, None, 0.0, scene.time.step, f"failed: {error}")
+        )
         if len(self.trials) >= MOST_RUNS:
             raise error
         return Attempt(finer(scene, halved(order_of(scene).number, Powers(order_in_time(scene)))))
@@ -89,7 +104,9 @@ class Balancing(AccuracySearch):
         """Make the coarse runs that a scene is compared with, or note why they fail. Collective."""
         self._failed = ""
         loads = self.known.loads
-        self._coarse = KeptRuns(loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end())
+        self._coarse = KeptRuns(
+            loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end()
+        )
         longer, beside = comparisons(scene)
         try:
             self._coarse(longer)
@@ -106,13 +123,17 @@ class Balancing(AccuracySearch):
         if not self._failed:
             known = self.known.terms.get(OF_MESH)
             term = by_coarser_runs(scene, result.loads_at_end(), self._coarse, known)
-            estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
+            estimate, of_step, of_mesh = (
+                relative(self.goal, result, one) for one in (term, *term.parts)
+            )
             doubt = term.doubt
             # What the mesh does to waves is seen the less the longer the steps are, which damp them.
             self._of_mesh = None if scene.accuracy_of in OF_SURFACE else term.parts[-1]
         order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
         step = scene.time.step if scene.time is not None else None
-        self.report(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
+        self.report(
+            Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh)
+        )
         if estimate is not None and estimate <= self.asked:
             self.conclude(estimate, doubt)
 

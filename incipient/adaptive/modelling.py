@@ -62,7 +62,9 @@ class Suited:
         return tuple(found)
 
 
-def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Callable[[str], None]) -> Suited:
+def suited(
+    scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Callable[[str], None]
+) -> Suited:
     """Choose gap and domain whose errors together are half of the relative error requested. Collective.
 
     What has been found so far is kept where a coarse run fails, or the budget is spent. The search ends where the
@@ -83,11 +85,15 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Cal
             report("; ".join([_words(scene.domain), *parts]))
             scene = _improved(found, SHARE * asked / len(errors))
         except IncipientError as error:
-            return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
+            return replace(
+                found, unmet=f"errors of gap and domain are not known beyond that: {error}"
+            )
         if scene is found.scene:
             largest = max(errors, key=lambda name: errors[name])
             remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
-            unmet = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}"
+            unmet = (
+                f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}"
+            )
             return replace(found, unmet=unmet)
     return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
 
@@ -102,7 +108,9 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
     terms = tuple(estimate(solve) for estimate in estimates.values())
     found = _computed(scene, solve(coarse(scene)))
     both = terms, [term.uncorrected for term in terms]
-    errors, plain = ({term.name: relative(goal, found, term) or 0.0 for term in which} for which in both)
+    errors, plain = (
+        {term.name: relative(goal, found, term) or 0.0 for term in which} for which in both
+    )
     return Suited(scene, terms, sum(errors.values()), errors=errors, plain=plain)
 
 
@@ -128,7 +136,9 @@ def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suite
     """The better of the last two scenes, with the domain's error by the law of one that hardly falls. Collective."""
     slowly = [_looked_at(one.scene, goal, solve, SLOW_DECAY) for one in (before, found)]
     best = min(slowly, key=lambda one: one.error)
-    unmet = f"the error of the domain, {best.errors['domain']:.1e}, hardly falls as the domain grows"
+    unmet = (
+        f"the error of the domain, {best.errors['domain']:.1e}, hardly falls as the domain grows"
+    )
     return replace(best, unmet=unmet)
 
 
@@ -149,7 +159,9 @@ def not_estimated(scene: Scene) -> str:
     return ""
 
 
-def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: ErrorBars) -> tuple[str, ...]:
+def remedies(
+    scene: Scene, asked: float, goal: Quantity, found: Computed, bars: ErrorBars
+) -> tuple[str, ...]:
     """Remedies for errors of gap and domain that exceed the accuracy requested, in words. Not collective."""
     said = []
     for term in bars.terms:

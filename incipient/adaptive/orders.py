@@ -11,7 +11,10 @@ ORDERS = (2, 3, 4)
 # Per vertex of a large mesh, by the dimension and the order.
 UNKNOWNS = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}
 GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
-COARSEST, COARSEST_UPWINDED = 4.0, MODEL_MESH  # the first mesh: its cells relative to those by default
+COARSEST, COARSEST_UPWINDED = (
+    4.0,
+    MODEL_MESH,
+)  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 MOST_MESHES = 12
 # What is left of an estimated error on cells as much smaller as those are on which corrected loads are compared
@@ -49,7 +52,9 @@ def cheapest_order(order: int, excess: float, gdim: int = 2, highest: int = ORDE
     return min((k for k in ORDERS if order <= k <= max(order, highest)), key=unknowns)
 
 
-def next_order(order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]) -> tuple[int, float]:
+def next_order(
+    order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]
+) -> tuple[int, float]:
     """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
 
     excess: the error on this mesh, in elements of `order`, over the accuracy asked for

@@ -65,7 +65,10 @@ CLOSER = 0.25  # a gap that is to decide a verdict, relative to before
 # An error, relative to that on the mesh before, up to which a mesh is worth it; how much larger it is tried at once
 # where a budget does not allow less.
 WORTH, MILDER = 0.5, 1.5
-CORRECTED = (0.05, 1.0)  # between which the error of corrected loads over that estimated is believed
+CORRECTED = (
+    0.05,
+    1.0,
+)  # between which the error of corrected loads over that estimated is believed
 CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
 
 
@@ -86,7 +89,9 @@ class Refinement(AccuracySearch):
     _plain = np.inf  # the error of the quantity on the last mesh without corrections
     _of_corrected = OF_CORRECTED
     _kept: Kept | None = None  # the mesh with the least error so far
-    _at_hand: tuple[Run, ExitStack] | None = None  # the run of the first attempt, solved for the coarse runs
+    _at_hand: tuple[Run, ExitStack] | None = (
+        None  # the run of the first attempt, solved for the coarse runs
+    )
     _solved_run: Run | None = None  # it, once it is tried
 
     def _first(self, part: float = 1.0) -> Attempt:
@@ -146,7 +151,9 @@ class Refinement(AccuracySearch):
     @property
     def _has_one_order(self) -> bool:
         """Whether all meshes are of order two, in steady flow in space with inertia."""
-        return self._highest == ORDERS[0] and self.scene.time is None and not self.scene.has_wall_layer
+        return (
+            self._highest == ORDERS[0] and self.scene.time is None and not self.scene.has_wall_layer
+        )
 
     def _tried(self, attempt: Attempt) -> Any:
         """Solve, estimate, and either conclude or say what to try next. Collective."""
@@ -162,13 +169,19 @@ class Refinement(AccuracySearch):
             self._keep(attempt, error)
             if error is None or self.numerics.accuracy != "verdict":
                 following = self._within_budget(self._next_mesh(attempt, error, shares))
-                if following is None and self._kept is not None and self._kept.attempt is not attempt:
+                if (
+                    following is None
+                    and self._kept is not None
+                    and self._kept.attempt is not attempt
+                ):
                     return self._repeated(self._kept)
                 return following or self._concluded(run, self._handed_over(run))
             # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
             recorder = self._handed_over(run)
             with told_where_kept(recorder.kept, self.comm):
-                bars = error_bars(run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed))
+                bars = error_bars(
+                    run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed)
+                )
             following = self._within_budget(self._to_decide(attempt, error, bars, shares))
             return following or self._concluded(run, recorder)
 
@@ -185,7 +198,9 @@ class Refinement(AccuracySearch):
             if self._corrects and self._improved is not None and self._improved[0] == self.speed:
                 term = by_both(term, goals, unit, self._improved[1])
                 agreed = self.goal.error(force, couple, term.force, term.couple) / before
-                self._of_corrected = float(np.clip(agreed, *CORRECTED)) if agreed < np.inf else OF_CORRECTED
+                self._of_corrected = (
+                    float(np.clip(agreed, *CORRECTED)) if agreed < np.inf else OF_CORRECTED
+                )
             self._improved = self.speed, goals.loads(unit / goals.allowance)
             self.known.terms["discretisation"] = term
             of_force, of_couple = self._with_interaction(term, Loads(force.flow, couple.flow))
@@ -241,14 +256,18 @@ class Refinement(AccuracySearch):
             self._solved(run)
             return self._concluded(run, self._handed_over(run))
 
-    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Shares | None) -> Attempt | None:
+    def _next_mesh(
+        self, attempt: Attempt, error: float | None, shares: Shares | None
+    ) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         assert error is not None
         if error <= self.asked:
             self.conclude(error, self.known.terms["discretisation"].doubt)
             return None
         assert shares is not None
-        if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
+        if np.isinf(
+            error
+        ):  # the safety factor may be infinite: how much finer is enough is not known
             return self._for_verdict(attempt, error, shares)
         order = order_of(attempt.scene).number
         if self._has_one_order and self._corrects:
@@ -264,7 +283,10 @@ class Refinement(AccuracySearch):
 
         If it allows none that is worth it, the mesh wanted.
         """
-        before, wanted = order_of(attempt.scene).number, self._finer(attempt, order, relative, shares, error)
+        before, wanted = (
+            order_of(attempt.scene).number,
+            self._finer(attempt, order, relative, shares, error),
+        )
         if not self._beyond(wanted):
             return wanted
         for other in range(order, before - 1, -1):
@@ -286,14 +308,18 @@ class Refinement(AccuracySearch):
         order = cheapest_order(before, 1.0 / FOR_VERDICT, *orders)
         return self._finer(attempt, order, FOR_VERDICT, shares, error)
 
-    def _finer(self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float) -> Attempt:
+    def _finer(
+        self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float
+    ) -> Attempt:
         """A mesh on which the error is expected to be `relative` times that in elements of an order on this one."""
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
         wanted = resized(shares, order, relative * cancelling, self.comm)
         per_vertex, before = UNKNOWNS[self.scene.gdim], order_of(attempt.scene).number
-        unknowns = self.trials[-1].unknowns * per_vertex[order] / per_vertex[before] * wanted.more_cells
+        unknowns = (
+            self.trials[-1].unknowns * per_vertex[order] / per_vertex[before] * wanted.more_cells
+        )
         sizing = partial(coarse_sizes, COARSEST, wanted.field)
         return Attempt(self._set_up(attempt.scene, order), sizing, unknowns)
 
@@ -333,7 +359,9 @@ class Refinement(AccuracySearch):
         other = with_less_of(decisive, attempt.scene)
         if other is None:
             between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
-            self.reason = f"undecided: {between}, and the error of the {decisive} cannot be made smaller"
+            self.reason = (
+                f"undecided: {between}, and the error of the {decisive} cannot be made smaller"
+            )
             return None
         for name in ("gap", "domain", "datum"):
             self.known.terms.pop(name, None)

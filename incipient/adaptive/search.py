@@ -115,7 +115,9 @@ class AccuracySearch(ABC):
         self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
         self.wished = scene
-        self.suited: Suited | None = None  # gap and domain chosen, where the accuracy includes their errors
+        self.suited: Suited | None = (
+            None  # gap and domain chosen, where the accuracy includes their errors
+        )
         self._best: Attempt | None = None  # the last one that was solved and estimated
         self.of_result: float | None = None  # its error, where it is not that of the last mesh
 
@@ -153,7 +155,9 @@ class AccuracySearch(ABC):
     def choose_gap_and_domain(self) -> None:
         """Choose gap and domain before any mesh, if the accuracy includes their errors. Collective."""
         asked = self.numerics.accuracy
-        if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
+        if self.numerics.accuracy_includes == "discretisation" or not isinstance(
+            asked, float | int
+        ):
             return
         with self.ledger.stage("error bars"), self._coarse_runs() as solve:
             runs = KeptRuns(self.known.loads, self.spent, solve)
@@ -194,7 +198,10 @@ class AccuracySearch(ABC):
 
     def adaptation(self) -> Adaptation:
         """The record of the search so far. Not collective."""
-        asked, reached = self.numerics.accuracy, [t.estimate for t in self.trials if t.estimate is not None]
+        asked, reached = (
+            self.numerics.accuracy,
+            [t.estimate for t in self.trials if t.estimate is not None],
+        )
         assert asked is not None
         last, reason = reached[-1] if reached else None, self.reason or UNFINISHED
         last = last if self.of_result is None else self.of_result
@@ -203,7 +210,9 @@ class AccuracySearch(ABC):
             return found
         whole = None if last is None or np.isinf(self.suited.error) else last + self.suited.error
         includes = ("discretisation", *(term.name for term in self.suited.terms))
-        return replace(found, reached=whole, includes=includes, changes=self.suited.changes(self.wished))
+        return replace(
+            found, reached=whole, includes=includes, changes=self.suited.changes(self.wished)
+        )
 
     def adaptation_beside(self, result: Result) -> Adaptation:
         """The record so far with the remedies for errors that it does not include. Not collective."""
@@ -226,7 +235,10 @@ class AccuracySearch(ABC):
     def beyond_budget(self, seconds: float, unknowns: float) -> str:
         """Reason why a run of this time [s] and size exceeds the budget, or "". Collective."""
         numerics = self.numerics
-        if numerics.budget_seconds is not None and self.elapsed() + seconds > numerics.budget_seconds:
+        if (
+            numerics.budget_seconds is not None
+            and self.elapsed() + seconds > numerics.budget_seconds
+        ):
             budget = f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))

@@ -130,7 +130,9 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
     """The largest sizes below the given ones that grow by no more than a share of the distance."""
-    a, b = np.vstack([shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]).T
+    a, b = np.vstack(
+        [shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]
+    ).T
     reach = STEEPEST * np.linalg.norm(shares.points[a] - shares.points[b], axis=1)
     sizes, before = sizes.copy(), np.full_like(sizes, np.inf)
     while np.any(sizes < before):

@@ -36,7 +36,9 @@ class UniformRefinement(Refinement):
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
-        self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
+        self._seen: list[
+            tuple[Scene, Loads]
+        ] = []  # on meshes one after the other, the present one last
         # Why walls are not as the model asks on the present one, and whether they may be so on a finer one.
         self._doubt, self._may_resolve = "", False
 
@@ -47,14 +49,18 @@ class UniformRefinement(Refinement):
 
     def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0) -> Attempt:
         """An attempt with a `numerics.mesh_size`."""
-        sized = changed(self._set_up(scene, order_of(scene).number), numerics={"mesh_size": mesh_size})
+        sized = changed(
+            self._set_up(scene, order_of(scene).number), numerics={"mesh_size": mesh_size}
+        )
         return Attempt(sized, expected=expected, note=f"mesh_size {mesh_size:.3g}")
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
         solve_with_parts(run, run.fluid, run.parts)
         return (None, None) if run.probe is None else loads(run, surface=False)
 
-    def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
+    def _estimated(
+        self, run: Run, force: Forces | None, couple: Couples | None
+    ) -> tuple[float | None, Any]:
         walls = run.wall_report()
         self._doubt = "" if walls is None or walls.applicable else walls.doubt
         self._may_resolve = walls is not None and walls.by_cells
@@ -70,7 +76,9 @@ class UniformRefinement(Refinement):
             coarser = on_coarser_mesh(coarser)
             if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
                 self.known.loads[coarser.model_dump_json()] = there
-        term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, self.kept_runs())
+        term = self.known.terms["discretisation"] = by_coarser_mesh(
+            run.scene, computed, self.kept_runs()
+        )
         return relative(self.goal, found, term.with_changes(computed.unsteady)), None
 
     def _keep(self, attempt: Attempt, error: float | None) -> None:
@@ -85,7 +93,9 @@ class UniformRefinement(Refinement):
         known = [trial.estimate for trial in self.trials if trial.estimate is not None]
         many = error is not None and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
-            self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
+            self.reason = (
+                f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
+            )
             return None
         return self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, 0.0)
 
@@ -98,10 +108,14 @@ class UniformRefinement(Refinement):
         self._kept = kept
         return found
 
-    def _finer(self, attempt: Attempt, order: int, relative: float, shares: Any, error: float) -> Attempt:
+    def _finer(
+        self, attempt: Attempt, order: int, relative: float, shares: Any, error: float
+    ) -> Attempt:
         """The mesh with cells smaller by the root of two, of which there are twice as many at the most."""
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
-            raise MeshError(f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy")
+            raise MeshError(
+                f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy"
+            )
         more = COARSER_MESH**self.scene.gdim
         return self._on(attempt.scene, mesh_size, more * self.trials[-1].unknowns)

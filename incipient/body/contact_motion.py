@@ -175,16 +175,25 @@ class ContactMotion:
 
         none = ActiveContacts.none(self.body.gdim)
         pushed = np.zeros(self.body.size) if tried is None else tried.pushed
-        first = ContactStep(state, none if tried is None else tried.contacts, moved(pushed), pushed, state)
-        gain, apart = self.body.velocities_by_impulses(state, added), self._apart(state, first.motion.end, dt)
+        first = ContactStep(
+            state, none if tried is None else tried.contacts, moved(pushed), pushed, state
+        )
+        gain, apart = (
+            self.body.velocities_by_impulses(state, added),
+            self._apart(state, first.motion.end, dt),
+        )
         start = _Start(state, before or none, gain, apart)
         taken = self._taken(start, first, moved)
         if self.law.restitution > 0.0 or taken.created() <= CREATED:
             return taken
         # Contacts whose normal turns at once, as that of a corner: impulses along the mean of both would do work.
-        return min(taken, self._taken(replace(start, mean=False), first, moved), key=ContactStep.created)
+        return min(
+            taken, self._taken(replace(start, mean=False), first, moved), key=ContactStep.created
+        )
 
-    def _taken(self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]) -> ContactStep:
+    def _taken(
+        self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]
+    ) -> ContactStep:
         """A step from a first motion, under the contacts there, on."""
         state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
         end, seen = motion.end, self._seen(motion.end)
@@ -199,14 +208,22 @@ class ContactMotion:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
             rows = self._rows(touched.points, frames(touched.normals), end.place)
             ways = self._ways(rows, touched, start)
-            local = self._impulses(rows, ways, motion.end.velocities - gain @ pushed, touched, start)
+            local = self._impulses(
+                rows, ways, motion.end.velocities - gain @ pushed, touched, start
+            )
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
-            end, seen = self._placed(motion.end, entered, touched.only(local[: len(touched), 0] > 0.0), start)
-            settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(self.reach, 1.0)
+            end, seen = self._placed(
+                motion.end, entered, touched.only(local[: len(touched), 0] > 0.0), start
+            )
+            settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(
+                self.reach, 1.0
+            )
             pressed = touched
-            touched, left = self._next(touched, local, self._as_entered(seen, entered, start), left, start)
+            touched, left = self._next(
+                touched, local, self._as_entered(seen, entered, start), left, start
+            )
             if len(touched) == 0:
                 # Along a side that lies on the bed the nearest place may be elsewhere now: what presses goes on.
                 touched = pressed.only(local[: len(pressed), 0] > 0.0)
@@ -227,7 +244,10 @@ class ContactMotion:
 
     def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
         """How far apart places of one contact may be in a step."""
-        ways = [np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin) for one in (state, end)]
+        ways = [
+            np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin)
+            for one in (state, end)
+        ]
         return float(SAME_WAY * dt * max(ways)) + SAME_PLACE * self.reach
 
     @property
@@ -269,13 +289,17 @@ class ContactMotion:
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > SLIDES * largest
         new = np.array(matches(touched, start.before.places(), start.apart)) < 0
-        free[:count, 0] += self.law.restitution * np.where(new, np.minimum(first[:count, 0], 0.0), 0.0)
+        free[:count, 0] += self.law.restitution * np.where(
+            new, np.minimum(first[:count, 0], 0.0), 0.0
+        )
         gain, friction = rows @ start.gain @ ways.T, self.law.coefficients(slides)
         if self.law.rolling == 0.0:
             return contact_impulses(gain, free.ravel(), friction)
         return resisted_impulses(gain, free.ravel(), friction, self.law.rolling)
 
-    def _placed(self, end: BodyState, seen: Gaps, pressing: Gaps, start: _Start) -> tuple[BodyState, Gaps]:
+    def _placed(
+        self, end: BodyState, seen: Gaps, pressing: Gaps, start: _Start
+    ) -> tuple[BodyState, Gaps]:
         """The end of a step where contacts that press are closed and nothing is in the bed, and the gaps there.
 
         `seen` are the gaps before.
@@ -302,19 +326,29 @@ class ContactMotion:
                 gaps[k] = min(gaps[k], was)
         return replace(seen, gaps=gaps)
 
-    def _next(self, touched: Gaps, local: Floats, seen: Gaps, left: Gaps, start: _Start) -> tuple[Gaps, Gaps]:
+    def _next(
+        self, touched: Gaps, local: Floats, seen: Gaps, left: Gaps, start: _Start
+    ) -> tuple[Gaps, Gaps]:
         """The contacts of the next round as seen now, and those left out at some time, which come back for good."""
         found = matches(touched, seen, start.apart)
         gone = matches(touched, left, start.apart)
         kept = {k for i, k in enumerate(found) if k >= 0 and (local[i, 0] > 0.0 or gone[i] >= 0)}
-        dropped = [i for i, k in enumerate(found) if k >= 0 and k not in kept and seen.gaps[k] > self._closed]
+        dropped = [
+            i
+            for i, k in enumerate(found)
+            if k >= 0 and k not in kept and seen.gaps[k] > self._closed
+        ]
         kept |= {k for i, k in enumerate(found) if k >= 0 and i not in dropped}
         kept |= set(np.flatnonzero(seen.gaps < -self._closed).tolist())
         return seen.only(sorted(kept)), _together(left, touched.only(dropped), 0.0)
 
 
 def _contacts(
-    touched: Gaps, local: Floats, ways: tuple[Floats, Floats], ends: tuple[BodyState, Motion], lever: float
+    touched: Gaps,
+    local: Floats,
+    ways: tuple[Floats, Floats],
+    ends: tuple[BodyState, Motion],
+    lever: float,
 ) -> ActiveContacts:
     """The contacts of a step that has settled."""
     (rows, along), (state, motion), count = ways, ends, len(touched)
@@ -323,7 +357,9 @@ def _contacts(
     pressure = float(local[:count, 0] @ mean[:count, 0])
     works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
     couples = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
-    return ActiveContacts(touched.points, touched.normals, local[:count], velocities, couples, works)
+    return ActiveContacts(
+        touched.points, touched.normals, local[:count], velocities, couples, works
+    )
 
 
 def frames(normals: Floats) -> Floats:
@@ -357,7 +393,9 @@ def _together(touched: Gaps, others: Gaps, apart: float) -> Gaps:
     """Contacts, and those of others that are none of them."""
     missing = others.only([k for k, one in enumerate(matches(others, touched, apart)) if one < 0])
     names = ("gaps", "points", "normals")
-    return Gaps(*(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names))
+    return Gaps(
+        *(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names)
+    )
 
 
 def _transported(ways: Floats, normals: Floats) -> Floats:

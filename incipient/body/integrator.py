@@ -132,7 +132,9 @@ class Integrator:
         order: int = 5,
     ) -> None:
         if order not in WEIGHTS or not largest_step > 0.0 or max_steps < 1:
-            raise ValueError("the order is 4 or 5, the largest step and the number of steps are positive")
+            raise ValueError(
+                "the order is 4 or 5, the largest step and the number of steps are positive"
+            )
         if first_step is not None and not first_step > 0.0:
             raise ValueError("the first step is positive, in whichever way time runs")
         self.rate, self.tolerances, self.events = rate, tolerances, tuple(events)
@@ -150,14 +152,21 @@ class Integrator:
         if self.y.ndim != 1 or not np.isfinite([self.t, *self.y]).all():
             raise ValueError("initial time and values must be finite numbers, the values a vector")
         if np.ndim(self.tolerances.absolute) and np.shape(self.tolerances.absolute) != self.y.shape:
-            raise ValueError("the absolute tolerance is a number or has as many components as the solution")
+            raise ValueError(
+                "the absolute tolerance is a number or has as many components as the solution"
+            )
         self.statistics, self.occurrences = Statistics(), list[Occurrence]()
         self._slope = self._evaluate(self.t, self.y)
         if self._slope.shape != self.y.shape:
             raise ValueError("the rate must have as many components as the solution")
         if not np.isfinite(self._slope).all():
             raise ConvergenceError(f"the rate of change at the initial time {t:.6g} is not finite")
-        self._start, self._powers, self._degree, self._span = (self.t, self.y), np.empty((0, 0)), 0, 0.0
+        self._start, self._powers, self._degree, self._span = (
+            (self.t, self.y),
+            np.empty((0, 0)),
+            0,
+            0.0,
+        )
         self._error_before, self._way, self._signs = 1.0, 0.0, np.empty(0)
 
     def reinit(self, t: float, y: ArrayLike) -> None:
@@ -202,7 +211,11 @@ class Integrator:
         Its order is that of the step itself, everywhere in it; it costs three more evaluations a step, once.
         """
         start, y = self._start
-        if not min(start, self.t) - ROUND_OFF * abs(t) <= t <= max(start, self.t) + ROUND_OFF * abs(t):
+        if (
+            not min(start, self.t) - ROUND_OFF * abs(t)
+            <= t
+            <= max(start, self.t) + ROUND_OFF * abs(t)
+        ):
             raise ValueError(f"{t} is not within the last step, from {start} to {self.t}")
         if t == self.t:
             return self.y.copy()
@@ -220,7 +233,12 @@ class Integrator:
         if self.statistics.next_step == 0.0:
             self.statistics.next_step = self.first_step or self._estimated_first_step()
         # An event at the very start is none: what counts is the sign just after.
-        beside = way * 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
+        beside = (
+            way
+            * 8
+            * ROUND_OFF
+            * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
+        )
         self._signs = self._all_signs(self.t + beside, self.y + beside * self._slope)
 
     def _estimated_first_step(self) -> float:
@@ -253,7 +271,9 @@ class Integrator:
                 self._accept(end, y, slope, error, landing, failures)
                 return landing
             self.statistics.error_test_failures += 1
-            cut = max(LARGEST_CUT, SAFETY * error**-0.2) if np.isfinite(error) else CUT_WITHOUT_ERROR
+            cut = (
+                max(LARGEST_CUT, SAFETY * error**-0.2) if np.isfinite(error) else CUT_WITHOUT_ERROR
+            )
             self.statistics.next_step = abs(end - self.t) * min(cut, SAFETY)
         raise ConvergenceError(
             f"the step at t = {self.t:.6g} became too small ({self.statistics.next_step:.3g}): the solution is "
@@ -266,7 +286,9 @@ class Integrator:
         slopes = np.empty((6, len(self.y)))
         slopes[0] = self._slope
         for i in range(1, 6):
-            slopes[i] = self._evaluate(self.t + NODES[i] * h, self.y + h * (STAGES[i, :i] @ slopes[:i]))
+            slopes[i] = self._evaluate(
+                self.t + NODES[i] * h, self.y + h * (STAGES[i, :i] @ slopes[:i])
+            )
             if not np.isfinite(slopes[i]).all():
                 return np.inf, self.y, self._slope
         y = self.y + h * (WEIGHTS[self.order] @ slopes)
@@ -289,7 +311,9 @@ class Integrator:
         grown = SAFETY * max(error, 1e-10) ** -PROPORTIONAL * self._error_before**INTEGRAL
         following = abs(h) * float(np.clip(grown, LARGEST_CUT, 1.0 if failures else LARGEST_GROWTH))
         # A step cut short to land says nothing against the length that was meant.
-        self.statistics.next_step = max(following, self.statistics.next_step) if landing else following
+        self.statistics.next_step = (
+            max(following, self.statistics.next_step) if landing else following
+        )
         self._error_before = max(error, 1e-4)
         self.statistics.step_sizes.append(h)
 
@@ -313,7 +337,11 @@ class Integrator:
     def _happened(self) -> tuple[int, ...]:
         """Note the events of the step just taken; go back to the first terminal one, and give its index."""
         signs = self._all_signs(self.t, self.y)
-        changed = [i for i, event in enumerate(self.events) if self._crossed(event, self._signs[i], signs[i])]
+        changed = [
+            i
+            for i, event in enumerate(self.events)
+            if self._crossed(event, self._signs[i], signs[i])
+        ]
         times = {i: self._root(self.events[i], signs[i]) for i in changed}
         terminal = [self._way * times[i] for i in changed if self.events[i].terminal]
         last = self._way * min(terminal) if terminal else self.t
@@ -340,14 +368,19 @@ class Integrator:
         start, end = self._start[0], self.t
         if after == 0.0:
             return end
-        tiny = max(0.25 * ROUND_OFF * max(abs(start), abs(end)), 1e-3 * ROUND_OFF * abs(end - start))
+        tiny = max(
+            0.25 * ROUND_OFF * max(abs(start), abs(end)), 1e-3 * ROUND_OFF * abs(end - start)
+        )
         value = partial(self._value, event, after)
         return float(brentq(value, start, end, xtol=tiny, rtol=ROUND_OFF, maxiter=200))
 
     def _value(self, event: Event, after: float, t: float) -> float:
         """The event's function within the last step, at whose end it has the sign `after`."""
         g = event.function(t, self._dense(t))
-        if t in (self._start[0], self.t):  # where the sign is known already; round-off must not change it
+        if t in (
+            self._start[0],
+            self.t,
+        ):  # where the sign is known already; round-off must not change it
             known = after if t == self.t else -after
             return g if g * known > 0.0 else known
         return g

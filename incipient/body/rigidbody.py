@@ -171,7 +171,9 @@ class RigidBody:
     def _require_usable(self, dt: float, load: Floats, added: Floats, last: Floats) -> None:
         n = self.size
         if load.shape != (n,) or last.shape != (n,) or added.shape != (n, n) or not dt > 0.0:
-            raise ValueError(f"loads and velocities are ({n},), added masses ({n}, {n}), steps positive")
+            raise ValueError(
+                f"loads and velocities are ({n},), added masses ({n}, {n}), steps positive"
+            )
         if not all(np.isfinite(part).all() for part in (load, added, last)):
             raise ConvergenceError(
                 "the load on the body is not finite: the flow did not converge; shorten the step"
@@ -196,11 +198,14 @@ class RigidBody:
         whole[self.gdim :, self.gdim :] = (frame * self.inertia.shape_moments**power) @ frame.T
         return whole
 
-    def _acceleration(self, time: float, velocities: Floats, frame: Floats, drive: Floats) -> Floats:
+    def _acceleration(
+        self, time: float, velocities: Floats, frame: Floats, drive: Floats
+    ) -> Floats:
         """Accelerations (n,) under a drive."""
         d, inertia = self.gdim, self.inertia
         spinning = (
-            inertia.gyroscopic(frame.T @ velocities[d:]) + (frame.T @ drive[d:]) / inertia.shape_moments
+            inertia.gyroscopic(frame.T @ velocities[d:])
+            + (frame.T @ drive[d:]) / inertia.shape_moments
         )
         return np.concatenate([self._field(time) + drive[:d], frame @ spinning])
 
@@ -232,7 +237,9 @@ class RigidBody:
 
         return rate
 
-    def _solved(self, start: BodyState, dt: float, impulse: Floats, added: Floats, last: Floats) -> Motion:
+    def _solved(
+        self, start: BodyState, dt: float, impulse: Floats, added: Floats, last: Floats
+    ) -> Motion:
         """The motion whose drive satisfies the balance of momentum."""
         f, end = self.mask, start.time + dt
         inverse = self._inverse(start, added)
@@ -252,7 +259,10 @@ class RigidBody:
         for corrections in range(MOST_CORRECTIONS):
             state, path = self.driven(start, end, end, drive)
             evaluations += path.statistics.evaluations
-            before, residual = residual, self._residual(start, state, dt, drive, impulse, added, last)[f]
+            before, residual = (
+                residual,
+                self._residual(start, state, dt, drive, impulse, added, last)[f],
+            )
             gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
             noise = ROUND_OFF * np.abs(inverse) @ gained[f]
             if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
@@ -272,7 +282,9 @@ class RigidBody:
         frame, whole = self._frame(start.orientation), added.copy()
         whole[:d, :d] += self.inertia.mass * np.eye(d)
         whole[d:, d:] += (frame * self.inertia.moments) @ frame.T
-        names = [name for name, free in zip(DEGREES[self.size], self.freedom.free, strict=True) if free]
+        names = [
+            name for name, free in zip(DEGREES[self.size], self.freedom.free, strict=True) if free
+        ]
         part = whole[np.ix_(self.mask, self.mask)]
         scale = np.sqrt(np.maximum(np.diag(part), 0.0))
         missing = [name for name, size in zip(names, scale, strict=True) if size == 0.0]
@@ -303,12 +315,18 @@ class RigidBody:
         angular = self.angular_momentum(end) - self.angular_momentum(start)
         return np.concatenate([linear, angular]) - impulse + added @ (end.velocities - last)
 
-    def _small(self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats) -> bool:
+    def _small(
+        self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats
+    ) -> bool:
         """Whether errors of the free velocities are at the integrator's tolerance, relative to their kind, or noise."""
         scale = np.max([np.abs(state.velocities) for state in states], axis=0)
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
-        kinds = np.where(np.arange(self.size) < self.gdim, scale[: self.gdim].max(), scale[self.gdim :].max())
-        return bool((np.abs(error) <= np.maximum(self.tolerances.relative * kinds[self.mask], noise)).all())
+        kinds = np.where(
+            np.arange(self.size) < self.gdim, scale[: self.gdim].max(), scale[self.gdim :].max()
+        )
+        return bool(
+            (np.abs(error) <= np.maximum(self.tolerances.relative * kinds[self.mask], noise)).all()
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,9 @@ class Inertia:
     def __post_init__(self) -> None:
         moments = np.atleast_1d(np.array(self.moments, dtype=float))
         if moments.shape not in ((1,), (3,)):
-            raise SceneError("a body has one moment of inertia in the plane, three in space; give as many")
+            raise SceneError(
+                "a body has one moment of inertia in the plane, three in space; give as many"
+            )
         if not (np.isfinite([self.mass, *moments]).all() and min(self.mass, *moments) >= 0.0):
             raise SceneError(
                 f"mass {self.mass} and moments of inertia {moments} must be zero or more; change them"
@@ -66,8 +68,12 @@ class Inertia:
                 f"of the moments of inertia {moments} one exceeds the sum of the others; change it"
             )
         axes = np.eye(len(moments)) if self.axes is None else np.array(self.axes, dtype=float)
-        if axes.shape != (len(moments),) * 2 or not np.allclose(axes.T @ axes, np.eye(len(axes)), atol=1e-9):
-            raise SceneError("the principal axes must be the orthonormal columns of a matrix; change them")
+        if axes.shape != (len(moments),) * 2 or not np.allclose(
+            axes.T @ axes, np.eye(len(axes)), atol=1e-9
+        ):
+            raise SceneError(
+                "the principal axes must be the orthonormal columns of a matrix; change them"
+            )
         object.__setattr__(self, "moments", moments)
         object.__setattr__(self, "axes", axes)
 
@@ -98,7 +104,11 @@ class Inertia:
     def shape_moments(self) -> Floats:
         """Moments over the largest, at least THINNEST; ones without inertia. They shape paths, not balances."""
         largest = self.moments.max()
-        return np.maximum(self.moments / largest, THINNEST) if largest > 0.0 else np.ones_like(self.moments)
+        return (
+            np.maximum(self.moments / largest, THINNEST)
+            if largest > 0.0
+            else np.ones_like(self.moments)
+        )
 
     def gyroscopic(self, spin: Floats) -> Floats:
         """The free rate of the spin in principal axes, (J W x W) / J: equations (331)-(333) without couple.
@@ -108,7 +118,9 @@ class Inertia:
         if len(self.moments) == 1:
             return np.zeros(1)
         couple = cross(self.moments * spin, spin)
-        return np.asarray(np.divide(couple, self.moments, out=np.zeros(3), where=self.moments > 0.0))
+        return np.asarray(
+            np.divide(couple, self.moments, out=np.zeros(3), where=self.moments > 0.0)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +138,9 @@ class BodyState:
     time: float = 0.0
 
     @classmethod
-    def at(cls, placement: Placement, velocities: ArrayLike | None = None, time: float = 0.0) -> BodyState:
+    def at(
+        cls, placement: Placement, velocities: ArrayLike | None = None, time: float = 0.0
+    ) -> BodyState:
         """The state at a placement, with velocities (n,), by default at rest."""
         d = placement.gdim
         u = np.zeros(3 * (d - 1)) if velocities is None else np.array(velocities, dtype=float)
@@ -178,7 +192,9 @@ class Freedom:
 
     def __post_init__(self) -> None:
         if len(self.free) not in DEGREES:
-            raise SceneError("a body has three degrees of freedom in the plane, six in space; name as many")
+            raise SceneError(
+                "a body has three degrees of freedom in the plane, six in space; name as many"
+            )
 
     @classmethod
     def whole(cls, gdim: int) -> Freedom:

@@ -23,7 +23,10 @@ def draw_and_tell(directory: Path) -> None:
 
     drawn = draw_apart(directory)
     names = ", ".join(path.name for path in drawn.paths)
-    print(f"pictures            {directory}/: {names}" if names else "pictures            none", flush=True)
+    print(
+        f"pictures            {directory}/: {names}" if names else "pictures            none",
+        flush=True,
+    )
     if drawn.complaint:
         remedy = f"draw again with: incipient show {directory}"
         raise OutputError(f"{drawn.complaint}; the rest is there, {remedy}")

@@ -87,10 +87,14 @@ def _judge_forces(options: argparse.Namespace) -> None:
     if options.case is None:
         case = grain_in_place(options.grain, options.bed, options.overrides)
     elif options.grain or options.bed:
-        raise SceneError(f"--grain and --bed: {options.case} has the contacts; leave one of them out")
+        raise SceneError(
+            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
+        )
     else:
         case = load_case_without_load(options.case, options.overrides)
-    found = judge_forces(case, read_forces(options.forces), options.density, options.since, options.law)
+    found = judge_forces(
+        case, read_forces(options.forces), options.density, options.since, options.law
+    )
     print(found.text())
     if options.out is not None:
         beside = (options.case or options.forces).parent
@@ -98,7 +102,9 @@ def _judge_forces(options: argparse.Namespace) -> None:
         refuse_foreign(directory, ("judgement.json", "series.csv", "series.json"))
         save(found.judgement, directory)
         save_series(found.series, directory)
-        print(f"numbers             {directory}/: judgement.json, series.csv, series.json", flush=True)
+        print(
+            f"numbers             {directory}/: judgement.json, series.csv, series.json", flush=True
+        )
         draw_and_tell(directory)
 
 

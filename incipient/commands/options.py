@@ -17,7 +17,9 @@ OF_SWEEPS = ("quantity", "against", "by")  # options of `show` that are for swee
 def overrides(parser: argparse.ArgumentParser, example: str) -> None:
     """Add `--set`, with an example in its help."""
     repeated: dict[str, Any] = {"dest": "overrides", "action": "append", "default": []}
-    parser.add_argument("--set", metavar="KEY=VALUE", help=f"change a key, as in {example}", **repeated)
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", help=f"change a key, as in {example}", **repeated
+    )
 
 
 def named(text: str) -> Path:
@@ -37,7 +39,11 @@ def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
     """Refuses what is not a directory in which an earlier command has left one of its files. Collective."""
     with collectively(comm):
         if comm.rank == 0 and not any((directory / name).is_file() for name in names):
-            why = "is not the directory of a run" if directory.is_dir() else "there is no such directory"
+            why = (
+                "is not the directory of a run"
+                if directory.is_dir()
+                else "there is no such directory"
+            )
             raise SceneError(f"{directory}: {why}; give the directory that a run was written to")
 
 
@@ -80,7 +86,9 @@ def of_gust(parser: argparse.ArgumentParser) -> None:
     _scene_to(parser, "_gusts")
     text = "durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)"
     usual = [0.5, 1.0, 2.0, 4.0, 8.0]
-    parser.add_argument("--durations", type=float, nargs="+", default=usual, metavar="TIME", help=text)
+    parser.add_argument(
+        "--durations", type=float, nargs="+", default=usual, metavar="TIME", help=text
+    )
 
 
 def of_entrainment(parser: argparse.ArgumentParser) -> None:
@@ -127,11 +135,17 @@ def of_show(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("directory", type=Path, help="directory of the results, or the file of a sweep")
     add("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
-    add("--against", metavar="COLUMN", help="of a sweep: the abscissa (default: the first varied key)")
+    add(
+        "--against",
+        metavar="COLUMN",
+        help="of a sweep: the abscissa (default: the first varied key)",
+    )
     add("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
     films = parser.add_mutually_exclusive_group()
     films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
-    films.add_argument("--turntable", action="store_true", help="write a film round a grain in space instead")
+    films.add_argument(
+        "--turntable", action="store_true", help="write a film round a grain in space instead"
+    )
     add("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     add("--field", choices=fields, help="what to animate (default: velocity)")
@@ -141,18 +155,32 @@ def of_report(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient report`."""
     parser.add_argument("path", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument(
-        "--out", type=named, metavar="FILE", help="the page (default: report.html there, or beside the sweep)"
+        "--out",
+        type=named,
+        metavar="FILE",
+        help="the page (default: report.html there, or beside the sweep)",
     )
 
 
 def of_sweep(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient sweep`."""
     add = parser.add_argument
-    add("scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)")
+    add(
+        "scenes",
+        type=Path,
+        nargs="+",
+        metavar="SCENE",
+        help="scene files, or cases to judge (TOML)",
+    )
     text = "as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations"
     add("--over", action="append", default=[], metavar="KEY=VALUES", help=text)
     add("--zip", action="store_true", help="take the values of several keys side by side instead")
-    add("--cases", type=Path, metavar="FILE.csv", help="keys in the first row, a case in each other row")
+    add(
+        "--cases",
+        type=Path,
+        metavar="FILE.csv",
+        help="keys in the first row, a case in each other row",
+    )
     text = "add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)"
     add("--refine", type=_share, nargs="?", const=True, metavar="SHARE", help=text)
     add("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
@@ -164,7 +192,12 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         choices=("run", "threshold", "gust", "entrainment", "judge"),
         help="for each case (default: run)",
     )
-    add("--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)")
+    add(
+        "--out",
+        type=named,
+        metavar="FILE",
+        help="file of the sweep (default: results/SCENE_TASK.sqlite)",
+    )
     add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
     add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
     add(
@@ -181,11 +214,13 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="times that a case is begun whose worker dies (default: 3)",
     )
-    text = (
-        "that a case may take, as 2h, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
-    )
+    text = "that a case may take, as 2h, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
     add("--limit", metavar="TIME", help=text)
-    add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
+    add(
+        "--wall",
+        metavar="TIME",
+        help="time after which to stop, such as 8h or 1h30m; the same call resumes",
+    )
     add("--retry", action="store_true", help="compute cases again that have failed")
     add("--dry-run", action="store_true", help="say how many cases there are, and what they take")
 
@@ -193,12 +228,16 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
 def of_survey(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient survey`."""
     add = parser.add_argument
-    add("bed", type=Path, help="survey file (TOML); with --orientations or --seeds a scene in space")
-    overrides(parser, "bed.seed=2")
-    add("--out", type=named, help="directory for the results (default: results/NAME OF THE FILE_survey)")
-    text = (
-        "compute so many full runs more, of grains whose loads are least sure (default: runs.number in all)"
+    add(
+        "bed", type=Path, help="survey file (TOML); with --orientations or --seeds a scene in space"
     )
+    overrides(parser, "bed.seed=2")
+    add(
+        "--out",
+        type=named,
+        help="directory for the results (default: results/NAME OF THE FILE_survey)",
+    )
+    text = "compute so many full runs more, of grains whose loads are least sure (default: runs.number in all)"
     add("--runs", type=int, default=0, metavar="N", help=text)
     text = "find the thresholds of a scene's grain in so many random orientations, the first being its own"
     add("--orientations", type=int, metavar="N", help=text)
@@ -206,11 +245,13 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
     add("--jobs", type=int, metavar="N", help="runs at a time (default: by cores)")
     text = "workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler"
     add("--executor", metavar="ADDRESS", help=text)
-    text = (
-        "that a run may take, as 5m, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
-    )
+    text = "that a run may take, as 5m, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
     add("--limit", metavar="TIME", help=text)
-    add("--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes")
+    add(
+        "--wall",
+        metavar="TIME",
+        help="time after which to stop, such as 8h or 1h30m; the same call resumes",
+    )
     add("--retry", action="store_true", help="compute runs again that have failed")
 
 
@@ -218,7 +259,9 @@ def _share(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number; give 0.01, or put --refine last") from None
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a number; give 0.01, or put --refine last"
+        ) from None
 
 
 def of_table(parser: argparse.ArgumentParser) -> None:
@@ -256,13 +299,9 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("--jobs", type=int, metavar="N", help=text)
     text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
     ways.add_argument("--series", type=named, metavar="FILE", help=text)
-    text = (
-        "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
-    )
+    text = "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
     ways.add_argument("--forces", type=named, metavar="PATH", help=text)
-    text = (
-        "with --forces, in place of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
-    )
+    text = "with --forces, in place of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
     add("--grain", type=named, metavar="FILE", help=text)
     text = "the same of the bed; flat: a plane below the grain"
     add("--bed", type=named, metavar="FILE", help=text)
@@ -272,7 +311,9 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("--law", choices=("U", "U2"), help=text)
     text = "with --forces: time from which on they are taken (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
-    text = "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
+    text = (
+        "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
+    )
     add("--out", nargs="?", type=named, const=BESIDE, metavar="DIRECTORY", help=text)
 
 

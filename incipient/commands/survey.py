@@ -40,16 +40,22 @@ def _means(options: argparse.Namespace) -> RunMeans:
         value = getattr(options, name)
         if value is not None and value < least:
             raise SceneError(f"--{name} {value}: is not a number of them; give {least} or more")
-    return RunMeans(options.runs, options.jobs, options.wall, options.retry, options.executor, options.limit)
+    return RunMeans(
+        options.runs, options.jobs, options.wall, options.retry, options.executor, options.limit
+    )
 
 
 def _poses(options: argparse.Namespace, directory: Path, means: RunMeans, comm: Comm) -> int:
     """Survey one grain in many poses, and print what came out."""
     if options.runs:
-        raise SceneError("--runs: is for a bed of grains; leave it out with --orientations and --seeds")
+        raise SceneError(
+            "--runs: is for a bed of grains; leave it out with --orientations and --seeds"
+        )
     asked = Poses(options.orientations or 1, options.seeds or 1)
     with telling(comm.rank) as voice, watching(comm) as watcher:
-        found = survey_poses(options.bed, options.overrides, asked, directory, comm, means, voice, watcher)
+        found = survey_poses(
+            options.bed, options.overrides, asked, directory, comm, means, voice, watcher
+        )
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / POSES}", flush=True)

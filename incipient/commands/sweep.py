@@ -14,7 +14,14 @@ from ..sweep.cases import Source
 from ..sweep.dry_run import foretold
 from ..sweep.live import watching
 from ..sweep.procedure import SweepProgress
-from ..sweep.request import RefinementOptions, Request, parsed_limit, parsed_seconds, requested, usual_file
+from ..sweep.request import (
+    RefinementOptions,
+    Request,
+    parsed_limit,
+    parsed_seconds,
+    requested,
+    usual_file,
+)
 
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:

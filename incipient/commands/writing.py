@@ -16,7 +16,9 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
     """Writes an example scene."""
     path = Path(options.name.removesuffix(".toml") + ".toml")
     if path.name == ".toml" or not options.name.strip():
-        raise SceneError(f'"{options.name}" is no name of a scene; give one, as in incipient new grain')
+        raise SceneError(
+            f'"{options.name}" is no name of a scene; give one, as in incipient new grain'
+        )
     with collectively(comm):
         if comm.rank == 0:
             if path.exists():

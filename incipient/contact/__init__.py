@@ -7,5 +7,15 @@ from incipient.contact.paper.criteria import Classification, Mode, classify
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.touching import exposed, require_on_grain, touching
 
-__all__ = ["Batch", "Cases", "Classification", "Contacts", "Load", "Mode", "classify", "criteria", "exposed"]
+__all__ = [
+    "Batch",
+    "Cases",
+    "Classification",
+    "Contacts",
+    "Load",
+    "Mode",
+    "classify",
+    "criteria",
+    "exposed",
+]
 __all__ += ["judge_many", "require_on_grain", "touching"]

@@ -64,22 +64,19 @@ class Reason(Enum):
     """Why the judges differ, in a sentence."""
 
     BOUNDARY = "the load is on the boundary between rest and motion, where round-off decides"
-    JAMMED = (
-        "the contacts wedge the grain: bracing one another they hold any load, which no contact does alone"
-    )
+    JAMMED = "the contacts wedge the grain: bracing one another they hold any load, which no contact does alone"
     STICK_ANSWERS_FORCE_AND_COUPLE = (
         "the contact can hold the load, but the paper lets its friction answer the couple besides the force (24), "
         "and a force is left over"
     )
-    EQUAL_SHARING = (
-        "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
-    )
+    EQUAL_SHARING = "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
     ONE_CONTACT_AT_A_TIME = (
         "the paper asks the significant contact only, that pressed most, "
         "and others hold or guide the grain with it"
     )
     ROLLING_CALLED_SLIDING = (
-        "the grain rolls or pivots, and the force that its centre needs for that counts as sliding in (24)"
+        "the grain rolls or pivots, "
+        "and the force that its centre needs for that counts as sliding in (24)"
     )
     SLIP_IS_OVERESTIMATED = (
         "the paper lets a contact slip that cannot hold the load at rest; "
@@ -93,12 +90,8 @@ class Reason(Enum):
         "the paper reads the motion off the force and couple left over; "
         "it depends on mass and inertia as well"
     )
-    NOT_UNIQUE = (
-        "with dry friction several motions are possible here, or none, and the exact judge names that"
-    )
-    MODE_UNKNOWN = (
-        "both find motion; the exact judge names no mode, for want of mass and inertia or of a solution"
-    )
+    NOT_UNIQUE = "with dry friction several motions are possible here, or none, and the exact judge names that"
+    MODE_UNKNOWN = "both find motion; the exact judge names no mode, for want of mass and inertia or of a solution"
 
 
 @dataclass(frozen=True)
@@ -136,7 +129,9 @@ class Agreement:
         }
 
 
-def compare(paper: Classification, exact: Exact, mass_and_inertia: MassAndInertia | None = None) -> Agreement:
+def compare(
+    paper: Classification, exact: Exact, mass_and_inertia: MassAndInertia | None = None
+) -> Agreement:
     """Compare the two judges' answers to the same case; of several motions that are possible one must agree."""
     families = families_of(exact)
     same_moves = paper.moves == exact.moves
@@ -191,7 +186,11 @@ def _why_another_motion(paper: Classification, exact: Exact) -> Reason:
     if family == _TURNS and all(AgreementPart.SLIDES in one for one in said):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
-    if paper.criterion is Criterion.TRANSLATION_ONLY and AgreementPart.TURNS in family and _SLIDES in said:
+    if (
+        paper.criterion is Criterion.TRANSLATION_ONLY
+        and AgreementPart.TURNS in family
+        and _SLIDES in said
+    ):
         return Reason.FRICTION_COUPLE
     return Reason.FORCES_NOT_ACCELERATIONS
 

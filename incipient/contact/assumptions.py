@@ -36,9 +36,7 @@ class Assumption(Enum):
         "no couple acts on a grain that is pressed to a contact; there the paper answers F + F_tau"
     )
     FRICTION_TURNS_NOTHING = "friction that slips has no couple about the centre of mass"
-    INERTIA_FOLLOWS = (
-        "with its mass and inertia the grain lifts off every contact, or the contact it turns about holds"
-    )
+    INERTIA_FOLLOWS = "with its mass and inertia the grain lifts off every contact, or the contact it turns about holds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,9 @@ def assumptions_hold(
     return not broken(classify(load, contacts, friction), mass_and_inertia)
 
 
-def broken(paper: Classification, mass_and_inertia: MassAndInertia | None = None) -> tuple[Assumption, ...]:
+def broken(
+    paper: Classification, mass_and_inertia: MassAndInertia | None = None
+) -> tuple[Assumption, ...]:
     """The assumptions that a case judged by the paper breaks; none if the grain is found at rest.
 
     Without mass and inertia INERTIA_FOLLOWS is not tested.
@@ -108,7 +108,10 @@ def _follows(paper: Classification, mass: float, inertia: Floats) -> bool:
 
 def _pivots(paper: Classification, contact: int, mass: float, inertia: Floats) -> bool:
     """Whether the grain turns about one contact as about a joint: the force there is in its friction cone."""
-    arm, normal = paper.contacts.points[contact] - paper.load.centre, paper.contacts.normals[contact]
+    arm, normal = (
+        paper.contacts.points[contact] - paper.load.centre,
+        paper.contacts.normals[contact],
+    )
     about_contact = inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     angular = np.linalg.solve(about_contact, paper.load.couple - np.cross(arm, paper.load.force))
     turn = Twist(-np.cross(angular, arm), angular)

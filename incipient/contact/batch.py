@@ -59,7 +59,10 @@ class Cases:
     inertia: Floats
 
     def __post_init__(self) -> None:
-        count, most = len(self.friction), np.shape(self.points)[1] if np.ndim(self.points) == 3 else 0
+        count, most = (
+            len(self.friction),
+            np.shape(self.points)[1] if np.ndim(self.points) == 3 else 0,
+        )
         shapes: dict[str, tuple[int, ...]]
         shapes = {"points": (count, most, 3), "normals": (count, most, 3), "inertia": (count, 3, 3)}
         shapes |= {name: (count, 3) for name in ("force", "couple", "weight", "centre")}
@@ -143,7 +146,9 @@ def _file(directory: str, name: str) -> Path:
 
 def _judged_in_files(directory: str, start: int, end: int) -> Batch:
     """Judge a part of the cases whose arrays are in files."""
-    arrays = (np.load(_file(directory, item.name), mmap_mode="r")[start:end] for item in fields(Cases))
+    arrays = (
+        np.load(_file(directory, item.name), mmap_mode="r")[start:end] for item in fields(Cases)
+    )
     return _judged(Cases(*map(np.array, arrays)))
 
 
@@ -162,7 +167,9 @@ def judge_batch(
         SceneError: as `exact.judged` does of the first load that cannot be judged.
     """
     count = len(loads)
-    mass, inertia = (np.nan, np.full((3, 3), np.nan)) if mass_and_inertia is None else mass_and_inertia
+    mass, inertia = (
+        (np.nan, np.full((3, 3), np.nan)) if mass_and_inertia is None else mass_and_inertia
+    )
 
     def each(value: Floats | float) -> Floats:
         return np.broadcast_to(np.asarray(value, dtype=float), (count, *np.shape(value)))
@@ -186,7 +193,9 @@ def judge_batch(
 
 def _joined(parts: list[Batch]) -> Batch:
     if not parts:
-        return Batch(np.empty(0), np.empty(0, dtype=bool), np.empty(0, dtype=np.int64), LABELS, 0, {})
+        return Batch(
+            np.empty(0), np.empty(0, dtype=bool), np.empty(0, dtype=np.int64), LABELS, 0, {}
+        )
     starts = np.cumsum([0, *(len(part.factors) for part in parts)]).tolist()
     reasons = {
         start + place: reason
@@ -194,7 +203,8 @@ def _joined(parts: list[Batch]) -> Batch:
         for place, reason in part.reasons.items()
     }
     factors, held, modes = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("factors", "held", "modes")
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("factors", "held", "modes")
     )
     return Batch(factors, held, modes, LABELS, sum(part.alone for part in parts), reasons)
 
@@ -260,7 +270,9 @@ def _groups(cases: Cases) -> Iterator[tuple[Integers, Rows, bool]]:
         left = np.ones(len(places), dtype=bool)
         for axis in (2, 1, 0):
             flat = (
-                np.flatnonzero(left & _in_plane(rows, axis)) if count <= MOST_CONTACTS else np.empty(0, int)
+                np.flatnonzero(left & _in_plane(rows, axis))
+                if count <= MOST_CONTACTS
+                else np.empty(0, int)
             )
             left[flat] = False
             if len(flat):
@@ -274,7 +286,9 @@ def _in_plane(rows: Rows, axis: int) -> Booleans:
     """Whether nothing leaves the plane across an axis, (n,)."""
     others = [other for other in range(3) if other != axis]
     out = [rows.arms[..., axis], rows.inward[..., axis]]
-    out += [wrench[:, [axis, *(3 + other for other in others)]] for wrench in (rows.flow, rows.weight)]
+    out += [
+        wrench[:, [axis, *(3 + other for other in others)]] for wrench in (rows.flow, rows.weight)
+    ]
     turning = np.nan_to_num(rows.inertia[:, axis, others])
     return ~np.concatenate([*out, turning], axis=1).any(axis=1)
 
@@ -289,10 +303,17 @@ def _rows(cases: Cases, count: int) -> tuple[Rows, Booleans]:
     flow = np.concatenate([cases.force, cases.couple / reach[:, None]], axis=1)
     weight = np.concatenate([cases.weight, np.zeros_like(cases.weight)], axis=1)
     rows = Rows(
-        arms / reach[:, None, None], -normals / lengths[..., None], cases.friction, inertia, flow, weight
+        arms / reach[:, None, None],
+        -normals / lengths[..., None],
+        cases.friction,
+        inertia,
+        flow,
+        weight,
     )
     sizes = np.stack([reach, *(np.linalg.norm(one, axis=1) for one in (flow, weight))], axis=1)
-    right = ((sizes < HUGE) & (sizes > 1.0 / HUGE)).all(axis=1) & np.isfinite(rows.arms).all(axis=(1, 2))
+    right = ((sizes < HUGE) & (sizes > 1.0 / HUGE)).all(axis=1) & np.isfinite(rows.arms).all(
+        axis=(1, 2)
+    )
     right &= (np.abs(lengths - 1.0) <= UNIT_TOLERANCE).all(axis=1)
     right &= (cases.friction > FRICTIONLESS) & (cases.friction <= LARGEST)
     right &= ((rows.arms * rows.inward).sum(axis=2) <= 0.0).any(axis=1) & _are_apart(rows)

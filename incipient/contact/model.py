@@ -31,7 +31,9 @@ class Load:
         for item in fields(self):
             value = np.array(getattr(self, item.name), dtype=float)
             if value.shape != (3,):
-                raise SceneError(f"load: {item.name} has shape {value.shape}; give three components")
+                raise SceneError(
+                    f"load: {item.name} has shape {value.shape}; give three components"
+                )
             if not np.isfinite(value).all():
                 raise SceneError(f"load: {item.name} is {value.tolist()}; give finite numbers")
             freeze(self, item.name, value)
@@ -67,7 +69,9 @@ class Loads:
         for name in ("force", "couple", "weight"):
             given = np.asarray(getattr(self, name), dtype=float)
             if given.shape != shape or not np.isfinite(given).all():
-                raise SceneError(f"loads: {name} is not {shape[0]} rows of three finite numbers; give such")
+                raise SceneError(
+                    f"loads: {name} is not {shape[0]} rows of three finite numbers; give such"
+                )
             object.__setattr__(self, name, given)
 
     def __len__(self) -> int:
@@ -84,4 +88,6 @@ def require_outward(contacts: Contacts, centre: Floats) -> None:
     One of several may do so on a grain that is not convex. Raises SceneError.
     """
     if (((contacts.points - centre) * contacts.normals).sum(axis=1) < 0.0).all():
-        raise SceneError("contacts: all normals point into the grain; give them pointing out, into the bed")
+        raise SceneError(
+            "contacts: all normals point into the grain; give them pointing out, into the bed"
+        )

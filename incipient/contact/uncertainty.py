@@ -47,10 +47,14 @@ class StandardErrors:
         for name in ("flow_force", "flow_couple"):
             given = np.array(getattr(self, name), dtype=float)
             if given.shape != (3,) or not (np.isfinite(given).all() and (given >= 0.0).all()):
-                raise SceneError(f"standard errors: {name} is not three numbers of at least 0; give such")
+                raise SceneError(
+                    f"standard errors: {name} is not three numbers of at least 0; give such"
+                )
             object.__setattr__(self, name, given)
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
-            raise SceneError(f"standard errors: friction is {self.friction}; give a number of at least 0")
+            raise SceneError(
+                f"standard errors: friction is {self.friction}; give a number of at least 0"
+            )
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -106,7 +110,9 @@ class Within:
     def of(cls, found: SafetyRange) -> "Within":
         """A range of safety factors in words."""
         says = "it moves" if found.moves else "it rests"
-        says = f"{says} for certain" if found.rests or found.moves else "it may rest and it may move"
+        says = (
+            f"{says} for certain" if found.rests or found.moves else "it may rest and it may move"
+        )
         factors = f"safety factor between {found.low:.4g} and {found.high:.4g}"
         if found.high == 0.0:
             factors = f"safety factor 0, {held_words(found.some, found.every)}"
@@ -163,7 +169,9 @@ def probabilities(
     drawn = draw(load, friction, errors, samples, seed)
     cases = list(_cases(load, errors, drawn))
     paper = [criteria.classify(acting, contacts, coefficient).mode for acting, coefficient in cases]
-    exact = [judged(acting, contacts, coefficient, mass_and_inertia) for acting, coefficient in cases]
+    exact = [
+        judged(acting, contacts, coefficient, mass_and_inertia) for acting, coefficient in cases
+    ]
     moves = np.array([(one.moves, other.moves) for one, other in zip(paper, exact, strict=True)])
     factors = np.array([result.safety.value for result in exact])
     influence = influences({name: drawn[name] for name in errors.sizes}, _margin(factors))
@@ -184,7 +192,9 @@ def probabilities(
     )
 
 
-def draw(load: Load, friction: float, errors: StandardErrors, samples: int, seed: int) -> dict[str, Floats]:
+def draw(
+    load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
+) -> dict[str, Floats]:
     """Independent values (samples,) of every input by name: ``flow_force x`` ... ``flow_couple z``, ``friction``.
 
     Couples are about `errors.about`; an input without error keeps its value.
@@ -198,10 +208,13 @@ def draw(load: Load, friction: float, errors: StandardErrors, samples: int, seed
     return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
 
 
-def _cases(load: Load, errors: StandardErrors, drawn: Mapping[str, Floats]) -> Iterator[tuple[Load, float]]:
+def _cases(
+    load: Load, errors: StandardErrors, drawn: Mapping[str, Floats]
+) -> Iterator[tuple[Load, float]]:
     """The load, its couple about the centre, and the friction of every case."""
     force, couple = (
-        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES]) for name in ("flow_force", "flow_couple")
+        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES])
+        for name in ("flow_force", "flow_couple")
     )
     couple = couple + np.cross(errors.arm(load.centre), force)
     for one, turn, friction in zip(force, couple, drawn["friction"], strict=True):

@@ -39,7 +39,10 @@ class Verdict:
             "sentence": self.sentence,
             "safety_factor": safety.value if math.isfinite(safety.value) else None,
             "safety_status": safety.status.name,
-            "judges": {"criteria": self.criteria.to_dict(), "equilibrium": self.equilibrium.to_dict()},
+            "judges": {
+                "criteria": self.criteria.to_dict(),
+                "equilibrium": self.equilibrium.to_dict(),
+            },
             "agreement": self.agreement.to_dict(),
         }
 
@@ -84,7 +87,11 @@ def paper_sentence(verdict: Verdict) -> str:
 def _of_paper(paper: Classification) -> str:
     if not paper.moves:
         return "there is no incipient motion"
-    words = paper.mode.wording if paper.category is None else f"{paper.mode.wording} [{paper.category.item}]"
+    words = (
+        paper.mode.wording
+        if paper.category is None
+        else f"{paper.mode.wording} [{paper.category.item}]"
+    )
     return f"it begins to move, {words}"
 
 
@@ -100,9 +107,7 @@ def _margin(safety: SafetyFactor) -> str:
             return "safety factor 0: its weight alone moves it"
         case SafetyStatus.HELD_BY_FLOW:
             low, high = (_number(end) for end in safety.interval or (math.nan, math.nan))
-            return (
-                f"safety factor 0: its weight alone moves it, {low} to {high} times the flow's load hold it"
-            )
+            return f"safety factor 0: its weight alone moves it, {low} to {high} times the flow's load hold it"
         case SafetyStatus.CRITICAL:
             word = "would hold" if safety.value < 1.0 else "could still be held"
             return f"safety factor {_number(safety.value)}: that multiple of the flow's load {word}"

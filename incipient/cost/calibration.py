@@ -128,7 +128,9 @@ def digest(scene: Scene) -> str:
     """Digest of a scene without its resolution and what is written, which is the same for all runs of a study."""
     content = scene.model_dump(mode="json", exclude={"title", "numerics", "output", "gusts"})
     # A scene in the plane says nothing of these, and is what it was before there were others.
-    content["domain"] = {key: value for key, value in content["domain"].items() if value is not None}
+    content["domain"] = {
+        key: value for key, value in content["domain"].items() if value is not None
+    }
     if scene.time is not None:
         content["time"] = {key: content["time"][key] for key in ("end", "scheme", "start")}
     content["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}

@@ -33,7 +33,9 @@ OF_EACH_KIND = (
 )
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
 WITH_BARS = 1.3, 5.3
-UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
+UNKNOWN = (
+    "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
+)
 
 
 def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
@@ -64,13 +66,20 @@ def summary(found: Study, directory: Path) -> str:
     """The study in a few lines for a reader."""
     failed = [f"{'failed':<20}{run.variant.name}: {run.failed}" for run in found.failed]
     numbers = f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json"
-    lines = [f"{'accuracy':<20}{found.words()}", *map(_of_solver, found.solvers()), *failed, numbers]
+    lines = [
+        f"{'accuracy':<20}{found.words()}",
+        *map(_of_solver, found.solvers()),
+        *failed,
+        numbers,
+    ]
     return "\n".join(lines)
 
 
 def _of_solver(one: Compared) -> str:
     error = "no other error is known" if one.error is None else f"error x {one.error:.2g}"
-    at_error = "" if one.time_at_error is None else f", time at equal errors x {one.time_at_error:.2g}"
+    at_error = (
+        "" if one.time_at_error is None else f", time at equal errors x {one.time_at_error:.2g}"
+    )
     better = ": cheaper than the scene's own" if one.cheaper else ""
     change = f"change {percent(one.change)}"
     return f"{'solver':<20}{one.solver}: time x {one.time:.2g}, {error}, {change}{at_error}{better}"
@@ -124,7 +133,9 @@ def price_of_bars(scene: Scene) -> str:
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return ""
-    runs = [(run.time, order_of(run).number) for run in coarse_scenes(scene) if run.time is not None]
+    runs = [
+        (run.time, order_of(run).number) for run in coarse_scenes(scene) if run.time is not None
+    ]
     named = ", ".join(f"P{order}-P{order - 1} in steps of {time.step:.3g}" for time, order in runs)
     least, most = WITH_BARS
     return (

@@ -14,7 +14,9 @@ from .laws import geometric_mean
 from .measurement import JudgedRun
 from .quantities import ErrorNorm
 
-Pair = tuple[JudgedRun, JudgedRun]  # of one variant: with another solver option, and with the scene's own
+Pair = tuple[
+    JudgedRun, JudgedRun
+]  # of one variant: with another solver option, and with the scene's own
 FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
 
 
@@ -65,8 +67,14 @@ def compared(
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _compared(solver: str, pairs: Sequence[Pair], on_front: int, leading: Sequence[ErrorNorm]) -> Compared:
-    clear = [pair for pair in pairs if any(one.told_apart for one in pair) and all(one.error for one in pair)]
+def _compared(
+    solver: str, pairs: Sequence[Pair], on_front: int, leading: Sequence[ErrorNorm]
+) -> Compared:
+    clear = [
+        pair
+        for pair in pairs
+        if any(one.told_apart for one in pair) and all(one.error for one in pair)
+    ]
     ratios = _at_equal_errors(clear)
     return Compared(
         solver,

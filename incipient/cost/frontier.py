@@ -44,7 +44,11 @@ def reference(
             values[name] = limit
         uncertainty[name] = _doubt(three, values[name], [numbers[name] for numbers in others])
     improved = sum(values[name] != line[-1][name] for name in values)
-    how = f"Richardson's extrapolation for {improved} of {len(values)} numbers" if improved else "as computed"
+    how = (
+        f"Richardson's extrapolation for {improved} of {len(values)} numbers"
+        if improved
+        else "as computed"
+    )
     return Reference(values, uncertainty, how)
 
 
@@ -131,7 +135,9 @@ def words(law: CostLaw, errors: Sequence[float], costs: Sequence[float]) -> str:
     priced: dict[str, list[str]] = {}
     for error in accuracies(min(errors)):
         priced.setdefault(cost(law, error, errors, costs), []).append(percent(error))
-    ends = {time: " to ".join(dict.fromkeys((names[0], names[-1]))) for time, names in priced.items()}
+    ends = {
+        time: " to ".join(dict.fromkeys((names[0], names[-1]))) for time, names in priced.items()
+    }
     prices = [f"{names}: {time}" for time, names in ends.items()]
     digit = f"each further digit x {law.digit:.2g}"
     start = f", beyond the {law.start:.2g} s of starting" if law.start else ""

@@ -16,7 +16,9 @@ from .solvers import SolverOptions
 RATIO = math.sqrt(2.0)  # of cell sizes from one variant to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
-COMPARED = 3  # variants on which solver options are compared: so many tell how error and time go together
+COMPARED = (
+    3  # variants on which solver options are compared: so many tell how error and time go together
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,9 @@ def spread(scene: Scene, quick: bool) -> Spread:
         usual = WITH_WALL_LAYERS if scene.gdim == 2 else IN_SPACE
         if quick:
             usual = replace(usual, sizes=usual.sizes[:-1], steps=usual.steps[:-1])
-        return replace(usual, orders=(order_of(scene).number,)) if quick or scene.gdim == 3 else usual
+        return (
+            replace(usual, orders=(order_of(scene).number,)) if quick or scene.gdim == 3 else usual
+        )
     if quick:
         return replace(QUICK, orders=(3, 4)) if order_of(scene).number == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY
@@ -99,11 +103,15 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
     at, ways = plain.variants, SolverOptions(scene).named(spread.solvers or ())
     if spread.solvers is None:
         at = plain.cheap
-        ways = tuple(dict.fromkeys(way for variant in at for way in SolverOptions(variant.of(scene)).usual))
+        ways = tuple(
+            dict.fromkeys(way for variant in at for way in SolverOptions(variant.of(scene)).usual)
+        )
     found: list[Variant] = []
     for variant in plain.variants:
         # What "auto" decides may hang on the cells.
-        others = [way for way in ways if variant in at and SolverOptions(variant.of(scene)).differs(way)]
+        others = [
+            way for way in ways if variant in at and SolverOptions(variant.of(scene)).differs(way)
+        ]
         found += [variant, *(replace(variant, solver=way) for way in others)]
     return replace(plain, variants=tuple(found))
 
@@ -113,7 +121,9 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
     sizes = _descending(finest * size for size in spread.sizes)
     sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (finest,)
     if scene.time is not None:
-        steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
+        steps = _descending(
+            min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps
+        )
         return _unsteady(orders, sizes, steps)
     finer = 2.0 if scene.gdim == 2 else RATIO
     if scene.is_averaged:
@@ -141,7 +151,9 @@ def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[flo
     variants = tuple(Variant(order, *pair) for order in orders for pair in dict.fromkeys(pairs))
     reference = Variant(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
     diagonal = [Variant(orders[-1], *pair) for pair in rungs]
-    return Ladder(variants, reference, (*dict.fromkeys(diagonal), reference), _cheap(variants, orders))
+    return Ladder(
+        variants, reference, (*dict.fromkeys(diagonal), reference), _cheap(variants, orders)
+    )
 
 
 def _cheap(variants: Sequence[Variant], orders: Sequence[int]) -> tuple[Variant, ...]:

@@ -16,7 +16,9 @@ from pydantic import ConfigDict
 
 from ..arrays import Floats
 
-KNOWN_KEYS = ConfigDict(extra="forbid")  # of laws in files: those of another version are not taken for these
+KNOWN_KEYS = ConfigDict(
+    extra="forbid"
+)  # of laws in files: those of another version are not taken for these
 USUAL_POWER, POWERS = 1.1, (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)  # of the unknowns; those that a fit tries
 WIDE = 10.0  # factor between the fewest and the most unknowns from which on runs tell the power
 AGAIN = 0.3  # of what is fixed is paid again by a further run in one process: measured
@@ -101,7 +103,9 @@ def fitted_errors(seen: Floats, rate: float) -> dict[int, ErrorLaw]:
     return found
 
 
-def _with_powers(sizes: Floats, steps: Floats, errors: Floats, power: float, rate: float) -> ErrorLaw:
+def _with_powers(
+    sizes: Floats, steps: Floats, errors: Floats, power: float, rate: float
+) -> ErrorLaw:
     parts = np.stack([sizes**power, steps**rate], axis=1)
     (mesh, time), _ = _positive(parts, errors, errors)
     # Relative squares favour the small ones of errors that scatter: the middle is that of the logarithms.
@@ -120,7 +124,9 @@ def _positive(parts: Floats, values: Floats, scale: Floats) -> tuple[list[float]
     return (found / size).tolist(), float(left)
 
 
-def error_at(laws: Mapping[int, ErrorLaw], order: int, mesh_size: float, step: float) -> tuple[float, float]:
+def error_at(
+    laws: Mapping[int, ErrorLaw], order: int, mesh_size: float, step: float
+) -> tuple[float, float]:
     """The error by the law of an order, or of the nearest one, and the factor by which it may be off."""
     nearest = min(laws, key=lambda known: abs(known - order))
     law = laws[nearest]

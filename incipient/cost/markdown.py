@@ -25,7 +25,13 @@ def page(study: Study) -> str:
     """The study as Markdown, with the picture cost.png."""
     title = study.scene.title or "What accuracy costs"
     parts = [f"# {title}", f"**{study.words()}.**", "![Error against cost](cost.png)"]
-    parts += [_explained(study), _accuracies(study), _of_goals(study), *_solvers(study), _runs(study)]
+    parts += [
+        _explained(study),
+        _accuracies(study),
+        _of_goals(study),
+        *_solvers(study),
+        _runs(study),
+    ]
     if study.failed:
         lines = [f"- {run.variant.name}: {run.failed}" for run in study.failed]
         parts += ["Runs that failed:", "\n".join(lines)]
@@ -36,7 +42,9 @@ def _explained(study: Study) -> str:
     leading = [goal for goal in study.goals if goal.leading]
     names = ", ".join(goal.name for goal in leading)
     worst = max(study.doubt(goal) for goal in leading)
-    largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
+    largest = (
+        "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
+    )
     again = f", those of less than {ENOUGH:g} s twice: the quicker one counts"
     return (
         f"The error is {largest}{names}, against {study.compared_with.variant.name} "
@@ -57,7 +65,9 @@ def _accuracies(study: Study) -> str:
     for accuracy in frontier.accuracies(min(errors)):
         reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
         run = (
-            f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
+            f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB"
+            if reached
+            else "finer than any here"
         )
         of_both = (laws["cpu"], times), (laws["wall"], walls)
         prices = [frontier.cost(law, accuracy, errors, of) if law else "-" for law, of in of_both]
@@ -90,7 +100,15 @@ def _solvers(study: Study) -> list[str]:
         return []
     able = SolverOptions(study.scene)
     rows = [_solver_row(one, able) for one in found]
-    numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
+    numbers = [
+        "time at equal errors",
+        "time",
+        "error",
+        "change",
+        "memory",
+        "corrections",
+        "factorisations",
+    ]
     table = _table(["solver option", *numbers, "what it is", "set by"], rows, left=(8, 9))
     return [_said_of_solvers(study), table]
 
@@ -105,7 +123,11 @@ def _solver_row(one: Compared, able: SolverOptions) -> list[str]:
 def _said_of_solvers(study: Study) -> str:
     found = study.solvers()
     tried = {name for one in found for name in one.variants}
-    where = f"at {next(iter(tried))}" if len(tried) == 1 else f"on {len(tried)} variants, geometric means"
+    where = (
+        f"at {next(iter(tried))}"
+        if len(tried) == 1
+        else f"on {len(tried)} variants, geometric means"
+    )
     better = [f"*{one.solver}* ({_ratio(one.time_at_error)})" for one in found if one.cheaper]
     best = "None of them is cheaper at equal errors by a tenth on the whole and on every variant."
     if better:
@@ -124,10 +146,15 @@ def _ratio(value: float | None) -> str:
 
 
 def _runs(study: Study) -> str:
-    heads, rows = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"], []
+    heads, rows = (
+        ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"],
+        [],
+    )
     for index, one in enumerate(study.judged):
         error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
-        rows.append([one.run.variant.name, error, *_spent(one.run), "yes" if index in study.front else ""])
+        rows.append(
+            [one.run.variant.name, error, *_spent(one.run), "yes" if index in study.front else ""]
+        )
     run = study.compared_with
     rows.append([run.variant.name, "reference", *_spent(run), ""])
     return _table(heads, rows)

@@ -66,7 +66,9 @@ class Variant:
         """
         # An accuracy asked for would choose the mesh itself.
         chosen = ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib", "geometry_order")
-        numerics: dict[str, Any] = {name: type(scene.numerics).model_fields[name].default for name in chosen}
+        numerics: dict[str, Any] = {
+            name: type(scene.numerics).model_fields[name].default for name in chosen
+        }
         numerics |= {"order": self.order, "mesh_size": self.mesh_size, "error_bars": False}
         output = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
         sections: dict[str, dict[str, Any]] = {"numerics": numerics, "output": output}

@@ -41,8 +41,12 @@ OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
 OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
 # Error on the first mesh of steady flow over that of laws, which are found on finer cells: measured.
 COARSE = 2.5
-ESTIMATED = 3.0  # error by two coarser meshes over the error, of a mean flow: `benchmarks/accuracy_cost.py`
-OTHER_ORDER = 1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
+ESTIMATED = (
+    3.0  # error by two coarser meshes over the error, of a mean flow: `benchmarks/accuracy_cost.py`
+)
+OTHER_ORDER = (
+    1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
+)
 LIMIT = "numerics.budget_seconds limits the time"
 
 
@@ -82,7 +86,9 @@ class KnownLaws:
         at, found = (of.order, of.mesh_size, step), {}
         for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
             if self.own or goal in self._shared:
-                known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
+                known = [
+                    error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors
+                ]
                 logs = np.log([max(error, 1e-300) for error, _ in known])
                 factor = math.exp(2.0 * np.std(logs)) * max(scatter for _, scatter in known)
                 least = OWN_ERROR if self.own else FOREIGN_ERROR
@@ -144,7 +150,10 @@ class LastMesh:
 
     def text(self) -> str:
         """The expected meshes in two lines."""
-        said, reached = "the first mesh is expected to do", "" if self.reaches else "not to be reached, "
+        said, reached = (
+            "the first mesh is expected to do",
+            "" if self.reaches else "not to be reached, ",
+        )
         if self.meshes > 1:
             rounded = float(f"{self.unknowns:.2g}")
             unknowns = f"about {rounded:.0f} unknowns in P{self.order}-P{self.order - 1}"
@@ -173,9 +182,13 @@ class Prediction:
         """A few lines for a reader."""
         lines = [self.last.text()] if self.last else []
         time = f"about {seconds(self.cpu)} of processor time (to a factor of {self.factor:g})"
-        lines.append(f"  {time}, {self.peak_mib:.0f} MiB at the peak, error bars included, {self.source}")
+        lines.append(
+            f"  {time}, {self.peak_mib:.0f} MiB at the peak, error bars included, {self.source}"
+        )
         lines += [f"  error of the {goal} {error}" for goal, error in self.errors.items()]
-        return "\n".join([*lines, *([] if self.own else ["  better known after `incipient cost SCENE`"])])
+        return "\n".join(
+            [*lines, *([] if self.own else ["  better known after `incipient cost SCENE`"])]
+        )
 
 
 @dataclass(frozen=True)
@@ -329,7 +342,9 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     scene, of = run.scene, run.scene.accuracy_of
     own, in_longer = (known.errors(one.variant)[of].value for one in (run, _compared_with(run)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
-    return Trial(order_of(scene).number, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=own - of_step)
+    return Trial(
+        order_of(scene).number, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=own - of_step
+    )
 
 
 def _compared_with(run: _Run) -> list[_Run]:

@@ -78,7 +78,11 @@ class ComparedNumbers:
             return self._of_extremes(history)
         assert result.force is not None and result.couple is not None
         factor = (result.verdict or {}).get("safety_factor")
-        loads = (*result.force.flow[:2], result.couple.flow[2], np.nan if factor is None else factor)
+        loads = (
+            *result.force.flow[:2],
+            result.couple.flow[2],
+            np.nan if factor is None else factor,
+        )
         return {name: float(load) for name, load in zip(self.columns, loads, strict=True)}
 
     def goals(self, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
@@ -87,8 +91,14 @@ class ComparedNumbers:
             size = _norm(reference, self.columns)
             return (ErrorNorm("elevation", self.columns, size),) if size else ()
         if self.scene.body is None:
-            return tuple(self._single(name, abs(reference[name])) for name in self.columns if reference[name])
-        return self._goals_of_path(reference) if self.scene.body.moves else self._goals_of_loads(reference)
+            return tuple(
+                self._single(name, abs(reference[name])) for name in self.columns if reference[name]
+            )
+        return (
+            self._goals_of_path(reference)
+            if self.scene.body.moves
+            else self._goals_of_loads(reference)
+        )
 
     @property
     def _lines(self) -> dict[str, str]:
@@ -128,10 +138,18 @@ class ComparedNumbers:
         self, trajectory: Mapping[str, Any], history: Sequence[Mapping[str, Any]]
     ) -> dict[str, float]:
         assert self.scene.placement is not None
-        places = np.array([self.scene.placement.centre[:2], *((row["x"], row["y"]) for row in history)])
+        places = np.array(
+            [self.scene.placement.centre[:2], *((row["x"], row["y"]) for row in history)]
+        )
         (x, y), end = trajectory["place"][:2], trajectory["ended"]["time"]
         path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-        return {"x": float(x), "y": float(y), "angle": trajectory["angle"], "end_time": end, "path": path}
+        return {
+            "x": float(x),
+            "y": float(y),
+            "angle": trajectory["angle"],
+            "end_time": end,
+            "path": path,
+        }
 
     def _of_extremes(self, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         """Largest and least loads: of all times if the inflow changes or waves pass, else of the last quarter."""
@@ -165,7 +183,9 @@ class ComparedNumbers:
 
     def _goals_of_loads(self, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
         assert self.scene.grain is not None
-        parts = {axis: tuple(name for name in self.columns if name.endswith(axis)) for axis in LOADS}
+        parts = {
+            axis: tuple(name for name in self.columns if name.endswith(axis)) for axis in LOADS
+        }
         couples = parts.pop("couple")
         sizes = {axis: _norm(reference, part) for axis, part in parts.items()}
         force = float(np.linalg.norm([*sizes.values()]))

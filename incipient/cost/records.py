@@ -60,7 +60,9 @@ def known_runs(columns: Sequence[str], directory: Path) -> dict[Key, MeasuredRun
         rows = csv.DictReader(text[:whole].decode().splitlines())
         runs = [_run_of(columns, row) for row in rows]
     except (KeyError, ValueError, TypeError) as error:
-        raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
+        raise OutputError(
+            f"{path}: cannot be understood ({error}); delete it to begin anew"
+        ) from error
     return {run.variant.key: run for run in runs}
 
 

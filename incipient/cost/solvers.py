@@ -49,9 +49,14 @@ CONVECTION, TIME = (EffectName.INERTIA,), (EffectName.UNSTEADINESS,)
 BOTH = CONVECTION + TIME
 PACKAGE = "-fluid_pc_factor_mat_solver_type"
 WORDS = {
-    "implicit": Solver("convection iterated in each step", BOTH, {"convection": "implicit"}, laminar=True),
+    "implicit": Solver(
+        "convection iterated in each step", BOTH, {"convection": "implicit"}, laminar=True
+    ),
     "extrapolated": Solver(
-        "convection linearised about earlier steps", BOTH, {"convection": "extrapolated"}, laminar=True
+        "convection linearised about earlier steps",
+        BOTH,
+        {"convection": "extrapolated"},
+        laminar=True,
     ),
     "bdf1": Solver("backward differences of first order", TIME, time={"scheme": "bdf1"}),
     "bdf2": Solver("backward differences of second order", TIME, time={"scheme": "bdf2"}),
@@ -64,8 +69,12 @@ WORDS = {
     "loose": Solver("iterations end at a thousand times the tolerance", looser=1e3),
     "umfpack": Solver("LU factorisation by UMFPACK", petsc=f"{PACKAGE} umfpack"),
     "superlu": Solver("LU factorisation by SuperLU", petsc=f"{PACKAGE} superlu"),
-    "stabilised": Solver("with grad-div stabilisation", CONVECTION, {"stabilisation": "on"}, laminar=True),
-    "unstabilised": Solver("without stabilisation", CONVECTION, {"stabilisation": "off"}, laminar=True),
+    "stabilised": Solver(
+        "with grad-div stabilisation", CONVECTION, {"stabilisation": "on"}, laminar=True
+    ),
+    "unstabilised": Solver(
+        "without stabilisation", CONVECTION, {"stabilisation": "off"}, laminar=True
+    ),
     "printed": Solver("convection as in the paper", TIME, {"form": "printed"}, laminar=True),
     "energy-stable": Solver(
         "convection that creates no energy", TIME, {"form": "energy-stable"}, laminar=True
@@ -90,13 +99,17 @@ class SolverOptions:
     @cached_property
     def others(self) -> tuple[str, ...]:
         """The words that change how the scene is solved."""
-        return tuple(word for word, one in WORDS.items() if self._applies(one) and not self._is_own(one))
+        return tuple(
+            word for word, one in WORDS.items() if self._applies(one) and not self._is_own(one)
+        )
 
     @property
     def usual(self) -> tuple[str, ...]:
         """The solver options worth comparing with the scene's own."""
         words = USUAL_STEADY if self.scene.time is None else USUAL_IN_TIME
-        return tuple(word for word in words if word in self.others and (word != "umfpack" or _has_umfpack()))
+        return tuple(
+            word for word in words if word in self.others and (word != "umfpack" or _has_umfpack())
+        )
 
     def named(self, asked: Sequence[str]) -> tuple[str, ...]:
         """The named solver options, each once, without those that the scene has anyway on every mesh.
@@ -114,15 +127,22 @@ class SolverOptions:
     def sections(self, solver: str) -> Sections:
         """Keys that a solver option changes in the scene, by section."""
         merged: Sections = {}
-        for name, keys in (part for one in _solvers(solver) for part in self._sections(one).items()):
+        for name, keys in (
+            part for one in _solvers(solver) for part in self._sections(one).items()
+        ):
             merged[name] = merged.get(name, {}) | keys
         return merged
 
     def settings(self, solver: str) -> list[str]:
         """Settings by which a user chooses a solver option: keys of the scene, and the environment."""
         sections = self.sections(solver).items()
-        changed = [(f"{name}.{key}", value) for name, keys in sections for key, value in keys.items()]
-        keys = [f'{key} = "{one}"' if isinstance(one, str) else f"{key} = {one:g}" for key, one in changed]
+        changed = [
+            (f"{name}.{key}", value) for name, keys in sections for key, value in keys.items()
+        ]
+        keys = [
+            f'{key} = "{one}"' if isinstance(one, str) else f"{key} = {one:g}"
+            for key, one in changed
+        ]
         return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]
 
     @property
@@ -174,7 +194,9 @@ class SolverOptions:
     def _sections(self, one: Solver) -> Sections:
         """The keys, by section, that an option changes in the scene."""
         numerics = {**one.numerics, **(self._tolerances(one.looser) if one.looser > 1.0 else {})}
-        return {name: keys for name, keys in (("numerics", numerics), ("time", dict(one.time))) if keys}
+        return {
+            name: keys for name, keys in (("numerics", numerics), ("time", dict(one.time))) if keys
+        }
 
     def _tolerances(self, looser: float) -> dict[str, float]:
         """The tolerances that end the iterations, enlarged, by key."""

@@ -65,14 +65,18 @@ class Study:
         self.goals = ComparedNumbers(scene).goals(self.reference.values)
         if not self.goals:
             raise ConvergenceError("cost: all numbers to compare are zero")
-        rest = sorted((run for run in good if run is not self.compared_with), key=lambda run: run.cpu)
+        rest = sorted(
+            (run for run in good if run is not self.compared_with), key=lambda run: run.cpu
+        )
         self.judged = tuple(map(self._judged, rest))
         errors = [one.error if one.told_apart else math.inf for one in self.judged]
         self.front = tuple(self._front(errors))
         starts = {name: _start(good, name) for name in ("cpu", "wall")}
         self.laws = {name: self._law(errors, name, start) for name, start in starts.items()}
         clear = {goal.name: self._clear_errors(goal) for goal in self.goals}
-        self.of_goals = {name: self._law(errors, "cpu", starts["cpu"]) for name, errors in clear.items()}
+        self.of_goals = {
+            name: self._law(errors, "cpu", starts["cpu"]) for name, errors in clear.items()
+        }
 
     def frontier(self) -> tuple[list[float], list[float]]:
         """Processor times [s] and errors of the runs on the front."""
@@ -89,7 +93,9 @@ class Study:
             times, errors = self.frontier()
             return frontier.words(law, errors, times)
         shown = dict.fromkeys((0, min(range(len(self.judged)), key=lambda i: self.judged[i].error)))
-        said = [f"{percent(self.judged[i].error)}: {seconds(self.judged[i].run.cpu)}" for i in shown]
+        said = [
+            f"{percent(self.judged[i].error)}: {seconds(self.judged[i].run.cpu)}" for i in shown
+        ]
         return f"{', '.join(said)}; too few runs can be told apart from the reference for a law"
 
     def doubt(self, goal: ErrorNorm) -> float:
@@ -159,7 +165,11 @@ def _clear(known: Sequence[tuple[float, float]]) -> bool:
 
 def to_dict(study: Study) -> dict[str, Any]:
     """The study as plain data for cost.json."""
-    found: dict[str, Any] = {"schema_version": 1, "title": study.scene.title, "words": study.words()}
+    found: dict[str, Any] = {
+        "schema_version": 1,
+        "title": study.scene.title,
+        "words": study.words(),
+    }
     found["reference"] = {"run": study.compared_with.variant.name, **vars(study.reference)}
     found["goals"] = [{**vars(goal), "doubt": study.doubt(goal)} for goal in study.goals]
     found["laws"] = {name: law and vars(law) for name, law in study.laws.items()}
@@ -249,6 +259,10 @@ def _errors(study: Study, goal: str) -> dict[int, ErrorLaw]:
     for one in study.judged:
         variant, error = one.run.variant, one.errors[goal]
         if one.told_apart and not variant.solver and error > 0.0:
-            step = calibration.step_of_flow(variant.step, scene.reference_velocity, scene.reference_length)
+            step = calibration.step_of_flow(
+                variant.step, scene.reference_velocity, scene.reference_length
+            )
             seen.append((variant.order, variant.mesh_size, step, error))
-    return fitted_errors(np.array(seen).reshape(-1, 4), 1.0 if time and time.scheme == "bdf1" else 2.0)
+    return fitted_errors(
+        np.array(seen).reshape(-1, 4), 1.0 if time and time.scheme == "bdf1" else 2.0
+    )

@@ -84,7 +84,9 @@ class Coupling:
             part.predict(length, order)
         return self._iterate(length, order, tolerance, ())
 
-    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> InterfaceReport:
+    def again(
+        self, length: float, order: int, tolerance: float, before: NewtonReport
+    ) -> InterfaceReport:
         """Iterate on from the end found, whose report is given, for a flow that other things have changed since."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)

@@ -26,7 +26,9 @@ class EnclosedPressure:
     def __init__(self, fluid: Fluid, closing: Closing, names: tuple[str, str]):
         self._closing, self._comm = closing, fluid.domain.comm
         _, pressure = ufl.split(fluid.state)
-        self._means = [compat.form(pressure / closing.width * fluid.domain.measure(name)) for name in names]
+        self._means = [
+            compat.form(pressure / closing.width * fluid.domain.measure(name)) for name in names
+        ]
 
     def load(self, about: Floats) -> tuple[Floats, Floats]:
         """Force and couple (3,) about a point (3,)."""
@@ -39,7 +41,9 @@ class EnclosedPressure:
         """What force and couple (3,) change where the pressure between contacts is that on either side of them."""
         low, high = self._ends()
         contacts = self._closing.contacts
-        force, couple = load_of(contacts - about[:2], np.full(len(contacts) - 1, 0.5 * (high - low)))
+        force, couple = load_of(
+            contacts - about[:2], np.full(len(contacts) - 1, 0.5 * (high - low))
+        )
         return np.abs(force), np.abs(couple)
 
     def _ends(self) -> tuple[float, float]:

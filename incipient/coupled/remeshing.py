@@ -56,7 +56,9 @@ class Remeshing:
     energy: float
 
 
-def carry_over(before: Coupling, coupling: Coupling, states: Sequence[Past]) -> tuple[list[Past], Remeshing]:
+def carry_over(
+    before: Coupling, coupling: Coupling, states: Sequence[Past]
+) -> tuple[list[Past], Remeshing]:
     """Carry states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
     The new fluid's state becomes the present one; the states come back as they are on the new mesh.
@@ -141,7 +143,9 @@ class Carrier:
         points = np.concatenate([places[:, :gdim] for places in kinds.values()])
         # Most nodes are of several kinds: each place is looked up once.
         unit = SAME_PLACE * max(float(np.ptp(points)) if len(points) else 0.0, 1e-300)
-        _, first, rows = np.unique(np.rint(points / unit), axis=0, return_index=True, return_inverse=True)
+        _, first, rows = np.unique(
+            np.rint(points / unit), axis=0, return_index=True, return_inverse=True
+        )
         self.transfer = Transfer(mesh, points[first], REACH)
         ends = np.cumsum([len(places) for places in kinds.values()])[:-1]
         self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))

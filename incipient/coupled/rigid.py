@@ -84,7 +84,9 @@ class RigidPart:
     """
 
     name = "body"
-    folded = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
+    folded = (
+        "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
+    )
 
     def __init__(
         self,
@@ -97,7 +99,12 @@ class RigidPart:
         stage: Stage = lambda name: nullcontext(),
         added_mass: bool = True,
     ):
-        self.fluid, self.body, self.mesh, self.boundary = fluid, body, displacement, displacement.boundary
+        self.fluid, self.body, self.mesh, self.boundary = (
+            fluid,
+            body,
+            displacement,
+            displacement.boundary,
+        )
         self._load, self._room, self._stage = load, room, stage
         self.added_mass, self.met = added_mass, False
         self.state = body.consistent(state)
@@ -173,7 +180,9 @@ class RigidPart:
             return length
         first = self._motion.first(self._room)
         # Already within at the start of the step: nothing is shorter than the step itself.
-        return length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
+        return (
+            length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
+        )
 
     def accept(self) -> None:
         """The end of the attempt is the last state now."""
@@ -210,7 +219,9 @@ class RigidPart:
         velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
-        return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, start.time + length)
+        return BodyState.at(
+            start.placement.moved(way[:d], way[d:]), velocities, start.time + length
+        )
 
     # -- one iteration ----------------------------------------------------------------------------
 
@@ -258,7 +269,11 @@ class RigidPart:
         if not self.added_mass:
             return self._no_response(end.length)
         factors, known = self.fluid.solver.statistics.factorisations, self._response
-        if known is None or factors != self._factors or abs(end.length / known.length - 1.0) > SAME_LENGTH:
+        if (
+            known is None
+            or factors != self._factors
+            or abs(end.length / known.length - 1.0) > SAME_LENGTH
+        ):
             known = self._response = self._respond(end.state, end.length)
             self._factors = self.fluid.solver.statistics.factorisations
         elif before.state.time == end.state.time and before.length == end.length:
@@ -267,7 +282,9 @@ class RigidPart:
 
     def _no_response(self, length: float) -> Response:
         size = self.body.size
-        return Response(np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length)
+        return Response(
+            np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length
+        )
 
     def _corrected(self, known: Response, before: End, end: End) -> Response:
         step = end.state.velocities - before.state.velocities
@@ -286,7 +303,10 @@ class RigidPart:
     def _respond(self, end: BodyState, length: float) -> Response:
         space, size = self.fluid.space, self.body.size
         arms = self.fluid.constraints.points[self._blocks, : space.gdim] - end.place
-        changes, resistance = np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size))
+        changes, resistance = (
+            np.zeros((size, len(self.fluid.state.x.array))),
+            np.zeros((size, size)),
+        )
         places = space.unknowns_at_nodes[self._blocks]
         free = np.flatnonzero(self.body.mask)
         forcing = self._of_displacements(end, length, free)
@@ -297,13 +317,17 @@ class RigidPart:
                 motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
             changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
             if self._rubs:
-                resistance[:, k] = self._resistance_of_wall(*self._nudged(end, k, length), changes[k])
+                resistance[:, k] = self._resistance_of_wall(
+                    *self._nudged(end, k, length), changes[k]
+                )
                 self._try(end)
             else:
                 resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
         return Response(changes, resistance, length)
 
-    def _of_displacements(self, end: BodyState, length: float, free: NDArray[np.intp]) -> dict[int, Floats]:
+    def _of_displacements(
+        self, end: BodyState, length: float, free: NDArray[np.intp]
+    ) -> dict[int, Floats]:
         """Derivatives of the fluid's residual by velocities of the body, at given velocities of the fluid.
 
         They come through the place of the mesh at the end, and where a law of the wall holds directly.
@@ -354,7 +378,9 @@ class RigidPart:
     def _load_of(self, resultant: Resultant) -> Floats:
         """Force and couple as the body takes them, (k,)."""
         d = self.body.gdim
-        return np.concatenate([resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple])
+        return np.concatenate(
+            [resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple]
+        )
 
     def _largest_arm(self) -> float:
         arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place

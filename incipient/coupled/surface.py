@@ -34,7 +34,9 @@ ROUND_OFF = 1e-14
 STEEPEST = 2.0
 # What must be left above the bed, of the largest depth.
 NEAREST = 0.02
-TOUCHING = "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
+TOUCHING = (
+    "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
+)
 STEEP = (
     "the free surface ceases to be a graph: its slope is {slope:.2g}; use a finer mesh or a lower wave, or end before "
     "it breaks"
@@ -108,7 +110,9 @@ class SurfacePart:
             known -= a / a0 * h
         self._load.known.x.array[:] = known
         if self._load.unfelt is not None:
-            self._load.unfelt.x.array[:] = self.mesh.unfelt(self.past[0], not self.fluid.constraints.open)
+            self._load.unfelt.x.array[:] = self.mesh.unfelt(
+                self.past[0], not self.fluid.constraints.open
+            )
         if self._drift is not None:
             self._drift.prepare(a0)
 

@@ -43,7 +43,9 @@ def shares_of_the_whole(domain: Domain) -> np.ndarray:
     return np.ones(3 if domain.gdim == 2 else 6)
 
 
-def rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float] | Floats, motion: Floats) -> Floats:
+def rigid_motion(
+    fluid: Fluid, boundary: str, about: Sequence[float] | Floats, motion: Floats
+) -> Floats:
     """(local unknowns,) a velocity and a spin (3 or 6,) of a boundary about a point, zero elsewhere. Not collective."""
     space, gdim = fluid.space, fluid.space.gdim
     blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
@@ -77,7 +79,11 @@ class TractionProbe:
     """
 
     def __init__(
-        self, fluid: Fluid, boundary: str, about: Sequence[float], enclosed: EnclosedPressure | None = None
+        self,
+        fluid: Fluid,
+        boundary: str,
+        about: Sequence[float],
+        enclosed: EnclosedPressure | None = None,
     ):
         self.fluid, self.boundary, self.enclosed = fluid, boundary, enclosed
         self.refer_to(about)
@@ -176,7 +182,11 @@ class TractionProbe:
 
     def _residual(self) -> np.ndarray:
         """(owned unknowns,) residual, right at the boundary's nodes."""
-        return self.fluid.residual() if self._near_form is None else self.fluid.assembled(self._near_form)
+        return (
+            self.fluid.residual()
+            if self._near_form is None
+            else self.fluid.assembled(self._near_form)
+        )
 
     def _made_near(self, blocks: np.ndarray) -> Any:
         """What stands for the residual at the nodes, compiled; None: that of all cells does.

@@ -27,7 +27,11 @@ Range = tuple[float, float]
 ADDED = "absolute errors of that multiple, added in full: "
 OWN_MESH = "own mesh"  # what a mesh made for the walls in the critical flow itself changes
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
-NEARBY = (0.02, 0.1, 0.3)  # how far from the computed critical flow the corrected one is looked for, relative
+NEARBY = (
+    0.02,
+    0.1,
+    0.3,
+)  # how far from the computed critical flow the corrected one is looked for, relative
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,9 @@ class CriticalBars:
         known = [f"{name} {error:.1e}" for name, error in self.terms.items()]
         lines = [f"error bars          {ADDED if known else 'none is known'}{', '.join(known)}"]
         lines += [f"  {name:<18}{why}" for name, why in self.loads.left_out.items()]
-        return lines + [f"  {name:<18}not computed: {why}" for name, why in self.loads.failed.items()]
+        return lines + [
+            f"  {name:<18}not computed: {why}" for name, why in self.loads.failed.items()
+        ]
 
 
 def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
@@ -69,7 +75,9 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
     ratios = {term.name: term.ratio for term in loads.terms}
     if found.own_mesh is not None:
         errors[OWN_MESH], ratios[OWN_MESH] = found.own_mesh.change, 1.0
-    ranges = {name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()}
+    ranges = {
+        name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()
+    }
     low, high = factor_range(found, errors, math.prod(ratios.values()))
     if found.between is not None:
         below, above = ranges["search"] = found.between
@@ -140,7 +148,10 @@ class CriticalGoal:
         """Derivatives (3,), in space (6,), of log factor along force and couple; along the force, where S jumps."""
         found, load = self.found, self.found.load
         path, size = found.path, float(np.linalg.norm(load.flow_force))
-        places, steps = components(self.gdim, self.halved), np.full(3 * self.gdim - 3, DIFFERENCE * size)
+        places, steps = (
+            components(self.gdim, self.halved),
+            np.full(3 * self.gdim - 3, DIFFERENCE * size),
+        )
         holds = (path.contacts, path.friction)
         by_load = slopes(load, steps, places, lambda one: safety_factor(one, *holds).value)
         by_load /= path.steepness(found.factor)

@@ -60,7 +60,12 @@ class CriticalGust:
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         impulse = (self.strength - 1.0) * self.duration * (1.0 if self.shape == "top-hat" else 0.5)
-        return {"duration": self.duration, "strength": self.strength, **asdict(self), "impulse": impulse}
+        return {
+            "duration": self.duration,
+            "strength": self.strength,
+            **asdict(self),
+            "impulse": impulse,
+        }
 
 
 @dataclass
@@ -91,12 +96,16 @@ class GustSearch:
         plain = self._plain()
         motion = ("kinetic_friction", "restitution", "rolling_resistance")
         plain["body"]["motion"] = "fixed"
-        plain["contact"] = {key: value for key, value in plain["contact"].items() if key not in motion}
+        plain["contact"] = {
+            key: value for key, value in plain["contact"].items() if key not in motion
+        }
         plain["flow"].pop("gust", None)
         return find_threshold(Scene(**{**plain, "time": None}), self.comm, self.voice).factor
 
     def critical(
-        self, durations: Sequence[float], keep: Callable[[CriticalGust], object] = lambda found: None
+        self,
+        durations: Sequence[float],
+        keep: Callable[[CriticalGust], object] = lambda found: None,
     ) -> list[CriticalGust]:
         """Find the critical strength for each duration, the longest first. Collective.
 
@@ -105,7 +114,9 @@ class GustSearch:
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):
-            raise SceneError("body.motion: the grain leaves its pocket without a gust; use a slower flow")
+            raise SceneError(
+                "body.motion: the grain leaves its pocket without a gust; use a slower flow"
+            )
         coarse = self._coarser() if self.scene.numerics.error_bars else None
         found, held, nearby = [], 1.0, 1.0
         for duration in sorted(durations, reverse=True):
@@ -117,7 +128,9 @@ class GustSearch:
                 change = abs(math.sqrt(nearby * high) - math.sqrt(held * leaves))
                 error = 0.5 * (leaves - held) + change
             runs = self._runs_with(coarse) - before
-            found.append(CriticalGust(duration, self._course(duration)["shape"], held, leaves, error, runs))
+            found.append(
+                CriticalGust(duration, self._course(duration)["shape"], held, leaves, error, runs)
+            )
             keep(found[-1])
         return found
 
@@ -125,7 +138,9 @@ class GustSearch:
         """The critical strength for the duration of the scene's own gust. Collective; raises as `critical`."""
         gust = getattr(self.scene.flow, "gust", None)
         if gust is None:
-            raise SceneError("flow.gust: is missing; give the duration for which a strength is searched")
+            raise SceneError(
+                "flow.gust: is missing; give the duration for which a strength is searched"
+            )
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
@@ -147,7 +162,9 @@ class GustSearch:
         result = simulate(self._in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
         left = result.trajectory["on_bed"]["left_pocket"] is not None
-        self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {'leaves' if left else 'stays'}")
+        self.voice.say(
+            f"gust of {duration:g} and strength {strength:.4g}: {'leaves' if left else 'stays'}"
+        )
         return left
 
     def _plain(self) -> dict[str, Any]:
@@ -160,7 +177,9 @@ class GustSearch:
         """Shape, start and rise of the gusts; the rise is the share of the duration that it is in the scene."""
         gust = getattr(self.scene.flow, "gust", None) or Gust()
         found = {"shape": gust.shape, "start": gust.start}
-        return found if gust.rise is None else found | {"rise": gust.rise / gust.duration * duration}
+        return (
+            found if gust.rise is None else found | {"rise": gust.rise / gust.duration * duration}
+        )
 
     def _in_gust(self, strength: float, duration: float) -> Scene:
         plain, time = self._plain(), self.scene.time

@@ -28,8 +28,12 @@ from ..contact.loads.error_box import ErrorBox, safety_range
 SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
 # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and couple.
 BEND = 0.5
-LARGEST_LOGARITHM = 3.0  # of a safety factor while a root is looked for; infinity and zero count as that
-NEAR_TOP = 1.2  # so far above the fastest flow the load is extrapolated by a parabola, beyond in a line
+LARGEST_LOGARITHM = (
+    3.0  # of a safety factor while a root is looked for; infinity and zero count as that
+)
+NEAR_TOP = (
+    1.2  # so far above the fastest flow the load is extrapolated by a parabola, beyond in a line
+)
 ROOT = 1e-10  # relative error of a root of the load interpolated
 
 
@@ -73,7 +77,9 @@ class LoadPath:
     def _interpolated(self, factor: float, values: Floats) -> Floats:
         chosen, f, found = self._nearest(factor), self.factors, np.zeros(6)
         for i in chosen:
-            found += math.prod((factor - f[j]) / (f[i] - f[j]) for j in chosen if j != i) * values[i]
+            found += (
+                math.prod((factor - f[j]) / (f[i] - f[j]) for j in chosen if j != i) * values[i]
+            )
         return found
 
     def _nearest(self, factor: float) -> list[int]:
@@ -100,7 +106,9 @@ class LoadPath:
         first = int(lost[0])
         if values[first] <= 0.0:
             return float(samples[first])
-        root = brentq(self._logarithm, samples[first], samples[first + 1], xtol=ROOT * high, rtol=ROOT)
+        root = brentq(
+            self._logarithm, samples[first], samples[first + 1], xtol=ROOT * high, rtol=ROOT
+        )
         return float(root)
 
     def doubtful(self, low: float, high: float, end: float) -> float | None:
@@ -147,7 +155,9 @@ class LoadPath:
     def _logarithm(self, factor: float) -> float:
         """log S, within bounds."""
         with np.errstate(divide="ignore"):
-            return float(np.clip(np.log(self.judged(factor).value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
+            return float(
+                np.clip(np.log(self.judged(factor).value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM)
+            )
 
     @cached_property
     def _loosest(self) -> Floats:

@@ -40,7 +40,9 @@ DIFFERING = (
     "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
     "times the scene's; use a smaller numerics.mesh_size"
 )
-OTHER_MESH = "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
+OTHER_MESH = (
+    "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
+)
 
 Concluded = TypeVar("Concluded")
 
@@ -63,7 +65,9 @@ class CriticalRefinement(Refinement):
     ):
         if scene.numerics.accuracy == "verdict":
             remedy = "give a relative error of the critical flow such as 0.01"
-            raise SceneError(f'numerics.accuracy: "verdict" means nothing for a threshold; {remedy}')
+            raise SceneError(
+                f'numerics.accuracy: "verdict" means nothing for a threshold; {remedy}'
+            )
         if scene.numerics.accuracy_includes == "all":
             remedy = "leave it out, and see the error bars of the threshold"
             raise SceneError(f'numerics.accuracy_includes: "all" is for runs; {remedy}')
@@ -78,7 +82,10 @@ class CriticalRefinement(Refinement):
             why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if found.is_critical:
-            self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, run.setup.symmetric)
+            self.speed, self.goal = (
+                found.factor,
+                CriticalGoal(found, self.scene.gdim, run.setup.symmetric),
+            )
         return self._search.at_nearest(found.factor)
 
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
@@ -95,7 +102,10 @@ class CriticalRefinement(Refinement):
 
 
 def on_its_own_mesh(
-    scene: Scene, comm: Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
+    scene: Scene,
+    comm: Comm,
+    voice: Silent,
+    conclude: Callable[[Run, CriticalSearch, Found], Concluded],
 ) -> Concluded:
     """Find the critical flow on a mesh made for its walls; returns what `conclude` makes of it. Collective.
 
@@ -114,7 +124,9 @@ def on_its_own_mesh(
             found = _next(search, known)
             if known:
                 trials = *known[-1].trials, *found.trials
-                found = replace(found, trials=trials, unsolved=(*known[-1].unsolved, *found.unsolved))
+                found = replace(
+                    found, trials=trials, unsolved=(*known[-1].unsolved, *found.unsolved)
+                )
             known.append(found)
             if not found.is_critical:
                 return conclude(run, search, _doubted(setup, found))

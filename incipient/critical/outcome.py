@@ -96,7 +96,16 @@ class Threshold:
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data for threshold.json."""
         names = (
-            *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
+            *(
+                "computed",
+                "steepness",
+                "held_to",
+                "reason",
+                "size",
+                "nominal",
+                "shields_nominal",
+                "notes",
+            ),
             *("errors", "mode", "verdict", "unsolved", "cost", "si", "applicable"),
         )
         return {
@@ -112,7 +121,11 @@ class Threshold:
 
     def text(self) -> str:
         """The outcome in a few lines."""
-        lines = self._critical_lines() if self.is_critical else [f"threshold           {self.why_none()}"]
+        lines = (
+            self._critical_lines()
+            if self.is_critical
+            else [f"threshold           {self.why_none()}"]
+        )
         if self.bars is not None:
             lines += self.bars.lines()
         elif self.without_bars:
@@ -132,11 +145,15 @@ class Threshold:
         if not np.isfinite(self.held_to):
             why = "whose load grows in proportion (no inertia)"
             return f"none: no strength of this flow moves the grain, {why}"
-        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
+        tried = (
+            f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
+        )
         return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
 
     def _critical_lines(self) -> list[str]:
-        shown = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
+        shown = {
+            name: with_error(getattr(self, name), error) for name, error in self.errors.items()
+        }
         if self.computed not in (None, self.factor):
             shown["factor"] += f" (computed {self.computed:.4g})"
         return [

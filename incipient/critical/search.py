@@ -35,7 +35,10 @@ Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
-GROWTH, LEAST_GROWTH = 4.0, 1.1  # from a flow to the next faster one, at most, and from the slowest at least
+GROWTH, LEAST_GROWTH = (
+    4.0,
+    1.1,
+)  # from a flow to the next faster one, at most, and from the slowest at least
 # Over the flow in which a load that goes with its square moves the grain: loads grow less.
 BEYOND_SQUARE = 1.05
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
@@ -150,7 +153,9 @@ class CriticalSearch:
         if value > 0.0:
             return None
         held = status is SafetyStatus.AT_ONCE
-        return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
+        return self._ended(
+            0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it"
+        )
 
     def _of_rocking(self, slow: float) -> Found | None:
         """The flow in which a grain leaves its pocket that rocks in slower ones; None if it does not rock.
@@ -173,7 +178,9 @@ class CriticalSearch:
             rocking, factor = self.rocks(following), following
             if rocking is None or rocking.critical == 0.0:
                 break
-            power = float(np.clip(np.log(before / rocking.critical) / np.log(factor / at), 1.0, 3.0))
+            power = float(
+                np.clip(np.log(before / rocking.critical) / np.log(factor / at), 1.0, 3.0)
+            )
         reason = "the grain rocks from rest to rest in all flows looked at"
         return replace(self._ended(np.inf, factor, reason), rocking=rocking)
 
@@ -189,14 +196,20 @@ class CriticalSearch:
         """Search upwards from the flow to start with, if it holds the grain, or else from the slowest one."""
         if bound.expected:
             self.run.voice.say(bound.expected)
-        if bound.start > bound.factor and self._try(bound.start) and self.trials[0].safety_factor >= 1.0:
+        if (
+            bound.start > bound.factor
+            and self._try(bound.start)
+            and self.trials[0].safety_factor >= 1.0
+        ):
             return self._upwards(bound.start)
         self._solve(bound.factor)
         if found := self._at_once(bound.factor):
             return found
         if self.trials[-1].safety_factor < 1.0:
             slowest = f"the slowest flow {bound.why}, {bound.factor:.3g} times the scene's"
-            raise SceneError(f"flow: the grain moves in {slowest}; use a heavier grain, or {bound.remedy}")
+            raise SceneError(
+                f"flow: the grain moves in {slowest}; use a heavier grain, or {bound.remedy}"
+            )
         return self._upwards(bound.factor)
 
     def near(self, before: Found) -> Found:
@@ -206,12 +219,16 @@ class CriticalSearch:
             return self._rocks_near(factor)
         while True:
             if factor not in self._states and not self._try(factor):
-                raise ConvergenceError(f"no steady flow was found at {factor:.4g} times that of the scene")
+                raise ConvergenceError(
+                    f"no steady flow was found at {factor:.4g} times that of the scene"
+                )
             path = replace(self._path(), before=before.path.before or before.path)
             low, high = 0.5 * factor, 2.0 * factor
             new = path.loss(low, high) if path.judged(low).value >= 1.0 else None
             if new is None:
-                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene")
+                raise ConvergenceError(
+                    f"no threshold near {factor:.4g} times the flow of the scene"
+                )
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
                 return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
             factor = new
@@ -221,7 +238,9 @@ class CriticalSearch:
         while True:
             rocking = self.rocks(factor) if self._try(factor) else None
             if rocking is None or not 0.0 < rocking.critical < np.inf:
-                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene")
+                raise ConvergenceError(
+                    f"no threshold near {factor:.4g} times the flow of the scene"
+                )
             new = factor * rocking.critical**0.5
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
                 return replace(self._ended(new, new, ""), rocking=rocking)
@@ -251,7 +270,9 @@ class CriticalSearch:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            following = inside or self._beyond(path, top, self._after(slow) if top == slow else largest)
+            following = inside or self._beyond(
+                path, top, self._after(slow) if top == slow else largest
+            )
             if isinstance(following, Found):
                 return following
             self._try(following)
@@ -299,10 +320,18 @@ class CriticalSearch:
         if self._may_be_solved(following) and len(self.unsolved) < MOST_FAILURES:
             return following
         between = float(np.sqrt(top * min(beyond, default=top)))
-        if self._may_be_solved(between) and between > APART * top and len(self.unsolved) < MOST_FAILURES:
+        if (
+            self._may_be_solved(between)
+            and between > APART * top
+            and len(self.unsolved) < MOST_FAILURES
+        ):
             return between
-        guess = f"; the load extrapolated moves it at about {loss:.2g} times that flow" if loss else ""
-        return self._ended(np.inf, top, f"the grain is held, and beyond no steady flow was found{guess}")
+        guess = (
+            f"; the load extrapolated moves it at about {loss:.2g} times that flow" if loss else ""
+        )
+        return self._ended(
+            np.inf, top, f"the grain is held, and beyond no steady flow was found{guess}"
+        )
 
     def _is_near(self, factor: float) -> bool:
         near = NEAR_IN_SPACE if self._lingers() else NEAR
@@ -327,9 +356,15 @@ class CriticalSearch:
                 self.run.voice.say(f"flow x {factor:.6g}: no steady flow found")
                 return False
             reached = self.run.fluid.reynolds / self.run.plan.reynolds
-            self.run.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
-            if not here and reached > APART * max((one for one in self._states if one < factor), default=0.0):
-                self._try(reached, here=True)  # on the way flows are solved less well: this may fail, too
+            self.run.voice.say(
+                f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}"
+            )
+            if not here and reached > APART * max(
+                (one for one in self._states if one < factor), default=0.0
+            ):
+                self._try(
+                    reached, here=True
+                )  # on the way flows are solved less well: this may fail, too
             return False
         return True
 
@@ -367,4 +402,6 @@ class CriticalSearch:
         return LoadPath(factors, over, rest, self._contacts, self._friction)
 
     def _ended(self, factor: float, held_to: float, reason: str) -> Found:
-        return Found(factor, held_to, self._path(), tuple(self.trials), tuple(self.unsolved), reason)
+        return Found(
+            factor, held_to, self._path(), tuple(self.trials), tuple(self.unsolved), reason
+        )

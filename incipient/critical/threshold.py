@@ -39,9 +39,7 @@ from .meshes import CriticalRefinement, on_its_own_mesh
 from .outcome import DOUBTED, Threshold
 from .search import CriticalSearch, Found
 
-KEEPS_SHAPE = (
-    "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
-)
+KEEPS_SHAPE = "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 NOT_ONE = 0.02  # deviation from one of the safety factor on a mesh of its own from which on it is reported
@@ -53,9 +51,7 @@ OTHERWISE = (
 SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain; "
 NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
 ROUND = "the nominal one is the same"
-ROCKED = (
-    "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
-)
+ROCKED = "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
 OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
 
 
@@ -79,7 +75,9 @@ def find_threshold(
     _require(scene)
     if scene.fluid.inertia and scene.effects.inertia == "auto":
         # Where the plan would leave inertia out, it may matter at the threshold.
-        scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
+        scene = scene.model_copy(
+            update={"effects": scene.effects.model_copy(update={"inertia": True})}
+        )
 
     def concluded(
         run: Run, search: CriticalSearch, found: Found, adaptation: Adaptation | None = None
@@ -150,12 +148,16 @@ def _threshold(run: Run, found: Found) -> Threshold:
         trials=found.trials,
         unsolved=found.unsolved,
         cost=cost(run),
-        si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
+        si=in_si(scene, found.factor, load.flow_force, load.flow_couple)
+        if found.is_critical
+        else None,
         stress_power=2.0 if scene.is_averaged else 1.0,
         steepness=found.path.steepness(found.factor) if found.is_critical else None,
         applicable=walls.applicable if walls is not None and found.is_critical else None,
     )
-    return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
+    return (
+        replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
+    )
 
 
 def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Found) -> Threshold:
@@ -179,7 +181,9 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
 
 def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
     """What the Shields number is, and what effects say of the flow there. Collective."""
-    of_effects = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, found.factor)]
+    of_effects = [
+        note for effect in EFFECTS for note in effect.threshold_notes(run.setup, found.factor)
+    ]
     notes = [_shields_note(threshold, run.scene.gdim), *of_effects]
     if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
         notes.append(f"{DOUBTED}{doubt}")
@@ -188,7 +192,9 @@ def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
         notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))
     if found.between is not None:
         low, high = found.between
-        notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")
+        notes.append(
+            f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}"
+        )
     own = found.own_mesh
     if own is not None and abs(own.safety_factor - 1.0) > NOT_ONE:
         notes.append(OTHERWISE.format(own.safety_factor))
@@ -231,4 +237,6 @@ def _contacts_at(run: Run, found: Found) -> Contacts:
 def _judged(run: Run, found: Found, load: Load) -> Verdict:
     scene, contacts = run.scene, _contacts_at(run, found)
     assert scene.body is not None and scene.contact is not None
-    return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))
+    return judge(
+        load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement)
+    )

@@ -53,7 +53,9 @@ class InertiaEffect(Effect):
         scene = setup.scene
         if not scene.fluid.inertia or scene.effects.inertia is False:
             key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
-            return Decision(self.name, False, f"{key} = false", True, expected(scene.flow.kind, numbers))
+            return Decision(
+                self.name, False, f"{key} = false", True, expected(scene.flow.kind, numbers)
+            )
         told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
         if scene.effects.inertia is True:
             return Decision(self.name, True, f"effects.inertia = true; {told}", True)
@@ -74,8 +76,14 @@ class InertiaEffect(Effect):
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
-        convected = unsteady and plan.numbers is not None and is_convected(setup, plan.numbers.grain_reynolds)
-        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected)
+        convected = (
+            unsteady
+            and plan.numbers is not None
+            and is_convected(setup, plan.numbers.grain_reynolds)
+        )
+        return replace(
+            model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected
+        )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""

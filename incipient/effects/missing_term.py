@@ -39,10 +39,14 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     if force is None or couple is None or grain is None:
         how = "of the velocity in the mean, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
-    forces, couples = change_of_loads(fluid, term, "body", couple.about[: fluid.space.gdim].tolist())
+    forces, couples = change_of_loads(
+        fluid, term, "body", couple.about[: fluid.space.gdim].tolist()
+    )
     # A couple may vanish by symmetry: it then is compared with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
-    of_couple = float(np.linalg.norm(couples)) / max(float(np.linalg.norm(couple.flow)), arm, 1e-300)
+    of_couple = float(np.linalg.norm(couples)) / max(
+        float(np.linalg.norm(couple.flow)), arm, 1e-300
+    )
     relative = max(_ratio(forces, force.flow), of_couple)
     return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, couples)
 
@@ -61,7 +65,9 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
     fluid.renew_factors()
 
 
-def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[float]) -> tuple[Floats, Floats]:
+def change_of_loads(
+    fluid: Fluid, term: Term, boundary: str, about: Sequence[float]
+) -> tuple[Floats, Floats]:
     """The change of force (3,) and couple (3,) on a boundary by a missing term, to first order. Collective.
 
     Args:

@@ -62,7 +62,9 @@ def plan_of(setup: Setup) -> Plan:
 
 def _linear_method(setup: Setup, present: set[EffectName], slow: bool, unsteady: bool) -> Method:
     """What an effect that is present calls for, else what the flow does."""
-    asked = (effect.linear_method(setup, unsteady) for effect in known.EFFECTS if effect.name in present)
+    asked = (
+        effect.linear_method(setup, unsteady) for effect in known.EFFECTS if effect.name in present
+    )
     return next(filter(None, asked), None) or method_of(setup, slow, unsteady)
 
 

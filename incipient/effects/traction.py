@@ -15,7 +15,9 @@ class TractionEffect(Effect):
     name = EffectName.TRACTION
     quantities = (
         OutputQuantity("force.flow", "force of the flow", column="force", error="error_bars.force"),
-        OutputQuantity("couple.flow", "couple of the flow", column="couple", error="error_bars.couple"),
+        OutputQuantity(
+            "couple.flow", "couple of the flow", column="couple", error="error_bars.couple"
+        ),
         *(
             OutputQuantity(f"coefficients.{name}", name, column=name, heading="other numbers")
             for name in ("drag", "lift", "moment")
@@ -30,4 +32,6 @@ class TractionEffect(Effect):
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with a grain."""
         there = setup.scene.body is not None
-        return Decision(self.name, there, "of the fluid on the grain" if there else "no [body] section")
+        return Decision(
+            self.name, there, "of the fluid on the grain" if there else "no [body] section"
+        )

@@ -96,7 +96,12 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
     reynolds, scene = numbers.grain_reynolds, setup.scene
     inert = scene.fluid.inertia and scene.effects.inertia is not False
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    if reynolds is None or reynolds <= least or not inert or wall_distance(setup) < SHEDDING_CLEARANCE:
+    if (
+        reynolds is None
+        or reynolds <= least
+        or not inert
+        or wall_distance(setup) < SHEDDING_CLEARANCE
+    ):
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices from {least:g} on"
 

@@ -34,11 +34,17 @@ ON_CURVE, ENDS = (
     25,
     (1e-4, 0.99),
 )  # strengths of a curve without given ones, and probabilities between which they are
-WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one, between which probabilities are looked for
+WEAKEST, STRONGEST = (
+    1e-3,
+    1e3,
+)  # mean flows over the critical one, between which probabilities are looked for
 ENOUGH = 10.0  # mean flow over the critical one in which a curve ends
 FARTHEST = 1e6  # mean flow over the scene's, or its inverse, that may be asked for
 APART = 1.03  # of growths at which critical strengths are found
-NODES, OUTERMOST = 31, 4.5  # of the quadrature over the flow's growth, and how many deviations out it goes
+NODES, OUTERMOST = (
+    31,
+    4.5,
+)  # of the quadrature over the flow's growth, and how many deviations out it goes
 
 
 def find_entrainment(
@@ -86,7 +92,11 @@ def find_entrainment(
     points = tuple(motion.quantile(one) for one in asked)
     chosen = strengths or _for_curve(motion)
     curve = tuple(motion.at(one) for one in chosen)
-    assumed = (*_assumed(motion, without_growth), *_left_out(asked, probabilities), *_without_errors(weakest))
+    assumed = (
+        *_assumed(motion, without_growth),
+        *_left_out(asked, probabilities),
+        *_without_errors(weakest),
+    )
     assumed += tuple(note for note in threshold.notes if note.startswith(DOUBTED))
     return Entrainment(scene.title, threshold, gusts.law, motion.at(1.0), points, curve, assumed)
 
@@ -109,7 +119,9 @@ def _told(law: Law) -> Sequence[float]:
 def _left_out(asked: Sequence[float], given: Sequence[float]) -> list[str]:
     """A line on the usual probabilities that the data cannot tell."""
     missing = ", ".join(f"{one:g}" for one in PROBABILITIES if not given and one not in asked)
-    return [f"left out, since the data cannot tell them: probabilities {missing}"] if missing else []
+    return (
+        [f"left out, since the data cannot tell them: probabilities {missing}"] if missing else []
+    )
 
 
 def _without_errors(weakest: WeakestGusts | None) -> list[str]:
@@ -124,11 +136,15 @@ def _without_errors(weakest: WeakestGusts | None) -> list[str]:
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
     """Why the load of the flow's growth is left out; empty where it is known."""
     if gusts.law in GIVEN:
-        return "the load of the flow's acceleration is left out: the data are taken as of slow changes"
+        return (
+            "the load of the flow's acceleration is left out: the data are taken as of slow changes"
+        )
     if gusts.microscale is None:
         return "the load of the flow's acceleration is left out: gusts.microscale is not given"
     if setup.is_averaged:
-        return "the load of the flow's acceleration is left out: it is computed in laminar flow only"
+        return (
+            "the load of the flow's acceleration is left out: it is computed in laminar flow only"
+        )
     if threshold.steepness is None or not math.isfinite(threshold.steepness):
         return "the load of the flow's acceleration is left out: the safety factor jumps at the threshold"
     return ""
@@ -140,7 +156,9 @@ def _law_of(gusts: Gusts, stream: Stream, strength: float) -> Law:
         return Events.of(np.array(gusts.points), gusts.record)
     if gusts.law == "measured":
         return Measured.of(np.array(gusts.points), stream.integral_time(1.0))
-    return Gaussian(stream.intensity(strength), gusts.law == "lognormal", stream.microscale(strength))
+    return Gaussian(
+        stream.intensity(strength), gusts.law == "lognormal", stream.microscale(strength)
+    )
 
 
 def _for_curve(motion: Motion) -> list[float]:
@@ -151,28 +169,32 @@ def _for_curve(motion: Motion) -> list[float]:
 def _assumed(motion: Motion, without_growth: str) -> list[str]:
     """What is assumed, in one line each."""
     gusts, law = motion.gusts, motion.law(1.0)
-    lines = ["the load is that of the steady flow as strong as the gust, of the scene's own profile"]
+    lines = [
+        "the load is that of the steady flow as strong as the gust, of the scene's own profile"
+    ]
     if isinstance(law, Measured):
-        known = (
-            f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
-        )
+        known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
         lines.append(f"the velocity over its mean is as in the series in all mean flows: {known}")
         return [*lines, without_growth]
     if isinstance(law, Events):
-        known = (
-            f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
+        known = f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
+        lines.append(
+            f"the gusts over the mean velocity are those counted, in all mean flows: {known}"
         )
-        lines.append(f"the gusts over the mean velocity are those counted, in all mean flows: {known}")
         return [*lines, without_growth]
     how = {
         NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
         MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
     }
     source = how.get(str(gusts.intensity), "as given")
-    lines.append(f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}")
+    lines.append(
+        f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"
+    )
     if gusts.microscale is None:
         return [*lines, without_growth]
-    scale = f"microscale {law.microscale:.3g}{', by the model' if gusts.microscale == MODEL else ''}"
+    scale = (
+        f"microscale {law.microscale:.3g}{', by the model' if gusts.microscale == MODEL else ''}"
+    )
     lines.append(f"rates are those of a stationary Gaussian process, {scale} (Rice 1945)")
     if without_growth:
         return [*lines, without_growth]
@@ -200,7 +222,9 @@ class Motion:
     ):
         self._weakest = weakest
         self.gusts, self.stream, self.threshold = gusts, stream, threshold
-        self._critical = None if growth is None else CriticalStrength.of(threshold, growth, friction)
+        self._critical = (
+            None if growth is None else CriticalStrength.of(threshold, growth, friction)
+        )
         # The critical strength has kinks where the mode changes: equal steps miss less of them than those of Hermite.
         nodes = np.linspace(-OUTERMOST, OUTERMOST, NODES)
         weights = norm.pdf(nodes)
@@ -241,8 +265,12 @@ class Motion:
             terms["law of fluctuations"] = abs(self.stream.shields(other) - shields)
         else:
             spread = law.spread(probability)
-            ends = [self.strength(probability + sign * spread, clipped=True) for sign in (-1.0, 1.0)]
-            terms["length of the record"] = max(abs(self.stream.shields(one) - shields) for one in ends)
+            ends = [
+                self.strength(probability + sign * spread, clipped=True) for sign in (-1.0, 1.0)
+            ]
+            terms["length of the record"] = max(
+                abs(self.stream.shields(one) - shields) for one in ends
+            )
         rate = law.upcrossings(self.threshold.factor / strength)
         return Quantile(probability, strength, shields, terms, rate, self._lasting(strength, law))
 
@@ -277,7 +305,9 @@ class Motion:
         if relative or not growth:
             return self._solved_at(growth, relative)
         below = APART ** math.floor(math.log(abs(growth)) / math.log(APART))
-        ends = [self._solved_at(math.copysign(one, growth), False) for one in (below, APART * below)]
+        ends = [
+            self._solved_at(math.copysign(one, growth), False) for one in (below, APART * below)
+        ]
         return float(np.interp(abs(growth), [below, APART * below], ends))
 
     def _solved_at(self, growth: float, relative: bool) -> float:
@@ -335,7 +365,9 @@ class Motion:
 
 
 def _not_reached(probability: float) -> SceneError:
-    return SceneError(f"probabilities: {probability:g} is not reached in any mean flow; give another")
+    return SceneError(
+        f"probabilities: {probability:g} is not reached in any mean flow; give another"
+    )
 
 
 def _standard(probability: float) -> float:

@@ -23,7 +23,9 @@ MOST_POINTS = 4_000_000
 LENGTH = 20_000.0  # of it, in integral times
 LEVELS = 40  # strengths between those of the curve
 SEED = 7
-DIFFERENT = 1.25  # factor between critical steady flows from which on they are those of different scenes
+DIFFERENT = (
+    1.25  # factor between critical steady flows from which on they are those of different scenes
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +52,18 @@ class WeakestGusts:
         try:
             errors = [one["error"] for one in stored["points"]]
             rows = [
-                [float(one["duration"]), float(one["strength"]), 0.0 if error is None else float(error)]
+                [
+                    float(one["duration"]),
+                    float(one["strength"]),
+                    0.0 if error is None else float(error),
+                ]
                 for one, error in zip(stored["points"], errors, strict=True)
             ]
             static = float(stored["static"])
         except (KeyError, TypeError, ValueError):
-            raise SceneError("gusts.json: holds no gusts; search them anew with incipient gust") from None
+            raise SceneError(
+                "gusts.json: holds no gusts; search them anew with incipient gust"
+            ) from None
         if len(rows) < 2:
             raise SceneError(
                 "gusts.json: has less than two durations; search more with incipient gust --durations"
@@ -79,7 +87,9 @@ class WeakestGusts:
         low, high = float(strengths.min()), float(strengths.max())
         levels = np.geomspace(low, high, LEVELS)
         order = np.argsort(strengths)
-        durations = np.exp(np.interp(np.log(levels), np.log(strengths[order]), np.log(self.durations[order])))
+        durations = np.exp(
+            np.interp(np.log(levels), np.log(strengths[order]), np.log(self.durations[order]))
+        )
         return levels, durations
 
 
@@ -105,7 +115,9 @@ class Course:
             )
         if integral_time < math.sqrt(2.0) * law.microscale:
             why = f"is {integral_time:.3g}, less than the microscale {law.microscale:.3g} times the square root of two"
-            raise SceneError(f"gusts.integral_time: {why}; give both as numbers, or no gusts that last")
+            raise SceneError(
+                f"gusts.integral_time: {why}; give both as numbers, or no gusts that last"
+            )
         step = law.microscale / PER_MICROSCALE
         count = int(min(LENGTH * integral_time / step, MOST_POINTS))
         return cls(law.factor(_gaussian_series(count, step, integral_time, law.microscale)), step)
@@ -117,7 +129,9 @@ class Course:
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
         """Number of excursions above `static` that stay above one of the levels as long as its duration."""
-        excursion = np.cumsum(np.diff(self.factors > static, prepend=False) & (self.factors > static))
+        excursion = np.cumsum(
+            np.diff(self.factors > static, prepend=False) & (self.factors > static)
+        )
         found: set[int] = set()
         for level, duration in zip(levels, durations, strict=True):
             above = self.factors > level
@@ -144,7 +158,9 @@ class RateOfLasting:
         return f"{self.rate:.3g} ({self.low:.2g} to {self.high:.2g}) of them long enough"
 
 
-def rate_of_lasting(course: Course | Events, weakest: WeakestGusts, strength: float) -> RateOfLasting:
+def rate_of_lasting(
+    course: Course | Events, weakest: WeakestGusts, strength: float
+) -> RateOfLasting:
     """The rate in a mean flow of a strength over the scene's. Not collective."""
     counts = []
     for sign in (0.0, -1.0, 1.0):

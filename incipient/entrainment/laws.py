@@ -46,7 +46,9 @@ class Gaussian:
         """The Gaussian process of variance one at a level of the factor."""
         if not self.lognormal:
             return (level - 1.0) / self.intensity
-        return math.log(level) / self._deviation + 0.5 * self._deviation if level > 0.0 else -math.inf
+        return (
+            math.log(level) / self._deviation + 0.5 * self._deviation if level > 0.0 else -math.inf
+        )
 
     def factor(self, standard: Floats) -> Floats:
         """The factor where the Gaussian process of variance one has given values."""
@@ -73,7 +75,9 @@ class Gaussian:
         """How often the factor rises through a level in unit time, by Rice's formula; None without a microscale."""
         if self.microscale is None:
             return None
-        return math.exp(-0.5 * self.standard(level) ** 2) / (math.sqrt(2.0) * math.pi * self.microscale)
+        return math.exp(-0.5 * self.standard(level) ** 2) / (
+            math.sqrt(2.0) * math.pi * self.microscale
+        )
 
     def spread(self, probability: float) -> float:
         """Zero: the law is taken as exact."""
@@ -107,7 +111,9 @@ class Measured:
     def of(cls, points: Floats, integral_time: float | None) -> Measured:
         """The law of a series (n, 2) of times and velocities."""
         times, speeds = points.T
-        return cls(times, speeds / (trapezoid(speeds, times) / (times[-1] - times[0])), integral_time)
+        return cls(
+            times, speeds / (trapezoid(speeds, times) / (times[-1] - times[0])), integral_time
+        )
 
     @property
     def duration(self) -> float:
@@ -159,7 +165,9 @@ class Measured:
         """The level that is exceeded with a probability; raises SceneError beyond what the series can tell."""
         _require_told(probability, self.told, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
-        return float(brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10))
+        return float(
+            brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10)
+        )
 
     def upcrossings(self, level: float) -> float | None:
         """How often the series rises through a level, over its duration."""
@@ -204,7 +212,9 @@ class Events:
     def level(self, probability: float) -> float:
         """The level that is exceeded with a probability; raises SceneError beyond what the events can tell."""
         _require_told(probability, self.told, "events")
-        return float(np.interp(probability, np.cumsum(self.lengths) / self.duration, self.strengths))
+        return float(
+            np.interp(probability, np.cumsum(self.lengths) / self.duration, self.strengths)
+        )
 
     def upcrossings(self, level: float) -> float | None:
         """How often a gust above a level comes in unit time."""
@@ -225,9 +235,7 @@ class Events:
 
 def _require_told(probability: float, told: tuple[float, float], what: str) -> None:
     if not told[0] <= probability <= told[1]:
-        why = (
-            f"probability {probability:g} is beyond what the {what} can tell, {told[0]:.2g} to {told[1]:.2g}"
-        )
+        why = f"probability {probability:g} is beyond what the {what} can tell, {told[0]:.2g} to {told[1]:.2g}"
         raise SceneError(f"gusts.points: {why}; give longer data, or a law")
 
 

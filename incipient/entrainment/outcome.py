@@ -104,7 +104,11 @@ class Entrainment:
         if own.lasting is not None:
             rate += f", {own.lasting.words()}"
         steady = with_error(critical.shields, critical.errors["shields"])
-        unknown = "" if critical.bars is not None and critical.bars.terms else "; error of the flow not known"
+        unknown = (
+            ""
+            if critical.bars is not None and critical.bars.terms
+            else "; error of the flow not known"
+        )
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   probability of motion at an instant {own.probability:.3g} "

@@ -15,7 +15,9 @@ from ..planning.driving_force import DisplacedFluid
 from ..planning.flow_setup import Setup
 from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
 
-INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon, in the limit of large Reynolds numbers
+INTEGRAL = (
+    0.43  # longitudinal integral scale over k^1.5/epsilon, in the limit of large Reynolds numbers
+)
 AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
 LARGEST = 3.0  # intensity, beyond which the laws are not those of a stream
 
@@ -70,7 +72,9 @@ class Stream:
     @cached_property
     def _faster(self) -> Callable[[float], Stream]:
         return cache(
-            lambda strength: self if strength == 1.0 else replace(self, setup=self.setup.faster(strength))
+            lambda strength: (
+                self if strength == 1.0 else replace(self, setup=self.setup.faster(strength))
+            )
         )
 
     def require_intensity(self) -> None:

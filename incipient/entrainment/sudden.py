@@ -90,5 +90,7 @@ class CriticalStrength:
         )
         value = safety_factor(load, self.contacts, self.friction).value
         return float(
-            np.clip(math.log(value) if value > 0.0 else -math.inf, -LARGEST_LOGARITHM, LARGEST_LOGARITHM)
+            np.clip(
+                math.log(value) if value > 0.0 else -math.inf, -LARGEST_LOGARITHM, LARGEST_LOGARITHM
+            )
         )

@@ -81,7 +81,9 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
         "rocking": rocking.to_dict(),
         "note": RENEWED.format(
             drift=rocking.drift(rocking.last),
-            more=OTHER_CONTACTS if len(rocking.last.contacts) != len(rocking.rests[0].contacts) else "",
+            more=OTHER_CONTACTS
+            if len(rocking.last.contacts) != len(rocking.rests[0].contacts)
+            else "",
             keys=standing(rocking.last.placement),
         ),
     }
@@ -100,7 +102,14 @@ def bar_with_rocking(
     value, error = math.inf if factor is None else factor, share + drift
     low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
     return replace(
-        bar, value=value, low=low, high=high, certain=False, modes=(mode,), complete=False, frozen=drift
+        bar,
+        value=value,
+        low=low,
+        high=high,
+        certain=False,
+        modes=(mode,),
+        complete=False,
+        frozen=drift,
     )
 
 

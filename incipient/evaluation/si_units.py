@@ -10,7 +10,10 @@ from ..scene.units import nominal_diameter
 
 
 def in_si(
-    scene: Scene, factor: float = 1.0, force: np.ndarray | None = None, couple: np.ndarray | None = None
+    scene: Scene,
+    factor: float = 1.0,
+    force: np.ndarray | None = None,
+    couple: np.ndarray | None = None,
 ) -> dict[str, Any] | None:
     """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
 
@@ -34,7 +37,10 @@ def in_si(
         found["bed_stress"] = factor * scales.stress * Setup(scene).bed_stress(factor)
         found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
     if force is not None and couple is not None:
-        found |= {"force": (scales.force * force).tolist(), "couple": (scales.couple * couple).tolist()}
+        found |= {
+            "force": (scales.force * force).tolist(),
+            "couple": (scales.couple * couple).tolist(),
+        }
     if scene.time is not None:
         found["end"] = scales.time * scene.time.end
     return found

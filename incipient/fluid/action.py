@@ -77,7 +77,10 @@ class PressureForce:
         self._form = form
         velocities = space.velocity.dofmap.index_map.size_local * space.gdim
         pressures = space.pressure.dofmap.index_map.size_local
-        self._velocities, self._pressures = space.velocity_map[:velocities], space.pressure_map[:pressures]
+        self._velocities, self._pressures = (
+            space.velocity_map[:velocities],
+            space.pressure_map[:pressures],
+        )
         self._made: dict[
             bool, tuple[Any, Any, Any, Any]
         ] = {}  # form, matrix and vectors, by whether transposed

@@ -12,7 +12,17 @@ from mpi4py import MPI
 
 from .. import compat
 from ..mesh.domain import Domain
-from .conditions import Carried, Condition, Entering, FreeSurface, Friction, Open, Prescribed, Seeping, Slip
+from .conditions import (
+    Carried,
+    Condition,
+    Entering,
+    FreeSurface,
+    Friction,
+    Open,
+    Prescribed,
+    Seeping,
+    Slip,
+)
 from .entry import Entry
 from .space import TaylorHood, boundary_blocks
 
@@ -34,10 +44,14 @@ class Constraints:
         self.points = space.velocity_points()
         prescribed = [c for c in conditions if isinstance(c, Prescribed)]
         self.prescribe(conditions)
-        self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
+        self._slip = [
+            c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None
+        ]
         self.friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
-        self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
+        self._carried = {
+            name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried
+        }
         given = [c.boundary for c in prescribed]
         self.entries = tuple(
             Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
@@ -83,7 +97,9 @@ class Constraints:
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
         """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
         names = self.open if surface is None else (*self.open, surface.boundary)
-        nodes = [boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names]
+        nodes = [
+            boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names
+        ]
         return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
 
     def update(self, t: float) -> None:
@@ -139,7 +155,9 @@ class Constraints:
             conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
         for entry in self.entries:
             facets = domain.facets_of(entry.boundary)
-            conditions.append(_on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets))
+            conditions.append(
+                _on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets)
+            )
         if prescribed:
             facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
             conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))

@@ -63,7 +63,9 @@ class Fluid(FlowEquations):
             self._vector = self.holding(petsc.assemble_vector(self._residual))
             self._correction = self.holding(self._vector.duplicate())
             self._state_view = self.holding(compat.vec_view(self.state))
-            self.solver: LinearSolver = self.holding(self._two_level(coarse) if coarse else self._one_level())
+            self.solver: LinearSolver = self.holding(
+                self._two_level(coarse) if coarse else self._one_level()
+            )
             on_failure.pop_all()
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
@@ -91,7 +93,9 @@ class Fluid(FlowEquations):
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
-        model = replace(self.model, order=order, solver="block" if self.coarse else self.model.solver)
+        model = replace(
+            self.model, order=order, solver="block" if self.coarse else self.model.solver
+        )
         return Fluid(self.domain, model, self.conditions, self.reynolds)
 
     def _one_level(self) -> LinearSolver:
@@ -102,8 +106,12 @@ class Fluid(FlowEquations):
     def _two_level(self, coarse: Fluid) -> LinearSolver:
         """The solver by the flow in elements of lower order. The action's quadrature is that of preconditioners."""
         equations = self._equations()
-        measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
-        action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
+        measure = ufl.dx(
+            domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order}
+        )
+        action = Action(
+            self.state, partial(self.residual_form, measure=measure), equations.owned_held()
+        )
         force = PressureForce(self.space, partial(self.pressure_force, measure))
         actions = self.holding(action).times, self.holding(force)
         return TwoLevel(*actions, equations, (coarse.solver, coarse._equations()))
@@ -168,7 +176,11 @@ class Fluid(FlowEquations):
         return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
 
     def _solve_step(
-        self, tolerance: float, max_iterations: int, watch: Callable[[int, float], Any], remember: bool
+        self,
+        tolerance: float,
+        max_iterations: int,
+        watch: Callable[[int, float], Any],
+        remember: bool,
     ) -> newton.NewtonReport:
         """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`).
 
@@ -177,7 +189,9 @@ class Fluid(FlowEquations):
         known = self._contraction if remember else None
         before = self.solver.statistics.factorisations
         try:
-            report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+            report = newton.solve_by_chords(
+                self, tolerance, max_iterations, watch, self._aged, known
+            )
         except UnsolvedError:
             report = newton.NewtonReport(False, (), np.inf)
         if remember or self.solver.statistics.factorisations != before:
@@ -261,7 +275,9 @@ class Fluid(FlowEquations):
         self._assemble_local(self._vector, self._residual)
         if self._lift:
             # Only the first correction changes boundary values; later ones vanish there.
-            petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._state_view], -1.0)
+            petsc.apply_lifting(
+                self._vector, [self._jacobian], [conditions], [self._state_view], -1.0
+            )
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
 
@@ -302,7 +318,9 @@ class Fluid(FlowEquations):
         w, q = ufl.TestFunctions(self.space.mixed)
         near = self.constraints.carried_cells()
         forms = (self.residual_form(w, q), self.residual_form(w, q, near))
-        return tuple(compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms)
+        return tuple(
+            compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms
+        )
 
     def _assemble_action(self, action: Any, forcing: np.ndarray) -> None:
         """A Jacobian, conditions not applied, times the direction, and the forcing."""
@@ -322,7 +340,10 @@ class Fluid(FlowEquations):
         return self._vector.array_r.copy()
 
     def _relative_size(self) -> float:
-        parts = [values[self._owned_velocities] for values in (self._correction.array_r, self.state.x.array)]
+        parts = [
+            values[self._owned_velocities]
+            for values in (self._correction.array_r, self.state.x.array)
+        ]
         change, whole = self.domain.comm.allreduce(np.array([part @ part for part in parts]))
         if change <= self.negligible**2 * self.space.velocity_nodes():
             return 0.0

@@ -62,7 +62,9 @@ class FlowEquations:
         self.space: TaylorHood = taylor_hood(mesh, model.order)
         self.constraints = Constraints(domain, self.space, conditions, level=level)
         self.state = dolfinx.fem.Function(self.space.mixed)
-        self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
+        self.history = tuple(
+            dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady)
+        )
         self._reynolds, self._time = self.space.constant(reynolds), self.space.constant(0.0)
         self.rate = tuple(self.space.constant(0.0) for _ in range(3))
         self._acceleration = self.space.constant(0.0)
@@ -102,7 +104,12 @@ class FlowEquations:
     # -- the residual ---------------------------------------------------------------------------
 
     def residual_form(
-        self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None, upwind: bool = True
+        self,
+        w: Any,
+        q: Any,
+        cells: np.ndarray | None = None,
+        measure: Any = None,
+        upwind: bool = True,
     ) -> Any:
         """The residual of the present state as a UFL form, tested with velocity w and pressure q.
 
@@ -138,7 +145,9 @@ class FlowEquations:
         if rate is not None:
             yield forms.RateOfChange(rate)
         if carrier is not None:
-            yield forms.Convection(carrier, self.constraints.crossed() if model.energy_stable else None)
+            yield forms.Convection(
+                carrier, self.constraints.crossed() if model.energy_stable else None
+            )
         if model.inertia and model.stabilisation:
             yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
         upwind = model.inertia and model.upwind and upwind
@@ -150,14 +159,18 @@ class FlowEquations:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
             viscous = model.viscosity is None and not model.exact
-            yield forms.StreamlineUpwind(carrier, along, viscosity, self._upwind_size(), viscous, rate, force)
+            yield forms.StreamlineUpwind(
+                carrier, along, viscosity, self._upwind_size(), viscous, rate, force
+            )
         if force is not None:
             yield forms.BodyForce(force)
         if self.constraints.crossings:
             # In the plane flow past a grain on sand is not found with it (tests/end_to_end/test_rough_beds.py).
             in_space = self.domain.gdim == 3 and model.viscosity is not None
             returning = carrier if in_space else None
-            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings), returning)
+            yield forms.OpenBoundary(
+                viscosity, self.domain.measure(*self.constraints.crossings), returning
+            )
         if self.walls is not None:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:
@@ -242,7 +255,9 @@ class FlowEquations:
 
     def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
         """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
-        for one, value in zip((*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True):
+        for one, value in zip(
+            (*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True
+        ):
             one.value = value
 
     @property
@@ -306,7 +321,9 @@ class FlowEquations:
 
     def speed(self) -> float:
         """Root mean square of the speed over the velocity nodes. Collective."""
-        return float(np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes()))
+        return float(
+            np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes())
+        )
 
     def squared_velocities(self, values: np.ndarray) -> float:
         """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""

@@ -31,7 +31,9 @@ class WallMotion:
     def __init__(self, mesh: Any):
         x = ufl.SpatialCoordinate(mesh)
         sizes = (len(x), 1 if len(x) == 2 else 3, len(x))
-        self._parts = [dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes]
+        self._parts = [
+            dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes
+        ]
         velocity, spin, place = self._parts
         self.velocity = rigid_velocity(velocity, spin, x - place)
 
@@ -64,7 +66,10 @@ class WallLoad:
         shear_velocity: Any,
     ):
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
-        self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
+        self._normal, self._held = (
+            ufl.FacetNormal(domain.mesh),
+            HELD * flow.order**2 / cell_size(domain.mesh),
+        )
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
@@ -76,7 +81,8 @@ class WallLoad:
         """
         v, p = ufl.split(state)
         return sum(
-            self._of(wall, distance, (v, p, rate), (w, q)) * self._measure(self._names[wall.boundary])
+            self._of(wall, distance, (v, p, rate), (w, q))
+            * self._measure(self._names[wall.boundary])
             for wall, distance in self._walls
         )
 
@@ -86,7 +92,9 @@ class WallLoad:
             if wall.axis is None:
                 held.value = distance
 
-    def carry(self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
+    def carry(
+        self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray
+    ) -> None:
         """Let a wall that moves have a velocity, spin and centre, see `Motion.give`. Not collective."""
         self._motions[boundary].give(velocity, spin, place)
 
@@ -130,7 +138,9 @@ class WallLoad:
         (wall, distance), n = self._at(boundary), self._normal
         of_molecules, whole = self._viscosity
         along = v - ufl.inner(v, n) * n
-        rubbing = friction(along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance))
+        rubbing = friction(
+            along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance)
+        )
         normal = p - 2 * whole * ufl.inner(ufl.dot(ufl.grad(v), n), n)
         if held:
             normal += (speed(v) + self._held * whole) * ufl.inner(v, n)
@@ -146,7 +156,9 @@ class WallLoad:
         of_molecules, whole = self._viscosity
         n, beside = self._normal, wall.axis is not None
         along = v if beside else v - ufl.inner(v, n) * n
-        rubbing = friction(along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance))
+        rubbing = friction(
+            along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance)
+        )
         if beside:
             return rubbing + layer(p, rate, w, distance)
         return rubbing + impermeable(v, p, w, q, n, whole, speed(v) + self._held * whole)

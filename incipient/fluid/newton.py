@@ -102,7 +102,9 @@ def solve(
     error = np.inf
     for iteration in range(max_iterations):
         rtol = (_rough_inner_tolerance if iterative else _inner_tolerance)(sizes, tolerance)
-        slow = bool(sizes) and sizes[-1] > 0.05  # the state changes so much that old factors would not help
+        slow = (
+            bool(sizes) and sizes[-1] > 0.05
+        )  # the state changes so much that old factors would not help
         sizes.append(system.correction(rtol=rtol, fresh=slow))
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
@@ -141,10 +143,14 @@ def solve_by_chords(
         if not np.isfinite(sizes[-1]) or _growing(sizes):
             break
         error = (
-            known.error_left(sizes[0]) if known and len(kept) == 1 and kept[0] > 0.0 else _error_left(kept)
+            known.error_left(sizes[0])
+            if known and len(kept) == 1 and kept[0] > 0.0
+            else _error_left(kept)
         )
         if error <= tolerance:
-            return NewtonReport(True, tuple(sizes), error, known.after(kept) if known else Contraction())
+            return NewtonReport(
+                True, tuple(sizes), error, known.after(kept) if known else Contraction()
+            )
         fresh = len(kept) > 1 and kept[-1] > WORST_CONTRACTION * kept[-2]
     return NewtonReport(False, tuple(sizes), np.inf)
 

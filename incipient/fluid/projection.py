@@ -31,10 +31,15 @@ class Projection:
     def __init__(self, fluid: Fluid):
         self.fluid, self._correction = fluid, dolfinx.fem.Function(fluid.space.mixed)
         self._left, self._right = _forms(fluid)
-        self._norms = [_squared_norm(fluid, function) for function in (self._correction, fluid.state)]
+        self._norms = [
+            _squared_norm(fluid, function) for function in (self._correction, fluid.state)
+        ]
         self._matrix = petsc.create_matrix(self._left)
         self._vector = compat.create_vector(self._right, fluid.space.mixed)
-        self._view, self._solver = compat.vec_view(self._correction), fluid.another_solver(self._matrix)
+        self._view, self._solver = (
+            compat.vec_view(self._correction),
+            fluid.another_solver(self._matrix),
+        )
 
     def __enter__(self) -> Projection:
         return self

@@ -15,7 +15,9 @@ from .solvers import Direct
 LOWEST_ORDER = 2
 
 
-def made(domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float) -> Fluid:
+def made(
+    domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
+) -> Fluid:
     """The fluid of a model, and that of order two where its systems are solved by two levels. Collective.
 
     The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.

@@ -64,7 +64,9 @@ class TaylorHood:
         chosen = np.arange(len(tags), dtype=np.int32) if cells is None else cells
         tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, chosen, tags[chosen])
         first, *others = (
-            ufl.Measure("dx", domain=mesh, subdomain_data=tagged, metadata={"quadrature_degree": degree})(tag)
+            ufl.Measure(
+                "dx", domain=mesh, subdomain_data=tagged, metadata={"quadrature_degree": degree}
+            )(tag)
             for tag, degree in enumerate(degrees[: 1 + polynomial], 1)
         )
         return sum(others, first)
@@ -82,7 +84,9 @@ class TaylorHood:
 
     def cells_at(self, blocks: np.ndarray) -> np.ndarray:
         """Local cells that have a velocity node among the local ones given, in ascending order. Not collective."""
-        return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(np.int32)
+        return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(
+            np.int32
+        )
 
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
@@ -142,7 +146,9 @@ def geometry_rows(function: Any) -> np.ndarray:
     return rows
 
 
-def set_geometry_function(function: Any, values: np.ndarray, rows: np.ndarray | None = None) -> None:
+def set_geometry_function(
+    function: Any, values: np.ndarray, rows: np.ndarray | None = None
+) -> None:
     """Give a function made by `geometry_function` its values (n, 3) at the rows of `mesh.geometry.x`."""
     gdim = function.function_space.mesh.geometry.dim
     chosen = geometry_rows(function) if rows is None else rows

@@ -100,7 +100,10 @@ def _from_order_two(
             fluid.state.x.array[:] = before
             return climb(fluid, tolerance)
         fluid.interpolate(coarse)
-    return (*steps, *climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP))
+    return (
+        *steps,
+        *climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP),
+    )
 
 
 def approach(

@@ -35,7 +35,9 @@ class SurfaceLoad:
         mesh, condition = domain.mesh, held.surface
         assert condition is not None
         self.condition, self.rate = condition, rate
-        self.space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+        self.space = compat.function_space(
+            mesh, compat.scalar_part(compat.coordinate_element(mesh))
+        )
         self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
         self.unfelt = dolfinx.fem.Function(self.space) if condition.pinned else None
         self._pressure = None if condition.pressure is None else dolfinx.fem.Function(self.space)
@@ -46,7 +48,10 @@ class SurfaceLoad:
         self.tension = tension if condition.tension > 0.0 else None
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self.place, self.normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
-        self._held, self._entering = held, [domain.measure(entry.boundary) for entry in held.entries]
+        self._held, self._entering = (
+            held,
+            [domain.measure(entry.boundary) for entry in held.entries],
+        )
         self._coming = next((entry.wave for entry in held.entries if entry.wave is not None), None)
         self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
         self._sponges = [_Sponge(flow, one, self._wave) for one in condition.sponges]
@@ -66,7 +71,9 @@ class SurfaceLoad:
 
     def of_pressure(self, p: Any, q: Any) -> Any:
         """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
-        return pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
+        return (
+            pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
+        )
 
     def _acting(self) -> SurfaceTerms:
         return SurfaceTerms(

@@ -74,7 +74,9 @@ class TimeStep:
     tolerance: float
 
 
-def backward_difference(order: int, step: float, ratio: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def backward_difference(
+    order: int, step: float, ratio: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Coefficients (a0, a1, a2) of dv/dt and (e1, e2) of the extrapolation.
 
     `ratio` is this step over the one before. Second order: a0 v + a1 v(n) + a2 v(n-1) is exact for
@@ -120,7 +122,9 @@ class Transient:
         self._past: list[Past] = []
         self._count, self.next_length = 0, 0.0
         self.last_error: float | None = None
-        self._new_mesh = -np.inf  # when the present mesh began: states up to then come from another one
+        self._new_mesh = (
+            -np.inf
+        )  # when the present mesh began: states up to then come from another one
         self._length_kept: float | None = None
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
@@ -136,7 +140,10 @@ class Transient:
         """
         start = self.fluid.time
         new = not self._past and self._length_kept is None
-        self.next_length, self._length_kept = self._length_kept or (first if new else 1.0) * step, None
+        self.next_length, self._length_kept = (
+            self._length_kept or (first if new else 1.0) * step,
+            None,
+        )
         if self.accuracy is not None and not self._past:
             self.next_length *= np.sqrt(self.accuracy)
         while end - self.fluid.time > 1e-9 * (end - start):
@@ -209,7 +216,9 @@ class Transient:
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
                 self._count += 1
-                return TimeStep(self._count, self.fluid.time, length, error, rejected, report, allowance)
+                return TimeStep(
+                    self._count, self.fluid.time, length, error, rejected, report, allowance
+                )
             self._restore()
             if not report.converged:
                 self.next_length = allowed
@@ -222,7 +231,11 @@ class Transient:
 
     def _remedy(self) -> str:
         """What a user may change when the flow alone fails: steps with extrapolated convection are linear."""
-        linear = ', numerics.convection = "extrapolated"' if self.fluid.model.convection == "implicit" else ""
+        linear = (
+            ', numerics.convection = "extrapolated"'
+            if self.fluid.model.convection == "implicit"
+            else ""
+        )
         return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
 
     def _allowed(self, length: float, good: bool) -> float:
@@ -234,7 +247,10 @@ class Transient:
     def _remember(self) -> None:
         """Put the present state at the head of the past, which holds at most three."""
         velocities = np.empty(0) if self.interface is None else self.interface.velocities()
-        self._past = [Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities), *self._past[:2]]
+        self._past = [
+            Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities),
+            *self._past[:2],
+        ]
 
     def _attempt(self, length: float) -> NewtonReport:
         """Solve for the end of a step; a flow set off at once from what a much shorter one makes of it, if need be."""
@@ -317,10 +333,16 @@ class Transient:
         """
         if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
-        return self.last_error if error is None or self.last_error is None else min(error, self.last_error)
+        return (
+            self.last_error
+            if error is None or self.last_error is None
+            else min(error, self.last_error)
+        )
 
     def _relative(self, values: np.ndarray) -> float:
-        error, whole = (self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array))
+        error, whole = (
+            self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array)
+        )
         return float(np.sqrt(error / whole)) if whole else 0.0
 
     def _next_length(self, taken: TimeStep) -> float:

@@ -31,7 +31,33 @@ __all__ = [
     "Ellipsoid",
     "Flat",
 ]
-__all__ += ["Grain", "HalfDiscs", "Harmonics", "HeightMap", "Hemispheres", "Line", "Placement", "Plane"]
-__all__ += ["Polygon", "Polyhedron", "Polyline", "Rectangle", "Ridges", "Settled", "SettlingOutcome"]
-__all__ += ["Sinusoidal", "Solid", "Sphere", "Spheres", "Spline", "Star", "Superellipse", "Superquadric"]
+__all__ += [
+    "Grain",
+    "HalfDiscs",
+    "Harmonics",
+    "HeightMap",
+    "Hemispheres",
+    "Line",
+    "Placement",
+    "Plane",
+]
+__all__ += [
+    "Polygon",
+    "Polyhedron",
+    "Polyline",
+    "Rectangle",
+    "Ridges",
+    "Settled",
+    "SettlingOutcome",
+]
+__all__ += [
+    "Sinusoidal",
+    "Solid",
+    "Sphere",
+    "Spheres",
+    "Spline",
+    "Star",
+    "Superellipse",
+    "Superquadric",
+]
 __all__ += ["Terrain", "Triangulated", "clearance", "lifted", "rest", "settle"]

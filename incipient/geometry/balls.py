@@ -41,7 +41,12 @@ class Balls(Shape):
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
     """Centres (n, dimension) and radii (n,) as tables, checked to be discs or spheres that hang together."""
     points, sizes = np.array(centres, dtype=float), np.array(radii, dtype=float)
-    if points.ndim != 2 or points.shape[1] != dimension or not len(points) or sizes.shape != (len(points),):
+    if (
+        points.ndim != 2
+        or points.shape[1] != dimension
+        or not len(points)
+        or sizes.shape != (len(points),)
+    ):
         raise SceneError(
             f"give one centre of {dimension} coordinates and one radius for each ball of a union"
         )

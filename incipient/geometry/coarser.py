@@ -36,7 +36,9 @@ class _Scan(ExactSurface):
 
     def draft(self) -> Draft:
         """The triangles themselves."""
-        return Draft(self.surface, np.zeros(self.surface.points.shape, dtype=bool), sharp=True, faceted=False)
+        return Draft(
+            self.surface, np.zeros(self.surface.points.shape, dtype=bool), sharp=True, faceted=False
+        )
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:
         """The nearest points of the triangles."""

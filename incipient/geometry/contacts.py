@@ -39,7 +39,9 @@ class Contacts:
         lengths = np.linalg.norm(normals, axis=1)
         worst = int(np.argmax(np.abs(lengths - 1.0)))
         if abs(lengths[worst] - 1.0) > UNIT_TOLERANCE:
-            raise SceneError(f"contacts: normal {worst} has length {lengths[worst]:g}; give unit normals")
+            raise SceneError(
+                f"contacts: normal {worst} has length {lengths[worst]:g}; give unit normals"
+            )
         freeze(self, "points", points)
         freeze(self, "normals", normals / lengths[:, None])
         if self.areas is not None:
@@ -54,18 +56,26 @@ def _table(name: str, value: Floats) -> Floats:
     if table.size == 0:
         return np.empty((0, 3))
     if table.ndim != 2 or table.shape[1] != 3:
-        raise SceneError(f"contacts: {name} have shape {table.shape}; give (n, 3), in the plane with zeros")
+        raise SceneError(
+            f"contacts: {name} have shape {table.shape}; give (n, 3), in the plane with zeros"
+        )
     if not np.isfinite(table).all():
-        raise SceneError(f"contacts: {name} contain a number that is not finite; give finite numbers")
+        raise SceneError(
+            f"contacts: {name} contain a number that is not finite; give finite numbers"
+        )
     return table
 
 
 def _areas(value: Floats, count: int) -> Floats:
     areas = np.array(value, dtype=float)
     if areas.shape != (count,):
-        raise SceneError(f"contacts: areas have shape {areas.shape}; give one for each of {count} points")
+        raise SceneError(
+            f"contacts: areas have shape {areas.shape}; give one for each of {count} points"
+        )
     if not (np.isfinite(areas).all() and (areas >= 0.0).all()):
-        raise SceneError("contacts: areas must be finite and not negative; give 0 for point contacts")
+        raise SceneError(
+            "contacts: areas must be finite and not negative; give 0 for point contacts"
+        )
     return areas
 
 

@@ -22,7 +22,10 @@ from .touching import contact_normals
 
 SAME_PLACE = 1e-6  # of the grain's size: two points as near are one
 SAME_NORMAL = 1e-6
-SEATINGS, SEATED = 12, 1e-11  # steps of Newton's method, and the last one's length in the grain's size
+SEATINGS, SEATED = (
+    12,
+    1e-11,
+)  # steps of Newton's method, and the last one's length in the grain's size
 WANDERS = 4.0  # gaps by which a contact may be elsewhere when the grain is a gap away
 
 
@@ -62,7 +65,9 @@ class NearBed:
         )
         return found.only(_distinct(found, SAME_PLACE * self.grain.size))
 
-    def seated(self, placement: Placement, gap: float, places: Floats, before: float = 0.0) -> Placement:
+    def seated(
+        self, placement: Placement, gap: float, places: Floats, before: float = 0.0
+    ) -> Placement:
         """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
         size, d, within = self.grain.size, placement.gdim, WANDERS * max(gap, before)
         for _ in range(SEATINGS):
@@ -70,7 +75,11 @@ class NearBed:
             apart = np.linalg.norm(found.points[:, None] - places[None, :, :d], axis=2)
             near = found.only(apart.min(axis=1, initial=np.inf) <= within)
             arms = near.points - np.asarray(placement.centre)
-            turns = planar_cross(arms, near.normals)[:, None] if d == 2 else np.cross(arms, near.normals)
+            turns = (
+                planar_cross(arms, near.normals)[:, None]
+                if d == 2
+                else np.cross(arms, near.normals)
+            )
             rows = np.hstack([size * near.normals, turns])
             way = np.linalg.lstsq(rows, gap - near.gaps, rcond=1e-10)[0]
             placement = placement.moved(size * way[:d], way[d:])
@@ -82,16 +91,24 @@ class NearBed:
         assert isinstance(self.grain, Grain) and isinstance(self.bed, Bed)
         if (found := self._of_disc(placement, within)) is not None:
             return found
-        near = [one for one in approaches(self.grain, placement, self.bed, within) if one.distance <= within]
+        near = [
+            one
+            for one in approaches(self.grain, placement, self.bed, within)
+            if one.distance <= within
+        ]
         # Along a side that lies on the bed every sample is a minimum: its corners stand for all.
         flat = len(self._corners) > 0 and len(near) > len(self._corners)
-        near = [one for one in near if one.normal is None or not flat] + self._corners_near(placement, within)
+        near = [one for one in near if one.normal is None or not flat] + self._corners_near(
+            placement, within
+        )
         rows = [
             (one.distance, one.on_grain, -normal)
             for one in near
             for normal in contact_normals(one, self.bed, SAME_PLACE * self.grain.size)
         ]
-        gaps, points, normals = zip(*rows, strict=True) if rows else ((), np.empty((0, 2)), np.empty((0, 2)))
+        gaps, points, normals = (
+            zip(*rows, strict=True) if rows else ((), np.empty((0, 2)), np.empty((0, 2)))
+        )
         return Gaps(np.array(gaps), np.array(points), np.array(normals))
 
     def _of_disc(self, placement: Placement, within: float) -> Gaps | None:
@@ -123,7 +140,10 @@ class NearBed:
         """The corners (n, 2) of a grain in the plane, in the body frame."""
         assert isinstance(self.grain, Grain)
         outline = placed_outline(self.grain, Placement((0.0, 0.0)))
-        ends = [(outline[k - 1].tangent(1.0)[0], curve.tangent(0.0)[0]) for k, curve in enumerate(outline)]
+        ends = [
+            (outline[k - 1].tangent(1.0)[0], curve.tangent(0.0)[0])
+            for k, curve in enumerate(outline)
+        ]
         sharp = [k for k, (one, other) in enumerate(ends) if np.abs(one - other).max() > 1e-9]
         return np.array([outline[k].point(0.0)[0] for k in sharp]).reshape(-1, 2)
 

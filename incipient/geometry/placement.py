@@ -32,7 +32,9 @@ class Placement:
         object.__setattr__(self, "centre", tuple(float(c) for c in self.centre))
         object.__setattr__(self, "angle", float(self.angle))
         if not np.isfinite([*self.centre, self.angle]).all():
-            raise SceneError(f"the placement {self.centre}, {self.angle} is not finite; give finite numbers")
+            raise SceneError(
+                f"the placement {self.centre}, {self.angle} is not finite; give finite numbers"
+            )
         if len(self.centre) == 3:
             object.__setattr__(self, "quaternion", self._unit_quaternion())
         elif self.quaternion is not None:
@@ -47,7 +49,9 @@ class Placement:
         given = np.array(self.quaternion, dtype=float)
         length = float(np.linalg.norm(given)) if given.shape == (4,) else np.nan
         if not abs(length - 1.0) <= UNIT_TOLERANCE:
-            raise SceneError(f"the quaternion {self.quaternion} is not of unit length; normalise it")
+            raise SceneError(
+                f"the quaternion {self.quaternion} is not of unit length; normalise it"
+            )
         w, x, y, z = (given / length).tolist()
         return w, x, y, z
 
@@ -60,7 +64,9 @@ class Placement:
     def rotation(self) -> Floats:
         """The matrix (gdim, gdim), not to be written to, that turns body coordinates into scene directions."""
         c, s = np.cos(self.angle), np.sin(self.angle)
-        matrix = np.array([[c, -s], [s, c]]) if self.quaternion is None else _matrix(self.quaternion)
+        matrix = (
+            np.array([[c, -s], [s, c]]) if self.quaternion is None else _matrix(self.quaternion)
+        )
         matrix.flags.writeable = False
         return matrix
 

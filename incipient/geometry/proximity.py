@@ -8,7 +8,9 @@ from incipient.geometry.space.closest import DistanceMinima, SpatialProximity
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
 
-Near = PlanarMinima | DistanceMinima  # places where a grain is close to its bed: gaps, points and normals
+Near = (
+    PlanarMinima | DistanceMinima
+)  # places where a grain is close to its bed: gaps, points and normals
 
 
 def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> PlanarProximity | SpatialProximity:

@@ -22,7 +22,10 @@ SECTIONS, ROUNDS = 16, 14  # of brackets: 2 out of 16 remain after a round
 
 
 def rest(
-    grain: Grain | Solid, bed: Bed | Terrain, x: float | Sequence[float], angle: float | Sequence[float] = 0.0
+    grain: Grain | Solid,
+    bed: Bed | Terrain,
+    x: float | Sequence[float],
+    angle: float | Sequence[float] = 0.0,
 ) -> Placement:
     """The grain turned by `angle`, its centroid above `x`, lowered vertically until it touches the bed.
 
@@ -85,7 +88,9 @@ def _smallest_drop(outline: Outline, curves: np.ndarray, bed: Bed, size: float) 
     right = lowest + (lowest < len(s) - 1) * np.append(joined, False)[lowest]
     low = np.concatenate([s[left], s[lowest]])
     high = np.concatenate([s[lowest], s[right]])
-    return float(min(drop.min(), _sectioned(outline, np.tile(curve[lowest], 2), bed, low, high).min()))
+    return float(
+        min(drop.min(), _sectioned(outline, np.tile(curve[lowest], 2), bed, low, high).min())
+    )
 
 
 def _drop(outline: Outline, curve: np.ndarray, bed: Bed, s: Floats) -> Floats:
@@ -110,7 +115,9 @@ def _sectioned(outline: Outline, curve: np.ndarray, bed: Bed, low: Floats, high:
     return _drop(outline, curve, bed, 0.5 * (low + high))
 
 
-def clearance(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain) -> tuple[float, Floats, Floats]:
+def clearance(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain
+) -> tuple[float, Floats, Floats]:
     """The smallest distance from the bed, and the points (gdim,) on grain and bed where it occurs.
 
     Exact to 1e-10 of the grain's size (in space on smooth beds as long as it is less than their feature);

@@ -24,7 +24,15 @@ from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.footprint import footprint
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
-from incipient.geometry.statics import Grip, balance, free_motions, grip, nearest_motion, tangents, wrenches
+from incipient.geometry.statics import (
+    Grip,
+    balance,
+    free_motions,
+    grip,
+    nearest_motion,
+    tangents,
+    wrenches,
+)
 from incipient.geometry.touching import touching
 
 # In grain sizes.
@@ -87,7 +95,9 @@ def settle(
     Raises SceneError if grain and bed are not of one dimension, or gravity or friction make no sense.
     """
     down = _downward(gravity, grain.gdim)
-    return settle_under(grain, bed, start, down, np.zeros(2 * grain.gdim - 3), friction, reach, max_steps)
+    return settle_under(
+        grain, bed, start, down, np.zeros(2 * grain.gdim - 3), friction, reach, max_steps
+    )
 
 
 def settle_under(
@@ -107,9 +117,13 @@ def settle_under(
     Raises SceneError as `settle` does.
     """
     if not friction >= 0.0:
-        raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
+        raise SceneError(
+            f"friction {friction} is not a coefficient; give a number that is not negative"
+        )
     if start.gdim != grain.gdim:
-        raise SceneError(f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}")
+        raise SceneError(
+            f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
+        )
     load = np.append(force, np.asarray(couple) / grain.size) / float(np.linalg.norm(force))
     return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
 
@@ -220,7 +234,9 @@ class _Descent:
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
-        turned = np.linalg.norm(placement.turn_since(start)) if self.load[len(x) + 1 :].any() else 0.0
+        turned = (
+            np.linalg.norm(placement.turn_since(start)) if self.load[len(x) + 1 :].any() else 0.0
+        )
         return bool(beyond.any() or max(np.linalg.norm(x - x0), 0.25 * turned * self.size) > reach)
 
     def _touching(self, placement: Placement, near: Near, tolerance: float) -> Near:
@@ -242,7 +258,9 @@ class _Descent:
         """What contacts leave of the weight."""
         return balance(self._grip(placement, touching).rows, self.load)[0]
 
-    def _step(self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float) -> Floats:
+    def _step(
+        self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float
+    ) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
         hold = self._grip(placement, touching).rows
         closing = self._closing(placement, near)
@@ -393,7 +411,9 @@ class _Descent:
 
     def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""
-        left, values, right = np.linalg.svd(self._derivative(placement, carrying), full_matrices=True)
+        left, values, right = np.linalg.svd(
+            self._derivative(placement, carrying), full_matrices=True
+        )
         # Away from equilibrium what is free has small values, too, in proportion to the error.
         small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
         rank = int((values > small * max(values[0], 1e-300)).sum())
@@ -415,7 +435,9 @@ class _Descent:
         """The derivative of the error by the motion, by central differences."""
         h, columns = 1e-6, []
         for motion in h * np.eye(len(self.load)):
-            ahead, behind = (self._error(self._moved(placement, s * motion), carrying) for s in (1.0, -1.0))
+            ahead, behind = (
+                self._error(self._moved(placement, s * motion), carrying) for s in (1.0, -1.0)
+            )
             columns.append((ahead - behind) / (2.0 * h))
         return np.column_stack(columns)
 
@@ -431,7 +453,9 @@ class _Descent:
         if values[0] > -SOFTEST:
             return None
         # Disturbed one way or the other it must get lower without being in the way of the bed.
-        ends = (self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
+        ends = (
+            self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)
+        )
         lowered = (self._proximity.lowered(end) for end in ends)
         falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
         return direction if falls else None
@@ -470,7 +494,9 @@ class _Descent:
             if np.abs(moved.gaps).max() <= 1e-14 * self.size:
                 break
             rows = self._closing(placement, moved)
-            placement = self._moved(placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0])
+            placement = self._moved(
+                placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
+            )
         return placement
 
     # Results.

@@ -52,7 +52,9 @@ def grip(normals: Floats, arms: Floats, friction: float, size: float) -> Grip:
         forces = [normals + friction * along[0], normals - friction * along[0]]
     else:
         angles = 2.0 * np.pi * np.arange(PYRAMID) / PYRAMID
-        forces = [normals + friction * (np.cos(a) * along[0] + np.sin(a) * along[1]) for a in angles]
+        forces = [
+            normals + friction * (np.cos(a) * along[0] + np.sin(a) * along[1]) for a in angles
+        ]
     rows = np.vstack([wrenches(force, arms, size) for force in forces])
     return Grip(rows, np.tile(np.arange(len(normals)), len(forces)))
 

@@ -22,7 +22,9 @@ Contact = tuple[Floats, Floats, float]  # point (2,), normal (2,) out of the gra
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
-def touching(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float) -> Contacts:
+def touching(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float
+) -> Contacts:
     """All contacts of a grain whose distance from the bed is at most `tolerance` (a length, scene units).
 
     Point contacts are the local minima of the distance along the outline (in space: over the surface). A
@@ -36,7 +38,9 @@ def touching(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tol
     Raises SceneError if nothing touches, or if only one of grain and bed is planar.
     """
     if not tolerance > 0.0:
-        raise SceneError(f"contact tolerance {tolerance} is not a positive length; give a positive number")
+        raise SceneError(
+            f"contact tolerance {tolerance} is not a positive length; give a positive number"
+        )
     if isinstance(grain, Grain) and isinstance(bed, Bed):
         return _planar(grain, placement, bed, tolerance)
     near = proximity(grain, bed)
@@ -63,14 +67,21 @@ def require_on_grain(
     For contacts that come from elsewhere than `touching`. Raises SceneError, which names the first such contact.
     """
     d = grain.gdim
-    x, normals = placement.to_body(contacts.points[:, :d]), contacts.normals[:, :d] @ placement.rotation
+    x, normals = (
+        placement.to_body(contacts.points[:, :d]),
+        contacts.normals[:, :d] @ placement.rotation,
+    )
     away = np.hypot(_distance(grain, x), np.linalg.norm(contacts.points[:, d:], axis=1))
     if (away > tolerance).any():
         k = int(np.argmax(away > tolerance))
-        raise SceneError(f"contacts: point {k} is {away[k]:.3g} off the grain; move it onto the surface")
+        raise SceneError(
+            f"contacts: point {k} is {away[k]:.3g} off the grain; move it onto the surface"
+        )
     inward = (grain.normal(x) * normals).sum(axis=1) < 0.0
     if inward.any():
-        raise SceneError(f"contacts: normal {int(np.argmax(inward))} points into the grain; turn it round")
+        raise SceneError(
+            f"contacts: normal {int(np.argmax(inward))} points into the grain; turn it round"
+        )
 
 
 def _distance(grain: Grain | Solid, x: Floats) -> Floats:
@@ -96,7 +107,9 @@ def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> C
                 if not _is_repeated(approach.on_grain, normal, contacts, patches, tolerance):
                     contacts.append((approach.on_grain, normal, 0.0))
     if not contacts:
-        raise SceneError(f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x")
+        raise SceneError(
+            f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x"
+        )
     points, normals, areas = (np.array(column) for column in zip(*contacts, strict=True))
     return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
@@ -168,7 +181,9 @@ def _is_repeated(
     point: Floats, normal: Floats, contacts: list[Contact], patches: list[Patch], tolerance: float
 ) -> bool:
     """Whether a point contact was found before, or lies on a patch."""
-    if any(_same(point, at, tolerance) and _same(normal, n, SAME_DIRECTION) for at, n, _ in contacts):
+    if any(
+        _same(point, at, tolerance) and _same(normal, n, SAME_DIRECTION) for at, n, _ in contacts
+    ):
         return True
     return any(
         _same(normal, outward, SAME_DIRECTION)

@@ -70,11 +70,15 @@ class RisingDisplacement:
         spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
         self._spread = _factorised(spread, symmetric=True)
         spread.destroy()
-        measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(domain.names[boundary])
+        measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(
+            domain.names[boundary]
+        )
         self.area = _assembled(below(u, q, ufl.FacetNormal(domain.mesh)) * measure)
         ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
         own = self.nodes[: self.owned]
-        self._free = np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.int32), *ends])).astype(np.int32)
+        self._free = np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.int32), *ends])).astype(
+            np.int32
+        )
         self._averaged = self.factors(self.area, symmetric=True)
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0

@@ -52,13 +52,17 @@ class Places:
 
     def at(self, rows: Any) -> Places:
         """The places of some of the points."""
-        return Places(self.cells[rows], self.reference[rows], self.distances[rows], self.remoteness[rows])
+        return Places(
+            self.cells[rows], self.reference[rows], self.distances[rows], self.remoteness[rows]
+        )
 
     def within(self, reach: float) -> Places:
         """The places, those farther out of their cells in barycentric coordinates moved to near points of these."""
         coordinates = _barycentric(self.reference)
         far = coordinates.min(axis=1) < -reach
-        return replace(self, reference=np.where(far[:, None], _clipped(coordinates)[:, 1:], self.reference))
+        return replace(
+            self, reference=np.where(far[:, None], _clipped(coordinates)[:, 1:], self.reference)
+        )
 
     @classmethod
     def joined(cls, parts: list[Places]) -> Places:
@@ -81,7 +85,9 @@ class Locator:
         self._inverses = _inverses((vertices[:, 1:] - vertices[:, :1]).transpose(0, 2, 1))
         self._middles = vertices.mean(axis=1)
         self._radii = np.linalg.norm(hull - self._middles[:, None], axis=2).max(axis=1)
-        slopes = np.concatenate([-self._inverses.sum(axis=1, keepdims=True), self._inverses], axis=1)
+        slopes = np.concatenate(
+            [-self._inverses.sum(axis=1, keepdims=True), self._inverses], axis=1
+        )
         products = slopes @ slopes.transpose(0, 2, 1)
         # How barycentric coordinates change on the way straight to the face where one of them vanishes.
         self._ways = products / np.einsum("cii->ci", products)[..., None]
@@ -129,8 +135,12 @@ class Locator:
             return np.empty(0, np.int64), np.empty(0, np.int64)
         low, high = _box(points)
         reach = self._radii[:, None] * (1 - 10 * INSIDE)
-        near = np.flatnonzero(((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1))
-        held = _tree(points).query_ball_point(self._middles[near], reach[near, 0], return_sorted=False)
+        near = np.flatnonzero(
+            ((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1)
+        )
+        held = _tree(points).query_ball_point(
+            self._middles[near], reach[near, 0], return_sorted=False
+        )
         counts = np.fromiter(map(len, held), np.int64, len(near))
         rows = np.fromiter(chain.from_iterable(held), np.int64, int(counts.sum()))
         return rows, np.repeat(near, counts)
@@ -152,7 +162,9 @@ class Locator:
 
     def _straight_distances(self, points: Floats, cells: Integers, coordinates: Floats) -> Floats:
         vertices = self._nodes[cells, : self.gdim + 1]
-        near = [np.einsum("pkv,pkvg->pkg", c, vertices) for c in self._near_points(coordinates, cells)]
+        near = [
+            np.einsum("pkv,pkvg->pkg", c, vertices) for c in self._near_points(coordinates, cells)
+        ]
         return np.minimum(*(np.linalg.norm(x - points[:, None], axis=2) for x in near))
 
     def _near_points(self, coordinates: Floats, cells: Integers) -> tuple[Floats, Floats]:
@@ -162,7 +174,9 @@ class Locator:
         """
         face = coordinates.argmin(axis=-1)[..., None]
         beyond = np.minimum(np.take_along_axis(coordinates, face, -1), 0.0)
-        return _clipped(coordinates), _clipped(coordinates - beyond * self._ways[cells, face[..., 0]])
+        return _clipped(coordinates), _clipped(
+            coordinates - beyond * self._ways[cells, face[..., 0]]
+        )
 
     def _nearest_of(self, points: Floats, cells: Integers, start: Floats) -> Places:
         """The nearest of some cells (n, k), of which coordinates (n, k, gdim) in the straight ones are known."""
@@ -198,15 +212,21 @@ class Locator:
         if self._element.degree == 1 or not len(points):
             return start, np.ones(len(points), dtype=bool)
         parts = [slice(k, k + PAIRS) for k in range(0, len(points), PAIRS)]
-        found = [self._newton(points[part], self._nodes[cells[part]], start[part]) for part in parts]
+        found = [
+            self._newton(points[part], self._nodes[cells[part]], start[part]) for part in parts
+        ]
         return np.concatenate([reference for reference, _ in found]), np.concatenate(
             [good for _, good in found]
         )
 
-    def _newton(self, points: Floats, nodes: Floats, start: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def _newton(
+        self, points: Floats, nodes: Floats, start: Floats
+    ) -> tuple[Floats, NDArray[np.bool_]]:
         reference, left = start.copy(), np.arange(len(points))
         for _ in range(NEWTON_STEPS):
-            table = self._element.tabulate(1, reference[left])[..., 0].transpose(1, 0, 2) @ nodes[left]
+            table = (
+                self._element.tabulate(1, reference[left])[..., 0].transpose(1, 0, 2) @ nodes[left]
+            )
             jacobians, misfit = table[:, 1:].transpose(0, 2, 1), table[:, 0] - points[left]
             steps = np.einsum("pkg,pg->pk", _inverses(jacobians), misfit)
             lengths = np.linalg.norm(steps, axis=1)
@@ -235,7 +255,9 @@ def _shape_functions(mesh: Any) -> Any:
     """Element of the mesh's own geometry."""
     kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[mesh.geometry.dim]
     degree = compat.geometry_degree(mesh)
-    return basix.create_element(basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced)
+    return basix.create_element(
+        basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced
+    )
 
 
 def _to_bernstein(element: Any) -> Floats:
@@ -250,7 +272,9 @@ def _to_bernstein(element: Any) -> Floats:
 def _inverses(matrices: Floats) -> Floats:
     """Inverses of (n, g, g) matrices; not a number where there is none."""
     singular = ~(np.abs(np.linalg.det(matrices)) > 0.0)
-    inverses = np.linalg.inv(np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices))
+    inverses = np.linalg.inv(
+        np.where(singular[:, None, None], np.eye(matrices.shape[-1]), matrices)
+    )
     inverses[singular] = np.nan
     return np.asarray(inverses)
 

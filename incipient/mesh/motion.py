@@ -67,7 +67,12 @@ class RigidDisplacement:
         turning: bool,
         others: tuple[str, ...] = (),
     ):
-        self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
+        self.boundary, self.placement, self.turning, self._gdim = (
+            boundary,
+            placement,
+            turning,
+            domain.gdim,
+        )
         self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
@@ -163,10 +168,15 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
     """The boundaries along which nodes may slide in each direction: plane ones, normal to another axis."""
-    space = compat.function_space(domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh)))
+    space = compat.function_space(
+        domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh))
+    )
     names = [name for name in sorted(domain.names) if name != boundary]
     normals = {name: _normal_axis(domain, name, space) for name in names}
-    return [tuple(name for name in names if normals[name] not in (None, axis)) for axis in range(domain.gdim)]
+    return [
+        tuple(name for name in names if normals[name] not in (None, axis))
+        for axis in range(domain.gdim)
+    ]
 
 
 def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
@@ -199,13 +209,16 @@ class Potentials:
         mesh, space = self.domain.mesh, self.space
         held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
         conditions = [
-            _fixed(space, self.domain.facets_of(name), float(name == boundary)) for name in [*held, boundary]
+            _fixed(space, self.domain.facets_of(name), float(name == boundary))
+            for name in [*held, boundary]
         ]
         potential = dolfinx.fem.Function(space)
         self._solve(conditions, potential)
         at_vertices = np.clip(potential.x.array / rigid, 0.0, 1.0)
         values = np.empty(len(mesh.geometry.x))
-        values[compat.geometry_dofs(mesh)] = at_vertices[compat.cell_dofs(space)] @ barycentric_nodes(mesh).T
+        values[compat.geometry_dofs(mesh)] = (
+            at_vertices[compat.cell_dofs(space)] @ barycentric_nodes(mesh).T
+        )
         return values
 
     def _solve(self, conditions: list[Any], potential: Any) -> None:
@@ -237,9 +250,13 @@ def _slopes(mesh: Any) -> Floats:
     """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
     gdim, degree = mesh.topology.dim, compat.geometry_degree(mesh)
     kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[gdim]
-    element = basix.create_element(basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced)
+    element = basix.create_element(
+        basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced
+    )
     # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in the plane.
-    points = basix.create_lattice(kind, max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True)
+    points = basix.create_lattice(
+        kind, max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True
+    )
     table = element.tabulate(1, points if degree > 1 else points[:1])[1:, :, :, 0]
     flat = [[1.0, 0.5, 0.5], [0.0, 3**0.5 / 2, 3**0.5 / 6], [0.0, 0.0, (2 / 3) ** 0.5]]
     edges = np.array(flat)[:gdim, :gdim]  # of the equilateral cell, as columns

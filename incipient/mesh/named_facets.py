@@ -38,7 +38,9 @@ def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
     found = _places(wanted[order], _keys(place[among], len(numbers)))
     named, first = np.unique(facets[among][found >= 0], return_index=True)
     values = tags[order][found[found >= 0]][first]
-    return dolfinx.mesh.meshtags(mesh, dimension - 1, named.astype(np.int32), values.astype(np.int32))
+    return dolfinx.mesh.meshtags(
+        mesh, dimension - 1, named.astype(np.int32), values.astype(np.int32)
+    )
 
 
 def _keys(rows: Integers, base: int) -> Integers:

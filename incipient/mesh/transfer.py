@@ -78,7 +78,10 @@ class Transfer:
         x = self._points
         boxes = self._comm.allgather(locator.box)
         slack = 1e-6 * max(float(np.ptp(box)) for box in boxes if np.isfinite(box).all())
-        return [np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1)) for low, high in boxes]
+        return [
+            np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1))
+            for low, high in boxes
+        ]
 
     def _exchange(self, asked: list[Integers], look_up: Callable[[Floats], Places]) -> _Exchange:
         """Have points looked up by the ranks asked; each is left to the rank where it is least remote."""

@@ -60,7 +60,9 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     cell_of = mesh.topology.connectivity(of_facets, domain.gdim)
     facets_of = mesh.topology.connectivity(domain.gdim, of_facets)
     places, dofs = space.tabulate_dof_coordinates()[:, : domain.gdim], compat.cell_dofs(space)
-    local = [_in_order(space.dofmap.dof_layout, of_facets, number) for number in range(domain.gdim + 1)]
+    local = [
+        _in_order(space.dofmap.dof_layout, of_facets, number) for number in range(domain.gdim + 1)
+    ]
     rows = []
     for facet in facets:
         cell = cell_of.links(facet)[0]
@@ -82,9 +84,9 @@ def _in_order(layout: Any, dimension: int, facet: int) -> Integers:
     if dimension == 1:
         return np.array([*corners, *(one for one in nodes if one not in corners)])
     edge_of = {
-        frozenset(one for one in layout.entity_closure_dofs(1, edge) if one <= 3): layout.entity_dofs(
-            1, edge
-        )[0]
+        frozenset(
+            one for one in layout.entity_closure_dofs(1, edge) if one <= 3
+        ): layout.entity_dofs(1, edge)[0]
         for edge in range(6)
     }
     return np.array([*corners, *(edge_of[frozenset(corners) - {one}] for one in corners)])

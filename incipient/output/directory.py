@@ -13,7 +13,15 @@ from ..planning.plan import Plan
 from ..results.result import Result
 from ..scene import Scene, save
 from ..simulation.recorder import Recorder
-from .ownership import CHECKPOINT, CONTACTS, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
+from .ownership import (
+    CHECKPOINT,
+    CONTACTS,
+    RESULT,
+    SCENE,
+    keep_complete_result,
+    make_room,
+    remove_pictures,
+)
 
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
@@ -32,7 +40,9 @@ class ResultDirectory(Recorder):
 
     keeps = True
 
-    def __init__(self, path: Path, comm: Comm, resumed: Checkpoint | None = None, overwrite: bool = False):
+    def __init__(
+        self, path: Path, comm: Comm, resumed: Checkpoint | None = None, overwrite: bool = False
+    ):
         self.path, self.comm, self._resumed = path, comm, resumed
         self._overwrite = overwrite
         self._rows = 0
@@ -62,7 +72,9 @@ class ResultDirectory(Recorder):
     def _make_ready(self) -> None:
         """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""
         with reported(self.path):
-            part_of(self.path / CHECKPOINT).unlink(missing_ok=True)  # of a run that was killed as it wrote
+            part_of(self.path / CHECKPOINT).unlink(
+                missing_ok=True
+            )  # of a run that was killed as it wrote
         if self._resumed is not None:
             recorded = self._resumed.recorded
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)
@@ -112,7 +124,9 @@ class ResultDirectory(Recorder):
         with collectively(self.comm):
             if self.comm.rank == 0:
                 history = self.path / "history.csv"
-                recorded = checkpoints.Recorded(self._rows, history.stat().st_size if self._rows else 0)
+                recorded = checkpoints.Recorded(
+                    self._rows, history.stat().st_size if self._rows else 0
+                )
                 sync(history)  # the checkpoint counts on these rows
         checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded), self.comm)
         return self.path

@@ -76,7 +76,9 @@ def entrainment(
             if comm.rank == 0:
                 save(scene, path / SCENE)
                 write_json(path / "entrainment.json", {**found.to_dict(), "data": measured})
-                write_text_atomically(path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve)))
+                write_text_atomically(
+                    path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve))
+                )
     return found
 
 
@@ -108,5 +110,7 @@ def _points(path: Path) -> list[Point]:
     for shields, probability in points:
         if not (shields > 0.0 and 0.0 <= probability <= 1.0):
             why = f"has the Shields number {shields:g} with the probability {probability:g}"
-            raise SceneError(f"--data: {path} {why}; give numbers above zero, and probabilities from 0 to 1")
+            raise SceneError(
+                f"--data: {path} {why}; give numbers above zero, and probabilities from 0 to 1"
+            )
     return points

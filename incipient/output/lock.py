@@ -53,7 +53,9 @@ class Holder:
 
     def is_gone(self) -> bool:
         """Whether the process has certainly ended; of another machine that is not known here."""
-        return self.host == _host() and self.began is not None and self.began != _began(self.process)
+        return (
+            self.host == _host() and self.began is not None and self.began != _began(self.process)
+        )
 
 
 @contextmanager
@@ -92,7 +94,9 @@ def _take(directory: Path, mine: Holder) -> None:
     for _ in range(TURNS):
         if _create(path, mine) or _taken_over(path, mine):
             return
-    raise OutputError(f"{path}: other runs keep taking this lock; wait for them to end, or remove it")
+    raise OutputError(
+        f"{path}: other runs keep taking this lock; wait for them to end, or remove it"
+    )
 
 
 def _create(path: Path, mine: Holder) -> bool:

@@ -44,7 +44,9 @@ def run(
         return simulated(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)
 
 
-def _procedure(accuracy: float | str | None) -> Callable[[Scene, Comm, Recorder, Silent | None], Result]:
+def _procedure(
+    accuracy: float | str | None,
+) -> Callable[[Scene, Comm, Recorder, Silent | None], Result]:
     if accuracy is None:
         return simulate
     from ..adaptive.run import run_to_accuracy

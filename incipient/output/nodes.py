@@ -44,7 +44,9 @@ class QuadraticNodes:
         numbers, total = compact(self._comm, known)
         self._nodes = Numbered(self._comm, numbers, total)
         cells = self._comm.allgather(len(local))
-        self.topology = Rows(numbers[places.reshape(local.shape)], sum(cells[: self._comm.rank]), sum(cells))
+        self.topology = Rows(
+            numbers[places.reshape(local.shape)], sum(cells[: self._comm.rank]), sum(cells)
+        )
 
     def coordinates(self) -> Rows:
         """Coordinates (nodes, 3), pushed through the mesh's geometry of any order. Collective."""

@@ -22,7 +22,9 @@ log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT, CONTACTS = "scene.toml", "result.json", "checkpoint.h5", "contacts.csv"
 SERIES = tuple(
-    f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
+    f"{name}.{ending}"
+    for name in ("fields", "surface")
+    for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
 )
 DATA = (RESULT, "history.csv", CONTACTS, *SERIES, "threshold.json")
 DRAWN = (
@@ -52,7 +54,14 @@ HEADS = {
     "series.csv": "time,safety_factor,mode",
     "verdicts.csv": "row,name,safety_factor",
 }
-SECTIONS = ("domain", "fluid", "flow", "effects", "numerics", "output")  # of a scene that a run has written
+SECTIONS = (
+    "domain",
+    "fluid",
+    "flow",
+    "effects",
+    "numerics",
+    "output",
+)  # of a scene that a run has written
 
 
 def make_room(directory: Path, overwrite: bool) -> None:
@@ -66,7 +75,9 @@ def make_room(directory: Path, overwrite: bool) -> None:
         _remove(found)
     else:
         neighbour = _move(found, directory)
-        log.warning("%s: the earlier run there, which can be resumed, is now in %s", directory, neighbour)
+        log.warning(
+            "%s: the earlier run there, which can be resumed, is now in %s", directory, neighbour
+        )
 
 
 def remove_pictures(directory: Path) -> None:
@@ -124,7 +135,9 @@ def refuse_foreign(directory: Path, names: Iterable[str] = ()) -> None:
         if path.is_symlink():
             raise OutputError(f"{path}: is a link, and nothing is written through links; {REMEDY}")
         if path.suffix != ".part" and path.exists() and not _is_own(path, name):
-            raise OutputError(f"{path}: is not of an incipient run, which would replace it; {REMEDY}")
+            raise OutputError(
+                f"{path}: is not of an incipient run, which would replace it; {REMEDY}"
+            )
 
 
 def _is_own(path: Path, name: str) -> bool:
@@ -149,4 +162,6 @@ def _is_written_scene(path: Path) -> bool:
     """Whether a file is a scene as runs write it before anything else: complete, and without a word of anybody's."""
     text = path.read_text(encoding="utf-8")
     held = tomllib.loads(text)
-    return all(isinstance(held.get(name), dict) for name in SECTIONS) and tomli_w.dumps(held) == text
+    return (
+        all(isinstance(held.get(name), dict) for name in SECTIONS) and tomli_w.dumps(held) == text
+    )

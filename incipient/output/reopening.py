@@ -29,7 +29,12 @@ MAY_CHANGE = (
     *("numerics.tolerance", "numerics.stabilisation", "numerics.convection", "numerics.error_bars"),
 )
 MAY_CHANGE_IF_THE_GRAIN_MOVES = (
-    *("numerics.remesh_below", "numerics.mesh_size", "numerics.interface_tolerance", "numerics.coupling"),
+    *(
+        "numerics.remesh_below",
+        "numerics.mesh_size",
+        "numerics.interface_tolerance",
+        "numerics.coupling",
+    ),
     *("contact.gap", "time.until"),
 )
 # Where the grain moves a key may take this value, too.
@@ -110,7 +115,11 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     if kept.body is not None and kept.body.met and not passes:
         remedy = 'set body.on_contact = "repel", or a smaller contact.gap'
         raise SceneError(f"the run has ended: its grain met something; to resume it {remedy}")
-    if kept.body is not None and kept.body.on_bed is not None and time.until in kept.body.on_bed["done"]:
+    if (
+        kept.body is not None
+        and kept.body.on_bed is not None
+        and time.until in kept.body.on_bed["done"]
+    ):
         why = f'its grain has come as far as time.until = "{time.until}"'
         remedy = "give another, such as --set time.until=end"
         raise SceneError(f"the run has ended: {why}; to resume it {remedy}")

@@ -112,7 +112,10 @@ class SeriesFile:
         with reported(self._xdmf):
             self._xdmf.unlink(missing_ok=True)
             journal_of(self._hdf5).unlink(missing_ok=True)
-        with reported(self._hdf5, (RuntimeError,)), h5py.File(self._hdf5, "w", locking=False) as file:
+        with (
+            reported(self._hdf5, (RuntimeError,)),
+            h5py.File(self._hdf5, "w", locking=False) as file,
+        ):
             file.attrs["format"] = "incipient fields, version 1"
 
     def resume(self, time: float) -> None:
@@ -126,7 +129,9 @@ class SeriesFile:
         with _opened(self._hdf5, "r+") as file:
             for index in range(_count(file)):
                 about, latest = file[f"step{index}"].attrs, time + _SAME_TIME * abs(time)
-                if not about.keys() >= _ABOUT or about["time"] > latest:  # not written to its end, or later
+                if (
+                    not about.keys() >= _ABOUT or about["time"] > latest
+                ):  # not written to its end, or later
                     del file[f"step{index}"]
             self._steps = _count(file)
             self._mesh = _Mesh(sum(name.startswith("mesh") for name in file) - 1)
@@ -148,7 +153,9 @@ class SeriesFile:
         """Node coordinates (nodes, 3) of the newest mesh for the steps to come. On every rank."""
         self._waiting["geometry"] = _rows(points, np.float64)
 
-    def add_step(self, time: float, fields: Mapping[str, Table], comm: Comm | Alone = ALONE) -> None:
+    def add_step(
+        self, time: float, fields: Mapping[str, Table], comm: Comm | Alone = ALONE
+    ) -> None:
         """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file. Collective."""
         values = {name: _rows(table, np.float64) for name, table in fields.items()}
         tables, mesh = self._waiting | values, self._mesh.changed(self._waiting)
@@ -164,7 +171,9 @@ class SeriesFile:
                     self._end(held, time, mesh)
         with collectively(comm):
             if comm.rank == 0:
-                stored = {name: _Dataset(names[name], table.shape) for name, table in values.items()}
+                stored = {
+                    name: _Dataset(names[name], table.shape) for name, table in values.items()
+                }
                 self._tell(time, mesh, stored)
         self._waiting = {}
 
@@ -179,7 +188,9 @@ class SeriesFile:
         with reported(path):
             path.unlink(missing_ok=True)
 
-    def _begun(self, held: ExitStack, names: Mapping[str, str], tables: Mapping[str, Rows]) -> dict[str, int]:
+    def _begun(
+        self, held: ExitStack, names: Mapping[str, str], tables: Mapping[str, Rows]
+    ) -> dict[str, int]:
         """Open the HDF5 file and make datasets without content at its end; their places. On rank 0.
 
         What does not fit is refused before the file is touched.
@@ -192,7 +203,10 @@ class SeriesFile:
             complete(self._hdf5)
             self._ahead = held.enter_context(WriteAhead(self._hdf5))
             self._open = held.enter_context(h5py.File(self._ahead, "r+"))
-            for name in (step, *names.values()):  # what an earlier, failed attempt at this step has left
+            for name in (
+                step,
+                *names.values(),
+            ):  # what an earlier, failed attempt at this step has left
                 if name in self._open:
                     del self._open[name]
             self._open.require_group(step)
@@ -200,7 +214,11 @@ class SeriesFile:
 
     def _end(self, held: ExitStack, time: float, mesh: _Mesh) -> None:
         """Make a step whose tables are written one of the series, and close the HDF5 file. On rank 0."""
-        about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
+        about = {
+            "time": float(time),
+            "topology": mesh.topology.name,
+            "geometry": mesh.geometry.name,
+        }
         with reported(self._hdf5, (RuntimeError, ValueError)):
             self._open[f"step{self._steps}"].attrs.update(about)
             self._open.close()
@@ -237,7 +255,9 @@ class SeriesFile:
         fields = {name: _dataset(file, f"step{index}/{name}") for name in step}
         return self._grid(float(step.attrs["time"]), cells, points, fields)
 
-    def _grid(self, time: float, cells: _Dataset, points: _Dataset, fields: Mapping[str, _Dataset]) -> str:
+    def _grid(
+        self, time: float, cells: _Dataset, points: _Dataset, fields: Mapping[str, _Dataset]
+    ) -> str:
         """The XML of one step."""
         grid = ElementTree.Element("Grid", Name=self._name, GridType="Uniform")
         if not self._steady:
@@ -246,7 +266,11 @@ class SeriesFile:
         self._item(ElementTree.SubElement(grid, "Topology", about), cells, "Int")
         self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), points, "Float")
         for name, dataset in sorted(fields.items()):
-            about = {"Name": name, "AttributeType": _ATTRIBUTE_TYPES[len(dataset.shape)], "Center": "Node"}
+            about = {
+                "Name": name,
+                "AttributeType": _ATTRIBUTE_TYPES[len(dataset.shape)],
+                "Center": "Node",
+            }
             self._item(ElementTree.SubElement(grid, "Attribute", about), dataset, "Float")
         level = 2 if self._steady else 3
         ElementTree.indent(grid, level=level)
@@ -288,7 +312,9 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
         with h5py.File(path, mode, locking=False) as file:
             yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:
-        raise Unreadable(f"{path}: cannot be read: {cause_of(error)}; run the scene again") from error
+        raise Unreadable(
+            f"{path}: cannot be read: {cause_of(error)}; run the scene again"
+        ) from error
 
 
 def _count(file: Any) -> int:

@@ -94,7 +94,9 @@ class _Writer:
         if "types" not in group:
             cells, nodes = self._series[topology].shape
             group["offsets"] = nodes * np.arange(cells + 1, dtype=np.int64)
-            group.create_dataset("types", data=np.full(cells, self._cell, dtype=np.uint8), compression="gzip")
+            group.create_dataset(
+                "types", data=np.full(cells, self._cell, dtype=np.uint8), compression="gzip"
+            )
         return _Piece.of(group["offsets"], "."), _Piece.of(group["types"], ".")
 
     def _tell_times(self, root: Any, part_of_step: Sequence[int]) -> None:

@@ -59,12 +59,16 @@ def _film_apart(directory: Path, target: Path | None, *what: str) -> Path:
 
 
 def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") -> Drawn:
-    surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    surroundings = {
+        name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)
+    }
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     command = [sys.executable, "-P", "-m", module, *arguments]
     child = subprocess.run(command, capture_output=True, text=True, env=surroundings, check=False)
     paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
     if child.returncode:
-        lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
+        lines = child.stderr.strip().splitlines() or [
+            f"the drawing ended with code {child.returncode}"
+        ]
         complaint = f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}"
     return Drawn(paths, complaint)

@@ -102,7 +102,9 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    flow, verdict, mesh = (space, space, space.mesh) if run.in_space else (fields, grain, cells.picture)
+    flow, verdict, mesh = (
+        (space, space, space.mesh) if run.in_space else (fields, grain, cells.picture)
+    )
     makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
     if not run.in_space:
         makers["vorticity"] = fields.vorticity

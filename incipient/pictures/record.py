@@ -57,7 +57,9 @@ class StoredRun:
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
         if name not in self.fields.fields:
-            raise OutputError(f"{self.directory / 'fields.h5'}: holds no {name}; run the scene again")
+            raise OutputError(
+                f"{self.directory / 'fields.h5'}: holds no {name}; run the scene again"
+            )
         return self.fields.fields[name]
 
     def sampled(self, view: tuple[float, float, float, float]) -> Sampled:
@@ -103,7 +105,9 @@ class StoredRun:
     @property
     def halved(self) -> bool:
         """Whether the fields are those of half a domain in space."""
-        return bool(self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width"))
+        return bool(
+            self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width")
+        )
 
     def whole(self, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A surface of points (n, 3) and cells, with its mirror image where the fields are those of half a domain."""
@@ -116,18 +120,28 @@ class StoredRun:
     def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Contacts of grain and bed: point and normal out of the grain."""
         listed = self.result.get("contacts") or []
-        return [(np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed]
+        return [
+            (np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed
+        ]
 
     @property
     def title(self) -> str:
         """The scene's title, or what it is in two words."""
-        return self.result.get("title") or self.scene.get("title") or f"{self.setting('flow', 'kind')} flow"
+        return (
+            self.result.get("title")
+            or self.scene.get("title")
+            or f"{self.setting('flow', 'kind')} flow"
+        )
 
     @property
     def headline(self) -> str:
         """The title with the Reynolds number."""
         reynolds, scale = self.setting("fluid", "reynolds"), self.setting("fluid", "scale")
-        return f"{self.title}  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else self.title
+        return (
+            f"{self.title}  (Re = {reynolds:g} on the scale of the {scale})"
+            if reynolds
+            else self.title
+        )
 
 
 def read(directory: Path) -> StoredRun:
@@ -170,6 +184,8 @@ def _parsed(path: Path, parse: Any) -> dict[str, Any]:
     try:
         return parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise OutputError(f"{path}: no such file; is this the directory of a finished run?") from None
+        raise OutputError(
+            f"{path}: no such file; is this the directory of a finished run?"
+        ) from None
     except (OSError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error

@@ -45,7 +45,9 @@ class BaseFlow:
     def effective(self) -> bool:
         """Whether its profile starts at the effective height of the bed."""
         level = getattr(self.flow, "datum", "crest")
-        return self.bed is not None and (level == "effective" or (level == "auto" and self.over_forms))
+        return self.bed is not None and (
+            level == "effective" or (level == "auto" and self.over_forms)
+        )
 
     @cached_property
     def effective_height(self) -> EffectiveHeight:
@@ -76,7 +78,9 @@ class BaseFlow:
     def mean_profile(self) -> MeanProfile:
         """The mean profile of a log-law flow."""
         assert isinstance(self.flow, LogLaw)
-        return MeanProfile(self.flow.shear_velocity, self.viscosity, self.flow.roughness, self.depth)
+        return MeanProfile(
+            self.flow.shear_velocity, self.viscosity, self.flow.roughness, self.depth
+        )
 
     @property
     def gust(self) -> Gust | None:
@@ -143,7 +147,9 @@ class BaseFlow:
         def velocity(x: np.ndarray, t: float) -> np.ndarray:
             """Velocities (gdim, n) at places (3, n), along the first axis."""
             lowest = foot(x) if callable(foot) else foot
-            speed = np.minimum(profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1]))
+            speed = np.minimum(
+                profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1])
+            )
             return np.vstack([self.factor(t) * speed, *np.zeros((up, len(speed)))])
 
         return velocity
@@ -163,7 +169,9 @@ class BaseFlow:
         if self.walled and flow.kind in ("poiseuille", "open-channel"):
             return self._in_duct(flow.velocity, depth if flow.kind == "poiseuille" else 2.0 * depth)
         # A uniform flow begins at the datum itself, found to round-off.
-        return lambda z, y: np.where(z < -ROUND_OFF * depth, 0.0, self.speed_at(np.clip(z, 0.0, depth)))
+        return lambda z, y: np.where(
+            z < -ROUND_OFF * depth, 0.0, self.speed_at(np.clip(z, 0.0, depth))
+        )
 
     def speed_at(self, z: Any) -> Any:
         """Speed at heights above the datum, numbers or a UFL expression; of flows with such a formula."""
@@ -173,7 +181,11 @@ class BaseFlow:
         mean = {"still": 0.0}.get(flow.kind, flow.velocity)
         if flow.kind == "poiseuille":
             return 6 * mean * z * (depth - z) / depth**2
-        return 1.5 * mean * z * (2 * depth - z) / depth**2 if flow.kind == "open-channel" else mean + 0.0 * z
+        return (
+            1.5 * mean * z * (2 * depth - z) / depth**2
+            if flow.kind == "open-channel"
+            else mean + 0.0 * z
+        )
 
     def profile(self, x: np.ndarray) -> np.ndarray:
         """Speed (n,) at places (gdim or more, n) without a gust."""

@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from ..fluid import Condition
 
 
-def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float = 1.0) -> list[Condition]:
+def conditions(
+    setup: Setup, held: bool = False, lid: bool = False, speed: float = 1.0
+) -> list[Condition]:
     """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
 
     With `lid` a rigid lid takes the place of a free surface. With `speed` they are those of a flow faster by that

@@ -35,7 +35,11 @@ FIRST_ON_SAND = 0.1  # of the length over which omega falls at a rough wall: its
 LARGEST_ARGUMENT = 5.0
 STEP, GROWTH, CUT, LONGEST = 1e-4, 2.0, 0.5, 1e9  # of pseudo-time, in h/u*
 MOST_STEPS, ENOUGH = 300, 1e-7
-LARGEST_CORRECTION, SMALL, LARGE = 0.7, 1.0, 3.0  # of logarithms: applied; for longer steps; for shorter ones
+LARGEST_CORRECTION, SMALL, LARGE = (
+    0.7,
+    1.0,
+    3.0,
+)  # of logarithms: applied; for longer steps; for shorter ones
 LAMINAR = -25.0  # ln k+ below which a flow is laminar
 NUMPY = SimpleNamespace(exp=np.exp, tanh=np.tanh, log=np.log, sqrt=np.sqrt, larger=np.maximum)
 SLIGHT = 1e-6  # by which logarithms are changed for derivatives
@@ -67,10 +71,14 @@ class DevelopedChannel:
     def logarithms(self, heights: Floats) -> Floats:
         """ln k and ln omega (2, ...) at heights; next to a smooth wall they are those of the first one above it."""
         if self.sand:
-            return np.array([np.interp(heights, self.heights, one) for one in (self.log_k, self.log_omega)])
+            return np.array(
+                [np.interp(heights, self.heights, one) for one in (self.log_k, self.log_omega)]
+            )
         nodes = self.heights[1:]
         at = np.log(np.maximum(heights, nodes[0]))
-        return np.array([np.interp(at, np.log(nodes), one[1:]) for one in (self.log_k, self.log_omega)])
+        return np.array(
+            [np.interp(at, np.log(nodes), one[1:]) for one in (self.log_k, self.log_omega)]
+        )
 
 
 class _Column:
@@ -153,7 +161,11 @@ class _Column:
         face, centre, lowest = self.faces[0], self.centres[0], logarithms[0]
         if self._sand:
             slopes = (lowest - self._on_wall) / (centre - face)
-            return slopes, np.exp(self._on_wall - lowest), math.exp(self._on_wall[0] - self._on_wall[1])
+            return (
+                slopes,
+                np.exp(self._on_wall - lowest),
+                math.exp(self._on_wall[0] - self._on_wall[1]),
+            )
         omega = math.log(6.0 * self.viscosity / (INNER[2] * face**2))
         slopes = np.array([EXPONENT / face, (lowest[1] - omega) / (centre - face)])
         return slopes, np.array([(face / centre) ** EXPONENT, math.exp(omega - lowest[1])]), 0.0
@@ -248,4 +260,6 @@ def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
             slope = float(np.clip((before[1] - away) / math.log(re_tau / before[0]), 0.5, 3.0))
         before = re_tau, away
         re_tau *= math.exp(away / slope)
-    raise ConvergenceError("the developed flow of the k-omega model was not found for the discharge")
+    raise ConvergenceError(
+        "the developed flow of the k-omega model was not found for the discharge"
+    )

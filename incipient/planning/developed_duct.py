@@ -44,7 +44,9 @@ class DevelopedDuct:
     def shear_velocities(self) -> tuple[float, float]:
         """u* over V on a side and on the floor: of the stress in the mean along each."""
         along = zip(self.stresses, self.ends[::-1], strict=True)
-        side, floor = (math.sqrt(float(stress @ np.diff(ends)) / ends[-1]) for stress, ends in along)
+        side, floor = (
+            math.sqrt(float(stress @ np.diff(ends)) / ends[-1]) for stress, ends in along
+        )
         return side, floor
 
     @property
@@ -88,7 +90,11 @@ class DevelopedDuct:
     def _stretched(self, axis: int, away: Floats) -> Floats:
         """Distances from a wall as logarithms are interpolated in; they do not change next to a smooth one."""
         first = self.ends[axis][1]
-        return np.log(np.maximum(away, first)) if self.on_sand[axis] is None else np.log1p(away / first)
+        return (
+            np.log(np.maximum(away, first))
+            if self.on_sand[axis] is None
+            else np.log1p(away / first)
+        )
 
     @cached_property
     def _speed(self) -> Any:
@@ -113,7 +119,9 @@ class DevelopedDuct:
         smooth = [axis for axis, start in enumerate(begin) if start]
         ratio = 0.0
         if smooth:
-            away, beside = (np.min([one[axis] for axis in smooth], axis=0) for one in (grids, inner))
+            away, beside = (
+                np.min([one[axis] for axis in smooth], axis=0) for one in (grids, inner)
+            )
             ratio = np.log(away / beside)
         found = []
         for number, power in enumerate((EXPONENT, -2.0)):

@@ -39,8 +39,14 @@ class DisplacedFluid:
             if isinstance(grain, Grain)
             else grain.surface(0.1 * grain.size).points
         )
-        share, low, high = (np.arange(ACROSS[gdim]) + 0.5) / ACROSS[gdim], skin.min(axis=0), skin.max(axis=0)
-        points = np.stack(np.meshgrid(*np.outer(high - low, share) + low[:, None]), axis=-1).reshape(-1, gdim)
+        share, low, high = (
+            (np.arange(ACROSS[gdim]) + 0.5) / ACROSS[gdim],
+            skin.min(axis=0),
+            skin.max(axis=0),
+        )
+        points = np.stack(
+            np.meshgrid(*np.outer(high - low, share) + low[:, None]), axis=-1
+        ).reshape(-1, gdim)
         inside = points[grain.level(points) < 0.0]
         return np.asarray(inside - inside.mean(axis=0))
 

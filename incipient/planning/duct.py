@@ -16,7 +16,9 @@ def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.n
     speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))
     for m in _wave_numbers(depth):
         # cosh(m e)/cosh(m half) without large numbers.
-        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (1.0 + np.exp(-2.0 * m * half))
+        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (
+            1.0 + np.exp(-2.0 * m * half)
+        )
         speed -= 4.0 / (depth * m**3) * np.sin(m * z) * fading
     return speed / duct_mean(width, depth)
 
@@ -27,7 +29,9 @@ def duct_mean(width: float, depth: float) -> float:
     It is depth^2/12 less the sum over odd n of 16 tanh(m width/2)/(width depth^2 m^5). Not collective.
     """
     m = _wave_numbers(depth)
-    return float(depth**2 / 12.0 - np.sum(16.0 * np.tanh(0.5 * m * width) / (width * depth**2 * m**5)))
+    return float(
+        depth**2 / 12.0 - np.sum(16.0 * np.tanh(0.5 * m * width) / (width * depth**2 * m**5))
+    )
 
 
 def _wave_numbers(depth: float) -> np.ndarray:

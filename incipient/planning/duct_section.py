@@ -43,12 +43,17 @@ NEXT, GROWTH, LARGEST = 0.1, 0.25, 0.08
 LEAST = 1e-3  # k over u*^2 below which it is not destroyed: in corners its logarithm would fall for ever
 STEP, STEP_GROWTH, CUT, LONGEST = 0.1, 3.0, 0.5, 1e9  # of pseudo-time, in h/V
 MOST_STEPS, ENOUGH, STEADY = 200, 1e-7, 1e3  # STEADY: the shortest last step
-LARGEST_CORRECTION, SMALL, LARGE = 0.7, 1.0, 3.0  # of logarithms: applied; for longer steps; for shorter ones
-AGAIN, NO_LESS = 0.5, 0.9  # part of a correction that is made; over the one before, from which on it is
+LARGEST_CORRECTION, SMALL, LARGE = (
+    0.7,
+    1.0,
+    3.0,
+)  # of logarithms: applied; for longer steps; for shorter ones
+AGAIN, NO_LESS = (
+    0.5,
+    0.9,
+)  # part of a correction that is made; over the one before, from which on it is
 SLIGHT = 1e-6  # by which unknowns are changed for derivatives
-LEAST_SLOPE = (
-    1e-6  # of the velocity at a rough wall, over that of what is estimated: u* there is the root of it
-)
+LEAST_SLOPE = 1e-6  # of the velocity at a rough wall, over that of what is estimated: u* there is the root of it
 # What is in an equation lies within two steps along the grid: by (i + 5 j) mod 13 no two of these volumes are alike.
 COLOURS, STRIDE, REACH = 13, 5, 2
 
@@ -61,7 +66,9 @@ class DuctSection:
     coarse:   factor of the size of all volumes
     """
 
-    def __init__(self, reynolds: float, half_width: float, sand: tuple[float, float], coarse: float = 1.0):
+    def __init__(
+        self, reynolds: float, half_width: float, sand: tuple[float, float], coarse: float = 1.0
+    ):
         self.viscosity, self.sand = 1.0 / reynolds, sand
         self._radius = radius = half_width / (1.0 + half_width)
         self._channels = tuple(of_discharge(reynolds * radius, one / radius) for one in sand)
@@ -97,7 +104,9 @@ class DuctSection:
             u = 1.0 / found.mean
             log_k, log_omega = found.logarithms(away)
             speed = u * np.interp(away, found.heights, found.speed)
-            parts.append(np.array([speed, log_k + 2.0 * math.log(u), log_omega + math.log(u / radius)]))
+            parts.append(
+                np.array([speed, log_k + 2.0 * math.log(u), log_omega + math.log(u / radius)])
+            )
         by_side = self.middles[0][:, None] < self.middles[1][None, :]
         state = np.asarray(np.where(by_side, *parts), dtype=float)
         state[0] /= (state[0] * self.volumes).sum() / self.volumes.sum()
@@ -126,7 +135,11 @@ class DuctSection:
     def eddy_viscosity(self, axis: int, wall: Floats | None) -> Floats:
         """Eddy viscosity (l,) along a wall: none at a smooth one, and none of a rough one next to a smooth one."""
         solved = np.moveaxis(self.solved[1], axis, 0)[0]
-        return np.zeros(len(solved)) if wall is None else np.where(solved, np.exp(wall[0] - wall[1]), 0.0)
+        return (
+            np.zeros(len(solved))
+            if wall is None
+            else np.where(solved, np.exp(wall[0] - wall[1]), 0.0)
+        )
 
     def stresses(self, state: Floats) -> tuple[Floats, Floats]:
         """Shear stresses over rho V^2 along the volumes of the side (m,) and of the floor (n,)."""
@@ -146,7 +159,8 @@ class DuctSection:
         k, omega, nu, d = np.exp(log_k), np.exp(log_omega), self.viscosity, self.away
         walls = self.walls(state)
         slopes = [
-            [self._slopes(number, state[number], axis, walls[axis]) for number in range(3)] for axis in (0, 1)
+            [self._slopes(number, state[number], axis, walls[axis]) for number in range(3)]
+            for axis in (0, 1)
         ]
         inside = [[_between(one, axis) for one in slopes[axis]] for axis in (0, 1)]
         square = inside[0][0] ** 2 + inside[1][0] ** 2 + LEAST_RATE
@@ -154,7 +168,9 @@ class DuctSection:
         by_k, viscous = np.sqrt(k) / (BETA_STAR * omega * d), 500.0 * nu / (d**2 * omega)
         argument = np.minimum(np.maximum(2.0 * by_k, viscous), LARGEST_ARGUMENT)
         time = 1.0 / np.maximum(omega, np.sqrt(square) * np.tanh(argument**2) / A_1)
-        argument = np.minimum(np.maximum(by_k, viscous), 2.0 / np.maximum(d**2 * along, LEAST_CROSS))
+        argument = np.minimum(
+            np.maximum(by_k, viscous), 2.0 / np.maximum(d**2 * along, LEAST_CROSS)
+        )
         inner = np.tanh(np.minimum(argument, LARGEST_ARGUMENT) ** 4)
         sigma_k, sigma_omega, beta, gamma = (
             inner * a + (1.0 - inner) * b for a, b in zip(INNER, OUTER, strict=True)
@@ -200,7 +216,9 @@ class DuctSection:
         """ln omega where the first volume at a smooth wall ends."""
         return float(at_smooth_wall(self.viscosity, self.first, np))
 
-    def _spread(self, number: int, values: Floats, axis: int, flux: Floats, wall: Floats | None) -> Floats:
+    def _spread(
+        self, number: int, values: Floats, axis: int, flux: Floats, wall: Floats | None
+    ) -> Floats:
         """What diffuses into the volumes along an axis, with D |grad K|^2: div(k D grad K)/k, as in one dimension."""
         values = np.moveaxis(values, axis, 0)
         upper, lower = flux[1:].copy(), flux[:-1].copy()
@@ -212,7 +230,9 @@ class DuctSection:
                 lower[0] *= np.exp(wall[number - 1] - values[0])
             else:
                 start = (self.first / self.middles[axis][1]) ** EXPONENT
-                lower[1] = flux[1] * (start if number == 1 else np.exp(self._omega_at_first - values[1]))
+                lower[1] = flux[1] * (
+                    start if number == 1 else np.exp(self._omega_at_first - values[1])
+                )
         return np.moveaxis((upper - lower) * self.sizes[1 - axis], 0, axis)
 
     # -- their solution -------------------------------------------------------------------------------
@@ -266,7 +286,9 @@ class DuctSection:
                 np.moveaxis(factors.solve(one).reshape(*self.shape, 3), -1, 0)
                 for one in (_by_volume(self.rates(state, gradient)), pull.ravel())
             )
-            more = (whole - ((state[0] + first[0]) * self.volumes).sum()) / (second[0] * self.volumes).sum()
+            more = (whole - ((state[0] + first[0]) * self.volumes).sum()) / (
+                second[0] * self.volumes
+            ).sum()
             correction = first + more * second
             if not np.isfinite(size := float(np.abs(correction).max())):
                 break
@@ -276,7 +298,9 @@ class DuctSection:
             state, gradient, before = state + part * bounded, gradient + part * more, size
             if size < ENOUGH and step > STEADY:
                 return state, gradient
-            step = min(step * (STEP_GROWTH if size < SMALL else CUT if size > LARGE else 1.2), LONGEST)
+            step = min(
+                step * (STEP_GROWTH if size < SMALL else CUT if size > LARGE else 1.2), LONGEST
+            )
         raise ConvergenceError("the developed flow of the k-omega model in the duct was not found")
 
 

@@ -10,7 +10,9 @@ from ..scene import Domain, OpenChannel, Poiseuille, Shear
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/numerics.md).
 INERTIAL, POWER = 10.0, 0.2
-FEWEST_PERIODS = 2.0  # in the domain: along longer forms the flow is as over a bed that rises and falls
+FEWEST_PERIODS = (
+    2.0  # in the domain: along longer forms the flow is as over a bed that rises and falls
+)
 UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
 
 
@@ -25,12 +27,18 @@ class EffectiveHeight:
 
 def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
     """Whether a base flow of known shear at the bed passes several forms in the plane that repeat. Not collective."""
-    if domain.width is not None or bed is None or not isinstance(flow, Shear | Poiseuille | OpenChannel):
+    if (
+        domain.width is not None
+        or bed is None
+        or not isinstance(flow, Shear | Poiseuille | OpenChannel)
+    ):
         return False
     return bool(bed.period and domain.length >= FEWEST_PERIODS * bed.period)
 
 
-def effective_height(flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float) -> EffectiveHeight:
+def effective_height(
+    flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float
+) -> EffectiveHeight:
     """The effective height of a bed in the plane below a base flow faster by `speed`. Not collective.
 
     viscosity: kinematic; inf without inertia
@@ -39,7 +47,9 @@ def effective_height(flow: Any, domain: Domain, bed: Any, viscosity: float, spee
         return EffectiveHeight(0.0, 0.0, 0.0)
     level = effective_level(bed, domain.left, domain.right)
     depth = max(bed.crest - domain.bottom - level, 0.0)
-    reynolds = _shear_rate(flow, domain.ceiling - bed.crest) * (bed.period or 0.0) * depth / viscosity
+    reynolds = (
+        _shear_rate(flow, domain.ceiling - bed.crest) * (bed.period or 0.0) * depth / viscosity
+    )
     lost = depth * (1.0 - (1.0 + speed * reynolds / INERTIAL) ** -POWER) if reynolds else 0.0
     return EffectiveHeight(level + lost, UNSURE * lost, level)
 

@@ -26,7 +26,11 @@ OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
 
 
 def count(
-    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
+    layout: Layout,
+    order: int,
+    dual: bool = False,
+    solver: str = "direct",
+    wider: Layout | None = None,
 ) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
@@ -36,7 +40,9 @@ def count(
     """
     cells, unknowns = _counted(layout)
     if layout.gdim == 2:
-        return Estimate(cells, unknowns(order), memory(*map(unknowns, range(order, order + 1 + dual))))
+        return Estimate(
+            cells, unknowns(order), memory(*map(unknowns, range(order, order + 1 + dual)))
+        )
     needed = memory_in_space(solver, unknowns, order, dual)
     if wider is not None:
         beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()

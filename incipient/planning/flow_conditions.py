@@ -51,7 +51,9 @@ def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
     """Conditions at the bottom, and ahead of a leading edge."""
     bottom, ahead = setup.sides.bottom, setup.sides.ahead
     if "below" in of_surface:
-        yield from ((SEEPING if isinstance(one, Seeping) else FREE, one) for one in of_surface["below"])
+        yield from (
+            (SEEPING if isinstance(one, Seeping) else FREE, one) for one in of_surface["below"]
+        )
     elif _is_wall(setup):
         yield WALL, no_slip(bottom)
     else:
@@ -93,7 +95,10 @@ def _on_grain(setup: Setup, held: bool) -> Ranked:
         from .body import velocity_at_first
 
         assert body is not None and geometry.placement is not None
-        yield FREE, Prescribed("body", velocity_at_first(body, geometry.placement, geometry.symmetric))
+        yield (
+            FREE,
+            Prescribed("body", velocity_at_first(body, geometry.placement, geometry.symmetric)),
+        )
     elif geometry.moves:
         yield FREE, Carried("body")
     elif geometry.grain is not None:

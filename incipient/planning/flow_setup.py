@@ -131,7 +131,9 @@ class Setup:
         if self.scene.flow.kind != "uniform" or not asked.intensity or not asked.length:
             found = measured_inflow.resolved_walls_as_asked(*parts, asked)
         else:
-            stream = free_stream.FreeStream.of(self.base_flow.reference, asked.intensity, asked.length)
+            stream = free_stream.FreeStream.of(
+                self.base_flow.reference, asked.intensity, asked.length
+            )
             found = resolved_walls.resolved_walls_of(*parts, 0.0, stream, self.scene.leading_edge)
         return replace(found, first_cell=asked.first_cell)
 
@@ -142,7 +144,9 @@ class Setup:
 
         asked = self.turbulence
         law = WallLaw(asked.roughness)
-        return walls_of(law, asked.wall_distance, self.geometry, self.base_flow, self.sides, asked.profile)
+        return walls_of(
+            law, asked.wall_distance, self.geometry, self.base_flow, self.sides, asked.profile
+        )
 
     @cached_property
     def ceiling(self) -> float:

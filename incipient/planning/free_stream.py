@@ -13,7 +13,10 @@ from ..forms.k_omega_sst import BETA_STAR
 # Columns at a leading edge: the finest over the first row, since omega changes as fast there; growth with the
 # distance from the edge along the plate and ahead of it; and the largest over the plate's length.
 FIRST_COLUMN, COLUMN_GROWTH, GROWTH_AHEAD, LARGEST_COLUMN = 3.0, 0.4, 0.55, 0.06
-ROW_GROWTH, LARGEST_ROW = 0.28, 0.1  # of rows with the distance from the plate; of the domain's height
+ROW_GROWTH, LARGEST_ROW = (
+    0.28,
+    0.1,
+)  # of rows with the distance from the plate; of the domain's height
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,16 @@ class Layout:
     shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid
     sizes: Sizes
     geometry_order: int
-    resting: Placement | None = None  # the grain where it touches the bed (or is held), None without a grain
+    resting: Placement | None = (
+        None  # the grain where it touches the bed (or is held), None without a grain
+    )
     placement: Placement | None = None  # the grain where the flow is computed: lifted by the gap
     # Smallest distance of grain and bed in the computed flow [length], inf without contact
     gap: float = np.inf
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
-    max_cells: float = np.inf  # triangles, in space tetrahedra, expected above which no mesh is made
+    max_cells: float = (
+        np.inf
+    )  # triangles, in space tetrahedra, expected above which no mesh is made
     # The closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
     closing: Closing | None = None
 
@@ -83,7 +87,9 @@ class Layout:
             )
         log = logging.getLogger("incipient")
         if expected > MANY_CELLS[self.gdim]:
-            words = "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
+            words = (
+                "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
+            )
             log.info(words, expected, most)
         bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
         if isinstance(bed, SmoothTerrain) and bed.steepest > STEEP:

@@ -48,5 +48,6 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     if scene.time is None and largest_peclet(setup) <= RESOLVED:
         return Method("block", f"{DEAR}; the cells resolve the flow's convection")
     return Method(
-        "direct", "the flow is not upwinded; an LU factorisation in space takes much time and memory"
+        "direct",
+        "the flow is not upwinded; an LU factorisation in space takes much time and memory",
     )

@@ -25,7 +25,10 @@ from .wall_law import WallLaw
 
 NEAREST = 1e-9  # of the depth: height that stands for none
 BISECTIONS = 60
-OF_LAYER, SAMPLES = 0.05, 4000  # thickness of the layer at a wall where a uniform flow enters, over the depth
+OF_LAYER, SAMPLES = (
+    0.05,
+    4000,
+)  # thickness of the layer at a wall where a uniform flow enters, over the depth
 # Speed over u* to begin with, the next u* over the first, and how well its logarithm is known.
 USUAL, CHANGED, FOUND = 15.0, 0.9, 1e-9
 
@@ -39,7 +42,9 @@ class InnerLaw:
 
     @cached_property
     def _law(self) -> Any:
-        return PchipInterpolator(self.developed.heights * self.developed.re_tau, self.developed.speed)
+        return PchipInterpolator(
+            self.developed.heights * self.developed.re_tau, self.developed.speed
+        )
 
     def channel(self, shear_velocity: float, viscosity: float) -> DevelopedChannel:
         """The developed flow that has the layer at the wall of a flow with a u*."""
@@ -47,7 +52,9 @@ class InnerLaw:
 
     def velocity(self, shear_velocity: Any, viscosity: float, height: Any) -> Floats:
         """u+ at heights."""
-        return np.asarray(self._law(np.minimum(shear_velocity * height / viscosity, self.developed.re_tau)))
+        return np.asarray(
+            self._law(np.minimum(shear_velocity * height / viscosity, self.developed.re_tau))
+        )
 
     def shear_velocity(self, speed: Floats, viscosity: float, height: Floats) -> Floats:
         """u* at which speeds (n,) are those at heights (n,), by bisection."""
@@ -77,7 +84,9 @@ class LawOfSand:
     def velocity(self, shear_velocity: float, viscosity: float, height: Any) -> Floats:
         """u+ at heights."""
         found = self.channel(shear_velocity, viscosity)
-        return np.asarray(PchipInterpolator(found.heights, found.speed)(np.minimum(height / self.depth, 1.0)))
+        return np.asarray(
+            PchipInterpolator(found.heights, found.speed)(np.minimum(height / self.depth, 1.0))
+        )
 
     def shear_velocity(self, speed: Floats, viscosity: float, height: Floats) -> Floats:
         """u* at which speeds (n,) are those at heights (n,)."""
@@ -152,7 +161,9 @@ class MeasuredInflow:
         k, loss = self.rows.energy(heights), self.rows.dissipation(heights)
         found = np.array([np.log(k), np.log(loss / (BETA_STAR * k))])
         whole = self.walls.number * self.walls.depth
-        for u, end, away in zip(self.shear_velocities, self._ends, (above, whole - above), strict=True):
+        for u, end, away in zip(
+            self.shear_velocities, self._ends, (above, whole - above), strict=True
+        ):
             if away is not above and self.walls.number == 1:
                 break
             near = away < end
@@ -184,7 +195,9 @@ def with_profile(
         return walls
     measured = MeasuredInflow.of(walls, rows, intensity, length)
     at_walls = measured.shear_velocities[: walls.number]
-    return replace(walls, shear_velocity=max(at_walls), bed_shear_velocity=at_walls[0], measured=measured)
+    return replace(
+        walls, shear_velocity=max(at_walls), bed_shear_velocity=at_walls[0], measured=measured
+    )
 
 
 def resolved_walls_as_asked(

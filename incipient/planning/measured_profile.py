@@ -89,7 +89,9 @@ class Measured:
 
     def dissipation(self, height: np.ndarray) -> np.ndarray:
         """epsilon (n,) at heights (n,) in the scene."""
-        return np.asarray(self.c_mu**0.75 * self.energy(height) ** 1.5 / self._mixing_length(height))
+        return np.asarray(
+            self.c_mu**0.75 * self.energy(height) ** 1.5 / self._mixing_length(height)
+        )
 
     @property
     def _between(self) -> float:
@@ -102,7 +104,9 @@ class Measured:
         low = walls.floor + walls.distance
         whole = self._between - walls.number * walls.distance
         return np.clip(
-            walls.distance + (height - low) / (walls.ceiling - low) * whole, walls.distance, self._between
+            walls.distance + (height - low) / (walls.ceiling - low) * whole,
+            walls.distance,
+            self._between,
         )
 
     def _mixing_length(self, height: np.ndarray) -> np.ndarray:
@@ -116,7 +120,9 @@ class Measured:
 
         above, law, walls = self.above(height), self.walls.law, self.walls.number
         y, u = self.rows[:, 0], self.rows[:, 1]
-        ends = np.array([y[0], self._between - y[-1]])[:walls]  # distances of the rows next to walls
+        ends = np.array([y[0], self._between - y[-1]])[
+            :walls
+        ]  # distances of the rows next to walls
         found = law.shear_velocity(u[[0, -1][:walls]], self.walls.viscosity, ends)
         first, last = found[0], found[-1]
         slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
@@ -129,7 +135,10 @@ class Measured:
         upper = (law.velocity(last, self.walls.viscosity, down) * last, last / (law.kappa * down))
         if walls == 1:
             upper = (np.full_like(above, u[-1]), np.zeros_like(above))
-        lower = (law.velocity(first, self.walls.viscosity, above) * first, first / (law.kappa * above))
+        lower = (
+            law.velocity(first, self.walls.viscosity, above) * first,
+            first / (law.kappa * above),
+        )
         inner = (between(within), np.abs(between(within, 1)) / above)
         return tuple(
             np.where(near, low, np.where(far, high, middle))

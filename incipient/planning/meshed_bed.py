@@ -18,7 +18,9 @@ def resolved_bed(geometry: Geometry, placement: Placement | None, datum: float) 
     bed, grain, domain = geometry.bed, geometry.grain, geometry.domain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None
-    radius = np.clip(MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size)
+    radius = np.clip(
+        MANY_FEATURES * bed.feature, FEWEST_SIZES * grain.size, MESHED_BED * grain.size
+    )
     radius = geometry.meshed_bed * float(max(radius, FEWEST_FEATURES * bed.feature))
     passage = PASSAGE * bed.feature
     reach = radius + passage

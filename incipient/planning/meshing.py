@@ -38,7 +38,9 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
         return _grid_layout(setup, plan, grid)
     if setup.resolves_walls and setup.resolved_walls.plane:
-        rows = setup.resolved_walls.channel_rows(setup.geometry, setup.sides, plan.order, plan.mesh_size)
+        rows = setup.resolved_walls.channel_rows(
+            setup.geometry, setup.sides, plan.order, plan.mesh_size
+        )
         return _grid_layout(setup, plan, rows)
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
@@ -46,7 +48,10 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
         return _closed_layout(setup, plan)
     stance = _stance(setup, moved)
     if setup.geometry.gdim == 3:
-        region, sizes = in_space.region(setup, stance.placement), in_space.sizes(setup, plan.order, stance)
+        region, sizes = (
+            in_space.region(setup, stance.placement),
+            in_space.sizes(setup, plan.order, stance),
+        )
         return _layout(setup, plan, stance, region, sizes)
     holes = {} if stance.placement is None else {"body": _outline(setup.geometry, stance.placement)}
     domain = setup.geometry.domain
@@ -56,7 +61,9 @@ def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     return _layout(setup, plan, stance, planar, _sizes(setup, plan.order, finer))
 
 
-def _layout(setup: Setup, plan: Plan, stance: Stance, shape: Region | SolidRegion, sizes: Sizes) -> Layout:
+def _layout(
+    setup: Setup, plan: Plan, stance: Stance, shape: Region | SolidRegion, sizes: Sizes
+) -> Layout:
     """The layout of a region that is meshed freely."""
     return Layout(
         shape,
@@ -77,8 +84,12 @@ def _closed_layout(setup: Setup, plan: Plan) -> Layout:
     geometry = setup.geometry
     made, domain, resting = geometry.closing, geometry.domain, geometry.placement
     lines = (made.left, made.right)
-    bottom = _bottom(geometry, ((domain.left, lines[0].start[0]), (lines[1].start[0], domain.right)))
-    standing = {"body": made.outline} | {name: (line,) for name, line in zip(CLOSED, lines, strict=True)}
+    bottom = _bottom(
+        geometry, ((domain.left, lines[0].start[0]), (lines[1].start[0], domain.right))
+    )
+    standing = {"body": made.outline} | {
+        name: (line,) for name, line in zip(CLOSED, lines, strict=True)
+    }
     region = Region(bottom, setup.ceiling, {}, setup.sides.around, standing)
     ends = tuple(end for line in lines for end in (line.start, line.end))
     finer = (
@@ -86,7 +97,9 @@ def _closed_layout(setup: Setup, plan: Plan) -> Layout:
         Near(GAP_CELL[plan.order] * made.width, GAP_GROWTH, points=ends, needed=True),
     )
     stance = Stance(resting, resting, made.width, (made.left.start, made.left.end))
-    return replace(_layout(setup, plan, stance, region, _sizes(setup, plan.order, finer)), closing=made)
+    return replace(
+        _layout(setup, plan, stance, region, _sizes(setup, plan.order, finer)), closing=made
+    )
 
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
@@ -116,7 +129,9 @@ def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
     return Sizes(FAR_CELL[order] * setup.geometry.domain.height, finer, layers=layers)
 
 
-def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance) -> tuple[Near, ...]:
+def _finer(
+    setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance
+) -> tuple[Near, ...]:
     """Where cells are smaller than away from everything."""
     geometry, layered = setup.geometry, setup.has_wall_layer
     near = [
@@ -132,7 +147,11 @@ def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance)
         placement = stance.placement if geometry.moves else geometry.placement
         near.extend(cells(setup.walls, geometry, order, placement))
     if setup.resolves_walls:
-        placed = () if stance.placement is None else (geometry.grain.size, point(stance.placement.centre))
+        placed = (
+            ()
+            if stance.placement is None
+            else (geometry.grain.size, point(stance.placement.centre))
+        )
         near.extend(setup.resolved_walls.cells(*placed))
         near.extend(_at_bed_corners(setup))
         if setup.resolved_walls.around_grain:
@@ -144,7 +163,9 @@ def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance)
     return tuple(near)
 
 
-def _along_grain(geometry: Geometry, order: int, outline: tuple[Curve, ...], stance: Stance) -> list[Near]:
+def _along_grain(
+    geometry: Geometry, order: int, outline: tuple[Curve, ...], stance: Stance
+) -> list[Near]:
     """Cells at the grain, at its corners, and in a narrow gap between it and what is next to it."""
     if geometry.grain is None:
         return []

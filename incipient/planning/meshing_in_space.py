@@ -27,7 +27,9 @@ PLANE_CELL = 0.2  # likewise, along a level bed that is resolved, near a grain
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
-BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
+BED_LARGEST = (
+    0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
+)
 
 
 def box_grid(geometry: Geometry, names: SideNames, cell: float) -> BoxGrid:
@@ -40,7 +42,14 @@ def box_grid(geometry: Geometry, names: SideNames, cell: float) -> BoxGrid:
         layer_ends(n, grading, half and axis == 1)
         for axis, (n, grading) in enumerate(zip(counts, gradings, strict=True))
     )
-    sides = (names.left, names.right, SYMMETRY if half else "right", "left", names.bottom, names.top)
+    sides = (
+        names.left,
+        names.right,
+        SYMMETRY if half else "right",
+        "left",
+        names.bottom,
+        names.top,
+    )
     return BoxGrid(extents, (*ends,), sides, half)
 
 
@@ -91,7 +100,9 @@ def cut_at_inflow(setup: Setup) -> bool:
 def way_on_bed(setup: Setup) -> float:
     """How far a grain that moves may go until level ground takes the bed's place; infinite: as far as it likes."""
     grain, placement = setup.geometry.grain, setup.geometry.placement
-    meshed = _meshed(setup, placement) if setup.geometry.moves and setup.geometry.gdim == 3 else None
+    meshed = (
+        _meshed(setup, placement) if setup.geometry.moves and setup.geometry.gdim == 3 else None
+    )
     return math.inf if meshed is None or grain is None else meshed.radius - 0.5 * float(grain.size)
 
 

@@ -31,7 +31,9 @@ class Numbers:
     froude: float | None  # reference velocity over sqrt(g height)
     # Shear velocity of the base flow at its datum times the grain's largest diameter over the viscosity
     shear_reynolds: float | None = None
-    shields: float | None = None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
+    shields: float | None = (
+        None  # that stress over the submerged weight of the grain, (rho_s - rho_f) g d
+    )
 
     def text(self) -> str:
         """The numbers that the scene has, on one line."""
@@ -48,7 +50,9 @@ class Numbers:
         }
         notes = {"grain Re": " (largest speed at its height)"}
         return ", ".join(
-            f"{name} {value:.3g}{notes.get(name, '')}" for name, value in named.items() if value is not None
+            f"{name} {value:.3g}{notes.get(name, '')}"
+            for name, value in named.items()
+            if value is not None
         )
 
 
@@ -77,7 +81,16 @@ def numbers_of(setup: Setup) -> Numbers:
     flow = velocity * height / viscosity
     reach = wall_distance(setup) + 0.5 if grain is not None else 0.0
     return Numbers(
-        reynolds, flow, _bed_reynolds(base_flow), reach, strouhal, ratio, stokes, froude, of_shear, shields
+        reynolds,
+        flow,
+        _bed_reynolds(base_flow),
+        reach,
+        strouhal,
+        ratio,
+        stokes,
+        froude,
+        of_shear,
+        shields,
     )
 
 
@@ -93,7 +106,9 @@ def speed_past_grain(setup: Setup) -> float:
     """The largest speed of the base flow over the grain's height."""
     grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
     assert grain is not None and placement is not None
-    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
+    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(
+        -1.0, 1.0, SAMPLES
+    )
     points = base_flow.column(placement.centre, heights)
     return max(
         float(np.abs(base_flow.velocity(points, t)).max())
@@ -151,7 +166,9 @@ def wall_distance(setup: Setup) -> float:
     if geometry.rests:
         return 0.0
     y, distances = placement.centre[geometry.up], [domain.height]
-    bounded = domain.kind == "box" or top == "wall" or base_flow.flow.kind in ("open-channel", "log-law")
+    bounded = (
+        domain.kind == "box" or top == "wall" or base_flow.flow.kind in ("open-channel", "log-law")
+    )
     if geometry.bed is not None or bounded:
         distances.append(y - base_flow.datum)
     if top == "wall":

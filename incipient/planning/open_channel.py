@@ -36,7 +36,9 @@ def wave_of(setup: Setup) -> StokesWave | None:
         places = base_flow.column(base_flow.domain.entrance, base_flow.datum + y)
         return np.asarray(base_flow.velocity(places, 0.0)[0])
 
-    wave = stokes_wave(asked.amplitude, 2.0 * math.pi / asked.period, base_flow.depth, gravity, speed)
+    wave = stokes_wave(
+        asked.amplitude, 2.0 * math.pi / asked.period, base_flow.depth, gravity, speed
+    )
     if wave.second > HIGHEST * wave.amplitude:
         raise SceneError(
             f"surface.wave: its second harmonic is {wave.second / wave.amplitude:.2g} of the first, more than "

@@ -21,12 +21,12 @@ def order_of(scene: Scene) -> VelocityOrder:
     if scene.gdim == 3:
         creeps = steady and (not scene.fluid.inertia or scene.effects.inertia is False)
         if scene.numerics.accuracy is None and scene.body is not None and creeps:
-            why = (
-                "in creeping flow in space its error is far below that of order 2, from which it is computed"
-            )
+            why = "in creeping flow in space its error is far below that of order 2, from which it is computed"
             return VelocityOrder(3, why)
         if steady and scene.is_empty_box and scene.flow.kind != "still":
-            why = "in a driven box in space its error is far below that of order 2 for the same time"
+            why = (
+                "in a driven box in space its error is far below that of order 2 for the same time"
+            )
             return VelocityOrder(4, why)
         why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
         return VelocityOrder(2, why)
@@ -40,4 +40,6 @@ def order_of(scene: Scene) -> VelocityOrder:
 
 def with_order(scene: Scene, number: int) -> Scene:
     """The scene with a given order. Not collective."""
-    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"order": number})})
+    return scene.model_copy(
+        update={"numerics": scene.numerics.model_copy(update={"order": number})}
+    )

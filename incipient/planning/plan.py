@@ -45,7 +45,9 @@ class Plan:
     # What mesh and order are chosen for by the run, in words; empty where the scene chooses them
     sought: str = ""
     warnings: tuple[str, ...] = ()  # what in the scene makes the result less sure, in words
-    datum: Datum | None = None  # where the profile of the flow starts, None without a profile or a bed
+    datum: Datum | None = (
+        None  # where the profile of the flow starts, None without a profile or a bed
+    )
 
     def has(self, name: EffectName) -> bool:
         """Whether an effect is simulated."""
@@ -71,8 +73,14 @@ class Plan:
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
         if self.datum is not None:
-            lines.append(f"  {self.datum.text('z' if self.has(EffectName.THIRD_DIMENSION) else 'y')}")
-        lines += [*self._discretisation(), f"  {self.stabilisation.text()}", f"  {self.solver.text()}"]
+            lines.append(
+                f"  {self.datum.text('z' if self.has(EffectName.THIRD_DIMENSION) else 'y')}"
+            )
+        lines += [
+            *self._discretisation(),
+            f"  {self.stabilisation.text()}",
+            f"  {self.solver.text()}",
+        ]
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""
             lines.append(
@@ -82,7 +90,9 @@ class Plan:
         return "\n".join(lines)
 
     def _discretisation(self) -> list[str]:
-        elements = f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
+        elements = (
+            f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
+        )
         solved = f"{self.scheme}, {self.convection} convection"
         why = [f"  velocity of order {self.order}: {self.why_order}"] if self.why_order else []
         if not self.sought:

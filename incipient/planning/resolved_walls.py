@@ -44,7 +44,9 @@ COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
 # Likewise of a duct's, whose section takes nearly all cells and whose flow hardly changes along it.
 COLUMN_OF_DUCT, FEWEST_OF_DUCT = 2.0, 4
 ACROSS = 2  # layers of such a mesh in space, at the least
-LAYER_GROWTH = 2.0  # of layers along walls in space, by which as many are made as lead to the cells beyond
+LAYER_GROWTH = (
+    2.0  # of layers along walls in space, by which as many are made as lead to the cells beyond
+)
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
 SLOWEST = 1e-3  # of the height of the first volume, below which what enters does not change
 
@@ -189,7 +191,11 @@ class ResolvedWalls:
     def from_next(self, x: Floats) -> Floats:
         """Distances (n,) of places (3, n) of the inflow from the next wall, at least zero."""
         above = np.maximum(x[self.up] - self.floor, 0.0)
-        return np.minimum(above, np.maximum(2.0 * self.depth - above, 0.0)) if self.number == 2 else above
+        return (
+            np.minimum(above, np.maximum(2.0 * self.depth - above, 0.0))
+            if self.number == 2
+            else above
+        )
 
     @cached_property
     def _speed(self) -> Any:
@@ -274,7 +280,9 @@ class ResolvedWalls:
         velocity[0] *= self.stream.speed / np.maximum(self.velocity_at(layer)[0], 1e-300)
         velocity[0, outside >= 1.0] = self.stream.speed
         free = np.array([self.stream.logarithms]).T
-        return velocity, np.where(outside < 1.0, (1.0 - outside) * logarithms + outside * free, free)
+        return velocity, np.where(
+            outside < 1.0, (1.0 - outside) * logarithms + outside * free, free
+        )
 
     def coarsest(self, domain: Domain, order: int) -> float:
         """The largest numerics.mesh_size by which rows become fewer, and columns where the flow develops along them.
@@ -284,8 +292,12 @@ class ResolvedWalls:
         if not self.plane or self.edge is not None:
             return math.inf
         _, rows = self._row_sizes.counted(domain.height / self.number)
-        columns = domain.length / (COLUMN * self.depth * FEWEST_COLUMNS) if self.measured else math.inf
-        return min(rows / (FEWEST_ROWS // self.number), columns) / COARSENING.get(order, ORDER_THREE)
+        columns = (
+            domain.length / (COLUMN * self.depth * FEWEST_COLUMNS) if self.measured else math.inf
+        )
+        return min(rows / (FEWEST_ROWS // self.number), columns) / COARSENING.get(
+            order, ORDER_THREE
+        )
 
     @property
     def _row_sizes(self) -> RowSizes:
@@ -305,7 +317,9 @@ class ResolvedWalls:
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         corner = (domain.left, domain.bottom)
-        found = Grid(corner, domain.length, domain.height, columns, len(rows), 1.0, names.around, rows)
+        found = Grid(
+            corner, domain.length, domain.height, columns, len(rows), 1.0, names.around, rows
+        )
         if geometry.gdim == 2:
             return found
         low, high = geometry.half
@@ -313,7 +327,9 @@ class ResolvedWalls:
         sides = SYMMETRY if geometry.symmetric else "right", "left"
         return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
 
-    def _duct(self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float) -> BoxGrid:
+    def _duct(
+        self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float
+    ) -> BoxGrid:
         """The mesh of a duct: rows and layers grow with the distances from floor, top and sides."""
         domain, (low, high), half = geometry.domain, geometry.half, geometry.symmetric
         columns = max(FEWEST_OF_DUCT, round(domain.length / (COLUMN_OF_DUCT * self.depth * coarse)))
@@ -325,7 +341,14 @@ class ResolvedWalls:
             tuple(map(float, rows)),
         )
         extents = ((domain.left, domain.right), (low, high), (domain.bottom, domain.ceiling))
-        sides = (names.left, names.right, SYMMETRY if half else "right", "left", names.bottom, names.top)
+        sides = (
+            names.left,
+            names.right,
+            SYMMETRY if half else "right",
+            "left",
+            names.bottom,
+            names.top,
+        )
         return BoxGrid(extents, ends, sides, half)
 
     def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
@@ -337,13 +360,22 @@ class ResolvedWalls:
         ends, number = ahead + along * growing_rows(columns, along, 1, coarse), 0
         if ahead:
             before = growing_rows(replace(columns, growth=of.GROWTH_AHEAD), ahead, 1, coarse)
-            ends, number = np.concatenate([ahead * (1.0 - before[-2::-1]), [ahead], ends]), len(before)
+            ends, number = (
+                np.concatenate([ahead * (1.0 - before[-2::-1]), [ahead], ends]),
+                len(before),
+            )
         sizes = RowSizes(self.first, of.ROW_GROWTH, of.LARGEST_ROW * domain.height)
         rows = growing_rows(sizes, domain.height, 1, coarse)
-        found = Grid((domain.left, domain.bottom), domain.length, domain.height, len(ends), len(rows), 1.0)
+        found = Grid(
+            (domain.left, domain.bottom), domain.length, domain.height, len(ends), len(rows), 1.0
+        )
         places = tuple(map(float, rows)), tuple(map(float, ends / domain.length))
         return replace(
-            found, sides=names.around, ends=places[0], column_ends=places[1], ahead=(names.ahead, number)
+            found,
+            sides=names.around,
+            ends=places[0],
+            column_ends=places[1],
+            ahead=(names.ahead, number),
         )
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
@@ -378,7 +410,8 @@ class ResolvedWalls:
         """How thick cells at each wall are."""
         coarse = COARSENING.get(order, ORDER_THREE)
         found = {
-            name: coarse * (self.first if name in self.rough else self._first_free) for name in self.names
+            name: coarse * (self.first if name in self.rough else self._first_free)
+            for name in self.names
         }
         if "body" in found:
             found["body"] *= AT_GRAIN
@@ -405,7 +438,11 @@ def resolved_walls_of(
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
     ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     number = 2 if two else 1
-    depth, mean, viscosity = (domain.ceiling - ground) / number, base_flow.reference, base_flow.viscosity
+    depth, mean, viscosity = (
+        (domain.ceiling - ground) / number,
+        base_flow.reference,
+        base_flow.viscosity,
+    )
     edge, in_stream = None, stream is not None and bed is None
     if in_stream:
         along = geometry.grain.size
@@ -416,7 +453,11 @@ def resolved_walls_of(
         depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
     developed = of_discharge(mean * depth / viscosity, (upstream or roughness) / depth)
     body = () if geometry.grain is None else ("body",)
-    duct, (low, high), walled = None, domain.across if geometry.walled else (0.0, 0.0), geometry.walled
+    duct, (low, high), walled = (
+        None,
+        domain.across if geometry.walled else (0.0, 0.0),
+        geometry.walled,
+    )
     if walled:
         sand = roughness / depth, (upstream or roughness) / depth
         duct = developed_duct(mean * depth / viscosity, 0.5 * (high - low) / depth, sand=sand)
@@ -430,7 +471,12 @@ def resolved_walls_of(
         plane=plane,
         names=body
         if in_stream
-        else (names.bottom, *((names.top,) if two else ()), *(names.across if walled else ()), *body),
+        else (
+            names.bottom,
+            *((names.top,) if two else ()),
+            *(names.across if walled else ()),
+            *body,
+        ),
         up=geometry.up,
         developed=developed,
         roughness=roughness,

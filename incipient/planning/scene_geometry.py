@@ -30,7 +30,9 @@ class Stance:
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
     placement: Placement | None = None  # where the flow is computed: lifted by the gap
-    gap: float = np.inf  # smallest distance from the bed in the computed flow [length], inf without contact
+    gap: float = (
+        np.inf
+    )  # smallest distance from the bed in the computed flow [length], inf without contact
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
 
 
@@ -41,7 +43,9 @@ class Geometry:
     domain: Domain
     grain: Any  # shape in its body frame, a Grain of the plane or a Solid; None without a grain
     bed: Any  # shape, a Bed of the plane or a Terrain; None without a bed
-    placement: Placement | None  # the grain where it touches the bed or is held; None without a grain
+    placement: (
+        Placement | None
+    )  # the grain where it touches the bed or is held; None without a grain
     rests: bool  # whether it rests on the bed
     moves: bool  # whether it moves while the flow is computed
     touches: bool  # whether it goes on moving where it touches the bed

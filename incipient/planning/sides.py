@@ -13,7 +13,9 @@ class SideNames:
     right: str  # like `left` an end of the base flow
     top: str
     left: str
-    across: tuple[str, ...] = ()  # in space, at least and largest y; of half a domain only the latter
+    across: tuple[
+        str, ...
+    ] = ()  # in space, at least and largest y; of half a domain only the latter
     ahead: str = ""  # what of the lower side lies ahead of a leading edge; empty: nothing
 
     @property
@@ -32,4 +34,6 @@ def side_names(domain: Domain, has_bed: bool, symmetric: bool, edged: bool = Fal
     if domain.kind == "channel":
         right, left = "outflow", "inflow"
     across = () if not in_space else ("left",) if symmetric else ("right", "left")
-    return SideNames("bed" if has_bed else "bottom", right, "top", left, across, "ahead" if edged else "")
+    return SideNames(
+        "bed" if has_bed else "bottom", right, "top", left, across, "ahead" if edged else ""
+    )

@@ -49,7 +49,9 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         flow = "steady flow" if setup.scene.time is None else "flow by the k-omega model"
-        return Stabilisation(True, f"streamline upwinding of {flow} in space; {found}", number, True)
+        return Stabilisation(
+            True, f"streamline upwinding of {flow} in space; {found}", number, True
+        )
     if asked == "on" and _goes_around_grain(setup):
         found = f"streamline upwinding in cells stretched along a grain; {found}"
         return Stabilisation(True, found, number, True)
@@ -74,7 +76,9 @@ def _stretches_cells(setup: Setup) -> bool:
 
 def _goes_around_grain(setup: Setup) -> bool:
     """Whether a boundary layer begins where a stream meets a grain, in time."""
-    return setup.scene.time is not None and setup.resolves_walls and setup.resolved_walls.around_grain
+    return (
+        setup.scene.time is not None and setup.resolves_walls and setup.resolved_walls.around_grain
+    )
 
 
 def upwinds(setup: Setup) -> bool:
@@ -84,7 +88,11 @@ def upwinds(setup: Setup) -> bool:
     """
     scene = setup.scene
     upwinded, asked = scene.time is None or scene.resolves_walls, scene.numerics.stabilisation
-    return scene.gdim == 3 and upwinded and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
+    return (
+        scene.gdim == 3
+        and upwinded
+        and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
+    )
 
 
 def cell_reynolds(setup: Setup) -> float:

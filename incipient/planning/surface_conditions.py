@@ -40,7 +40,12 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
 
     Places of which it decides nothing are missing. Not collective.
     """
-    asked, sides, up, found = setup.surface, setup.sides, setup.geometry.up, dict[str, list[Condition]]()
+    asked, sides, up, found = (
+        setup.surface,
+        setup.sides,
+        setup.geometry.up,
+        dict[str, list[Condition]](),
+    )
     if setup.scene.domain.kind != "channel" and asked.ends == "wall":
         found["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
     if asked.bottom == "slip":
@@ -61,7 +66,9 @@ def free_surface(setup: Setup) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(setup), sponges(setup))
+    return FreeSurface(
+        top, gravity, origin, pressure, asked.tension, sticking(setup), sponges(setup)
+    )
 
 
 def ends(setup: Setup) -> list[Condition]:
@@ -125,7 +132,12 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     """Base flow and wave at the inflow, and the elevation there."""
-    stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.domain.up
+    stream, left, datum, up = (
+        base_flow.velocity,
+        base_flow.domain.left,
+        base_flow.datum,
+        base_flow.domain.up,
+    )
 
     def velocity(x: Floats, t: float) -> Floats:
         """Velocities (gdim, n) of base flow and wave at places (3, n)."""

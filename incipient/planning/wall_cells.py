@@ -17,7 +17,9 @@ FEWEST_COLUMNS = 4  # whatever the cells' size
 # First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
 # distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
 FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
-FIRST_OF_GRADED = 2.0 * GRADING / (1.0 + GRADING)  # first over mean row of those that are graded as usual
+FIRST_OF_GRADED = (
+    2.0 * GRADING / (1.0 + GRADING)
+)  # first over mean row of those that are graded as usual
 # Other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
@@ -46,7 +48,9 @@ def channel_grid(
         high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
         layers = max(layers, round(ROWS * rubbing / coarse))
     across = SYMMETRY if half else "right", "left"
-    return SolidGrid(found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across)
+    return SolidGrid(
+        found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across
+    )
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:
@@ -71,7 +75,10 @@ def coarsest(setup: Setup) -> float:
     walls, length = setup.walls, setup.geometry.domain.length
     if not walls.plane:
         return math.inf
-    rows, columns = ROWS * walls.number / FEWEST_ROWS, length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    rows, columns = (
+        ROWS * walls.number / FEWEST_ROWS,
+        length / (COLUMN * walls.depth * FEWEST_COLUMNS),
+    )
     return min(rows, columns) / coarsening(setup.order.number)
 
 
@@ -85,7 +92,8 @@ def cells(
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         away = Away(point(placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
     found = [
-        Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away) for name in walls.names
+        Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
+        for name in walls.names
     ]
     if geometry.bed is not None and geometry.gdim == 2:
         bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)

@@ -65,7 +65,9 @@ def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
         length = reach * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
         return c_mu**0.75 * energy_at(*place) ** 1.5 / length
 
-    return EnteringTurbulence(lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at)
+    return EnteringTurbulence(
+        lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at
+    )
 
 
 def section_of_mesh(walls: LayeredWalls) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -88,7 +90,9 @@ def inflow_places(walls: LayeredWalls) -> tuple[np.ndarray, ...]:
 def _mean_in_mesh(walls: LayeredWalls) -> float:
     """Mean speed through the inflow of the mesh: what does not flow between it and the walls it stands off from."""
     (low, high), (right, left) = section_of_mesh(walls)
-    beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, walls.viscosity, walls.distance)
+    beyond = walls.shear_velocity * walls.law.beyond(
+        walls.shear_velocity, walls.viscosity, walls.distance
+    )
     off = walls.distance if walls.plane and walls.sides else 0.0
     whole = walls.mean * walls.number * walls.depth * (left - right + 2.0 * off)
     layers = walls.beside * (left - right) + (2.0 * (high - low) if off else 0.0)
@@ -99,7 +103,9 @@ def _uniform(value: float, height: np.ndarray, across: np.ndarray | None = None)
     return np.full_like(height, value)
 
 
-def _at_height(profile: Profile, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
+def _at_height(
+    profile: Profile, height: np.ndarray, across: np.ndarray | None = None
+) -> np.ndarray:
     return profile(height)
 
 
@@ -111,7 +117,11 @@ def logarithms(setup: Setup) -> Callable[[np.ndarray], np.ndarray]:
 
 def velocity(setup: Setup) -> Callable[[np.ndarray, float], np.ndarray]:
     """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-    speed, places, up = entering(setup.walls, setup.turbulence).speed, _places(setup), setup.geometry.up
+    speed, places, up = (
+        entering(setup.walls, setup.turbulence).speed,
+        _places(setup),
+        setup.geometry.up,
+    )
     return lambda x, t: np.vstack([speed(*places(x)), *np.zeros((up, x.shape[1]))])
 
 
@@ -130,7 +140,9 @@ def conditions(setup: Setup) -> list[Condition]:
     if walls.plane:
         axes = dict.fromkeys(names, geometry.up) | dict.fromkeys(sides.across, 1)
     rubbing: list[Condition] = [
-        Friction(*(name, walls.distance, drag, axes.get(name)), moves=name == "body" and geometry.moves)
+        Friction(
+            *(name, walls.distance, drag, axes.get(name)), moves=name == "body" and geometry.moves
+        )
         for name in (*names, *(CLOSED if setup.scene.closes_contacts else ()))
     ]
     lids: list[Condition] = [] if sides.top in names else [Slip(sides.top, axis=geometry.up)]

@@ -36,7 +36,9 @@ class WallLaw:
     kappa: float = 0.41
     offset: float = 5.2
 
-    def velocity(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
+    def velocity(
+        self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+    ) -> Any:
         """u+ at a distance from the wall for a shear velocity u*."""
         away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
         by_sand, _ = self._by_sand(shear_velocity, viscosity, functions)
@@ -62,7 +64,9 @@ class WallLaw:
         lost = ROUGH - self.offset - functions.log(sand) / self.kappa
         return share * lost, rise * lost - share / self.kappa
 
-    def shear_velocity(self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
+    def shear_velocity(
+        self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+    ) -> Any:
         """u* for a speed at a distance from the wall, by corrections of the law u+ = 8.3 (y+)^(1/7)."""
         found = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
         for _ in range(CORRECTIONS):
@@ -78,7 +82,9 @@ class WallLaw:
 
         Where the flow separates the speed vanishes and k does not: Kuzmin, Mierka & Turek (2007).
         """
-        return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), fluctuations)
+        return functions.larger(
+            self.shear_velocity(speed, viscosity, distance, functions), fluctuations
+        )
 
     def drag(
         self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
@@ -101,7 +107,11 @@ class WallLaw:
 
         It is infinite where nothing flows.
         """
-        return max(AIMED_AT * viscosity / shear_velocity, self.roughness) if shear_velocity else math.inf
+        return (
+            max(AIMED_AT * viscosity / shear_velocity, self.roughness)
+            if shear_velocity
+            else math.inf
+        )
 
     def bounds(self, shear_velocity: Any, viscosity: float, reach: float) -> tuple[Any, Any]:
         """Distances from which to which the law holds, arrays like those of u*; `reach` is the depth of the flow.

@@ -18,7 +18,9 @@ class LayeredWalls:
     """The walls that a flow feels by a law of the wall, as estimated before it is computed."""
 
     law: WallLaw
-    depth: float  # over which a wall is felt: that of an open channel, half of that between two walls
+    depth: (
+        float  # over which a wall is felt: that of an open channel, half of that between two walls
+    )
     distance: float  # of the mesh's boundary from the wall
     shear_velocity: float  # estimated, of two walls the larger one
     bed_shear_velocity: float  # at the lower wall
@@ -32,7 +34,9 @@ class LayeredWalls:
     sides: tuple[float, ...]  # y of side walls with friction; none in the plane
     mean: float  # reference velocity of the flow
     viscosity: float  # kinematic
-    plane: bool  # whether all walls are planes, from which the mesh stands off: no bed forms, no grain
+    plane: (
+        bool  # whether all walls are planes, from which the mesh stands off: no bed forms, no grain
+    )
     names: tuple[str, ...]  # of the boundaries that have a wall beyond them
 
     @property
@@ -57,7 +61,9 @@ class LayeredWalls:
     def text(self) -> str:
         """What the walls are taken for, in words."""
         y = self.distance * self.shear_velocity / self.viscosity
-        beyond = "" if self.beside == self.number else ", beyond a bed at which the mesh itself ends"
+        beyond = (
+            "" if self.beside == self.number else ", beyond a bed at which the mesh itself ends"
+        )
         return (
             f"law of the wall from {self.distance:.3g}{beyond}, y+ about {y:.3g}, "
             f"u* about {self.shear_velocity:.3g}"
@@ -82,7 +88,11 @@ def walls_of(
     domain, bed, open_above = geometry.domain, geometry.bed, base_flow.flow.kind == "open-channel"
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
     number, top = 1 if open_above else 2, domain.ceiling
-    ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum, geometry.moves)
+    ground = (
+        domain.bottom
+        if bed is None
+        else height_at_inflow(geometry, base_flow.datum, geometry.moves)
+    )
     depth, viscosity = (top - ground) / number, base_flow.viscosity
     sides = domain.across if geometry.walled else ()
     width = sides[1] - sides[0] if sides else math.inf

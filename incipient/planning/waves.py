@@ -52,19 +52,34 @@ class StokesWave:
 
     def velocity(self, x: Floats, y: Floats, t: float) -> tuple[Floats, Floats]:
         """(n,) along the channel and (n,) upwards, added to the current's, at heights y above the bottom."""
-        a, k, H, grown, y = self.amplitude, self.number, self.depth, self.begun(t), np.maximum(y, 0.0)
+        a, k, H, grown, y = (
+            self.amplitude,
+            self.number,
+            self.depth,
+            self.begun(t),
+            np.maximum(y, 0.0),
+        )
         phase, whole = k * x - self.frequency * t, 1.0 - np.exp(-2.0 * k * H)
-        first, own = grown * a * (self.frequency - k * self.surface), self.frequency - k * self.stream
+        first, own = (
+            grown * a * (self.frequency - k * self.surface),
+            self.frequency - k * self.stream,
+        )
         second = grown**2 * 6.0 * a**2 * own * k * np.exp(-2.0 * k * H) / whole**4
         up, down = np.exp(2.0 * k * (y - H)), np.exp(-2.0 * k * (y + H))
         back = 0.5 * grown * a * first / (k * H) * self.rise(H, 1)
-        along = first / k * self.rise(y, 1) * np.cos(phase) + second * (up + down) * np.cos(2.0 * phase)
+        along = first / k * self.rise(y, 1) * np.cos(phase) + second * (up + down) * np.cos(
+            2.0 * phase
+        )
         upwards = first * self.rise(y) * np.sin(phase) + second * (up - down) * np.sin(2.0 * phase)
         return along - back, upwards
 
 
 def stokes_wave(
-    amplitude: float, frequency: float, depth: float, gravity: float, speed: Callable[[Floats], Floats]
+    amplitude: float,
+    frequency: float,
+    depth: float,
+    gravity: float,
+    speed: Callable[[Floats], Floats],
 ) -> StokesWave:
     """The wave of a frequency in the frame of the bed that runs with a current, faster than that.
 
@@ -83,7 +98,9 @@ def stokes_wave(
         def slopes(height: float, f: Floats) -> list[float]:
             return [f[1], (k**2 + profile(height, 2) / (profile(height) - frequency / k)) * f[0]]
 
-        found = solve_ivp(slopes, (0.0, depth), [0.0, k], t_eval=y, rtol=1e-10, atol=1e-12, method="DOP853").y
+        found = solve_ivp(
+            slopes, (0.0, depth), [0.0, k], t_eval=y, rtol=1e-10, atol=1e-12, method="DOP853"
+        ).y
         return found[0] / found[0, -1], found[1] / found[0, -1]
 
     def missed(k: float) -> float:
@@ -95,5 +112,9 @@ def stokes_wave(
     shortest = min(shortest, (1.0 - 1e-6) * frequency / fastest) if fastest > 0.0 else shortest
     k = float(brentq(missed, longest, shortest, xtol=1e-14 * shortest))
     weight = np.exp(2.0 * k * (y - depth)) + np.exp(-2.0 * k * (y + depth))
-    felt, whole = (float(CubicSpline(y, one).integrate(0.0, depth)) for one in (profile(y) * weight, weight))
-    return StokesWave(amplitude, frequency, k, depth, felt / whole, surface, CubicSpline(y, shape(k)[0]))
+    felt, whole = (
+        float(CubicSpline(y, one).integrate(0.0, depth)) for one in (profile(y) * weight, weight)
+    )
+    return StokesWave(
+        amplitude, frequency, k, depth, felt / whole, surface, CubicSpline(y, shape(k)[0])
+    )

@@ -56,8 +56,12 @@ def of_directory(directory: Path) -> Page:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
-    parts = [_part(record) for record in records]  # what is damaged is found before anything is drawn
-    pictures = [(directory / name, record) for record in records for name in RECORDS[record.name][1]]
+    parts = [
+        _part(record) for record in records
+    ]  # what is damaged is found before anything is drawn
+    pictures = [
+        (directory / name, record) for record in records for name in RECORDS[record.name][1]
+    ]
     if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint
         parts = [_part(record) for record in records]

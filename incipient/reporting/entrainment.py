@@ -32,5 +32,8 @@ def part(record: Path) -> PagePart:
         kind="Entrainment",
         title=stored["title"] or "Motion in a fluctuating stream",
         statements=statements,
-        sections=(*section("Picture", drawn), *section("Mean flows by probability", table(names, rows))),
+        sections=(
+            *section("Picture", drawn),
+            *section("Mean flows by probability", table(names, rows)),
+        ),
     )

@@ -30,7 +30,9 @@ REMEDIES = {
     "interaction": "a smaller contact.gap, larger domain.length and domain.height",
     "search": "nothing: steady flows near the threshold were not found",
 }
-BOTH = 'numerics.accuracy_includes = "all" changes gap and domain until their errors are small, too.'
+BOTH = (
+    'numerics.accuracy_includes = "all" changes gap and domain until their errors are small, too.'
+)
 
 
 def certainty(stored: dict[str, Any] | None, without: str) -> str:
@@ -67,7 +69,13 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
     if len(stored["terms"]) > 1:
         together = {**stored, "how": "the sum: an error bar is not a standard deviation"}
         rows.append(_row(together, "all", whole, told))
-    head = ("error", *(column.head for column in told), "share", "estimated by", "what makes it smaller")
+    head = (
+        "error",
+        *(column.head for column in told),
+        "share",
+        "estimated by",
+        "what makes it smaller",
+    )
     others = [(name, "does not count", why) for name, why in stored["left_out"].items()]
     others += [(name, "not computed", why) for name, why in stored["failed"].items()]
     modelled = {"gap", "domain"} & {term["name"] for term in stored["terms"]}
@@ -111,7 +119,11 @@ def _largest(errors: list[float | None]) -> float:
 def _row(term: dict[str, Any], name: str, whole: float, told: list[_Column]) -> tuple[Cell, ...]:
     """One term; its share is that of the first of its errors."""
     first = told[0] if told else None
-    share = math.nan if first is None or term[first.key] is None else first.size(term[first.key]) / whole
+    share = (
+        math.nan
+        if first is None or term[first.key] is None
+        else first.size(term[first.key]) / whole
+    )
     return (
         name,
         *("" if term[column.key] is None else column.cell(term[column.key]) for column in told),

@@ -8,7 +8,14 @@ from ..planning.effects import percent
 from ..results.left_out import Omission
 from .page import PageSection, Rows, section, table, words
 
-TRIED = ("cells", "unknowns", "estimate", "step", "seconds", "note")  # of each mesh, after its order
+TRIED = (
+    "cells",
+    "unknowns",
+    "estimate",
+    "step",
+    "seconds",
+    "note",
+)  # of each mesh, after its order
 
 
 def of_plan(plan: dict[str, Any]) -> tuple[PageSection, ...]:
@@ -53,7 +60,9 @@ def of_adaptation(stored: dict[str, Any] | None) -> tuple[PageSection, ...]:
     if stored is None:
         return ()
     reached = "unknown" if stored["reached"] is None else f"{stored['reached']:.1e}"
-    said = f"Error of the {stored['of']}: {reached}; asked for {stored['asked']}: {stored['reason']}."
+    said = (
+        f"Error of the {stored['of']}: {reached}; asked for {stored['asked']}: {stored['reason']}."
+    )
     rows: Rows = [(f"P{one['order']}", *(one[key] for key in TRIED)) for one in stored["trials"]]
     head = ("order", "cells", "unknowns", "error", "step", "seconds", "")
     more = (*stored.get("changes", ()), *stored.get("beside", ()))

@@ -13,13 +13,19 @@ def part(record: Path) -> PagePart:
     stored = parsed_json(record)
     rows: Rows = []
     for one in stored["points"]:
-        strength = one["strength"] if one["error"] is None else Erring(one["strength"], one["error"])
-        rows.append((one["duration"], strength, one["held"], one["leaves"], one["impulse"], one["runs"]))
+        strength = (
+            one["strength"] if one["error"] is None else Erring(one["strength"], one["error"])
+        )
+        rows.append(
+            (one["duration"], strength, one["held"], one["leaves"], one["impulse"], one["runs"])
+        )
     names = ("duration", "strength", "stays at", "leaves at", "(strength - 1) x duration", "runs")
     drawn = picture_beside(record, "The weakest gusts that move the grain out of its pocket")
     return PagePart(
         kind="Critical gusts",
         title=stored["title"] or "Critical gusts",
-        statements=(f"A steady flow moves the grain from {stored['static']:.4g} times its strength on.",),
+        statements=(
+            f"A steady flow moves the grain from {stored['static']:.4g} times its strength on.",
+        ),
         sections=(*section("Picture", drawn), *section("Gusts", table(names, rows))),
     )

@@ -53,7 +53,9 @@ def part_of_series(record: Path) -> PagePart:
     stored = parsed_json(record)
     shares, events = stored["shares"], stored["events"]
     longest = sorted(events, key=lambda event: -event["length"])[:MOST_EVENTS]
-    rows: Rows = [(one["start"], one["length"], one["mode"], one["impulse"], one["least"]) for one in longest]
+    rows: Rows = [
+        (one["start"], one["length"], one["mode"], one["impulse"], one["least"]) for one in longest
+    ]
     numbers: Rows = [
         ("samples", stored["samples"]),
         ("from", stored["start"]),
@@ -62,15 +64,24 @@ def part_of_series(record: Path) -> PagePart:
         ("events", len(events)),
     ]
     moving = sum(share for mode, share in shares.items() if mode != "rest")
-    listed = "Events" if len(events) <= MOST_EVENTS else f"The {MOST_EVENTS} longest of {len(events)} events"
+    listed = (
+        "Events"
+        if len(events) <= MOST_EVENTS
+        else f"The {MOST_EVENTS} longest of {len(events)} events"
+    )
     drawn = picture_beside(record, "The safety factor in time")
     return PagePart(
         kind="Judged series",
         title="A series of loads",
-        statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),
+        statements=(
+            f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",
+        ),
         sections=(
             *section("Series", table(("", "value"), numbers), drawn),
             *section("Shares of time", table(("mode", "share"), list(shares.items()))),
-            *section(listed, table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows)),
+            *section(
+                listed,
+                table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows),
+            ),
         ),
     )

@@ -50,7 +50,9 @@ def part(record: Path) -> PagePart:
     told = () if case is None else (*of_contacts(case), *of_judges(verdict, case))
     found = [(directory / f"{name}.png", CAPTIONS[name]) for name in CAPTIONS if name in DRAWN]
     sections = (
-        *section("Pictures", *(Picture(path, caption) for path, caption in found if path.is_file())),
+        *section(
+            "Pictures", *(Picture(path, caption) for path, caption in found if path.is_file())
+        ),
         *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
         *of_si(stored.get("si")),
@@ -68,7 +70,9 @@ def part(record: Path) -> PagePart:
         kind="Run",
         title=stored["title"],
         statements=_statements(stored, case),
-        certainty="" if case is None else certainty(stored["error_bars"], stored["without_error_bars"]),
+        certainty=""
+        if case is None
+        else certainty(stored["error_bars"], stored["without_error_bars"]),
         notes=_notes(stored),
         sections=sections,
         versions=versions(stored["cost"]),
@@ -93,7 +97,9 @@ def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
         notes.append(sentence(f"the run is {stored['status']}: {why}"))
     gap = stored["gap"]
     if gap is not None and not gap["resolved"]:
-        notes.append("The gap between grain and bed is not resolved: give a smaller numerics.mesh_size.")
+        notes.append(
+            "The gap between grain and bed is not resolved: give a smaller numerics.mesh_size."
+        )
     return tuple(notes)
 
 
@@ -118,7 +124,9 @@ def _acting(kind: str, stored: dict[str, Any], axes: Sequence[int], head: str) -
         if not _left_out(key, found):
             errors = bars[kind] if key == "flow" and bars is not None else None
             values = ((found[key][at], errors and errors[at]) for at in axes)
-            rows.append((name, *(one if error is None else Erring(one, error) for one, error in values)))
+            rows.append(
+                (name, *(one if error is None else Erring(one, error) for one, error in values))
+            )
     return table((head, *("xyz"[at] for at in axes)), rows)
 
 
@@ -201,7 +209,9 @@ def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         ("place", components(path["place"], planar)),
         ("velocity", components(path["velocity"], planar)),
         ("spin", path["spin"] if planar else turning(path["spin"], planar)),
-        ("turned by", path["angle"]) if planar else ("orientation (quaternion)", tuple(path["quaternion"])),
+        ("turned by", path["angle"])
+        if planar
+        else ("orientation (quaternion)", tuple(path["quaternion"])),
         ("new meshes", len(path["remeshings"])),
         ("iterations of fluid and grain a step", path["interface_iterations"]["mean"]),
         *_on_bed(path.get("on_bed"), planar),

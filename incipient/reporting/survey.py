@@ -27,7 +27,13 @@ def part(record: Path) -> PagePart:
         (one["percentile"], one["shields"], one["low"], one["high"], others.get(one["percentile"]))
         for one in stored["distribution"]
     ]
-    heads = ("percentile", "critical Shields number", "low", "high", "one drag coefficient and a log law")
+    heads = (
+        "percentile",
+        "critical Shields number",
+        "low",
+        "high",
+        "one drag coefficient and a log law",
+    )
     drawn = picture_beside(record, "The bed from above, and distributions over its grains")
     return PagePart(
         kind="Survey",
@@ -37,7 +43,8 @@ def part(record: Path) -> PagePart:
             *section("Picture", drawn),
             *(section("Critical Shields numbers", table(heads, found)) if found else ()),
             *section(
-                "Pivot angles", table(("percentile", "pivot angle [degrees]", "Kirchner et al. 1990"), pivots)
+                "Pivot angles",
+                table(("percentile", "pivot angle [degrees]", "Kirchner et al. 1990"), pivots),
             ),
         ),
     )

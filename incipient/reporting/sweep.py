@@ -80,7 +80,9 @@ def _scenes(store: Store) -> dict[str, str]:
     for stored in store.first_of_sources():
         text = stored["scene"]
         if stored["status"] != DAMAGED:
-            first[stored["source"]] = tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
+            first[stored["source"]] = (
+                tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
+            )
     return first
 
 

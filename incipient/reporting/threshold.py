@@ -67,11 +67,17 @@ def _numbers(stored: dict[str, Any]) -> Rows:
 
 def _certainty(stored: dict[str, Any]) -> str:
     if stored["error_bars"] is None:
-        return sentence(f"not known: {stored['without_error_bars']}") if stored["without_error_bars"] else ""
+        return (
+            sentence(f"not known: {stored['without_error_bars']}")
+            if stored["without_error_bars"]
+            else ""
+        )
     factor = stored["error_bars"]["factor"]
     if factor["error"] is None:
         return "The error of the critical flow is without bound."
-    largest = max(factor["terms"], key=lambda name: factor["terms"][name] or float("inf"), default="")
+    largest = max(
+        factor["terms"], key=lambda name: factor["terms"][name] or float("inf"), default=""
+    )
     high = "without bound" if factor["high"] is None else f"{factor['high']:.4g}"
     said = f"Between {factor['low']:.4g} and {high} times the flow of the scene"
     return f"{said}; most of the error is that of the {largest}." if largest else f"{said}."
@@ -80,7 +86,9 @@ def _certainty(stored: dict[str, Any]) -> str:
 def _of_factor(bars: dict[str, Any] | None) -> tuple[PageSection, ...]:
     if bars is None:
         return ()
-    rows = [(name, error, REMEDIES.get(name, "")) for name, error in bars["factor"]["terms"].items()]
+    rows = [
+        (name, error, REMEDIES.get(name, "")) for name, error in bars["factor"]["terms"].items()
+    ]
     told = words("Each line is the largest error of the factor that one source makes alone.")
     head = ("error", "of the factor", "what makes it smaller")
     return section("Error of the critical flow", told if rows else None, table(head, rows))

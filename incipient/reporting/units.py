@@ -19,11 +19,16 @@ def of_si(found: dict[str, Any] | None) -> tuple[PageSection, ...]:
     rows: Rows = [("nominal diameter", found["nominal_diameter"], "m")]
     rows += [(name, found[key], unit) for key, (unit, name) in FLOW.items() if key in found]
     if "force" in found:
-        rows.append(("force of the flow", components(found["force"], planar), "N/m" if planar else "N"))
-        rows.append(("couple of the flow", turning(found["couple"], planar), "N" if planar else "N m"))
+        rows.append(
+            ("force of the flow", components(found["force"], planar), "N/m" if planar else "N")
+        )
+        rows.append(
+            ("couple of the flow", turning(found["couple"], planar), "N" if planar else "N m")
+        )
     if "end" in found:
         rows.append(("ends after", found["end"], "s"))
     rows += [
-        (f"one unit of {name} of the scene", found["units"][name], unit) for name, unit in OF_SCENE.items()
+        (f"one unit of {name} of the scene", found["units"][name], unit)
+        for name, unit in OF_SCENE.items()
     ]
     return section("In SI units", table(("", "value", "unit"), rows))

@@ -34,7 +34,14 @@ def of_contacts(case: Judged) -> tuple[PageSection, ...]:
         outwards = components(contacts.normals[index], planar)
         force = float(normal[index]), float(along[index])
         rows.append((str(index + 1), place, outwards, *force, STATES[state][1]))
-    head = ("contact", "where", "normal, out of the grain", "pressed by", "along the surface", "state")
+    head = (
+        "contact",
+        "where",
+        "normal, out of the grain",
+        "pressed by",
+        "along the surface",
+        "state",
+    )
     return section("Contacts", words(f"Forces: {case.occasion}."), table(head, rows))
 
 

@@ -44,7 +44,9 @@ class Model:
         self._colours: list[str] = []
         self._arrows: list[dict[str, Any]] = []
 
-    def add(self, points: Floats, triangles: np.ndarray, colours: list[str], which: np.ndarray) -> None:
+    def add(
+        self, points: Floats, triangles: np.ndarray, colours: list[str], which: np.ndarray
+    ) -> None:
         """Add triangles (m, 3) of points (n, 3); `which` (m,) of the colours each has."""
         first, known = sum(map(len, self._points)), len(self._colours)
         self._points.append((points - self._centre) / self._size)
@@ -114,7 +116,9 @@ def _section(model: Model, case: Judged | None, caption: str) -> Sections:
     if case is not None:
         _add_forces(model, case)
         caption += f"Arrows: the load at the centre, and at the contacts: {case.occasion}. "
-    return section("In space, to be turned", Turned("grain-in-space", model.data(), f"{caption}{HOW}"))
+    return section(
+        "In space, to be turned", Turned("grain-in-space", model.data(), f"{caption}{HOW}")
+    )
 
 
 def _add_plain(model: Model, points: Floats, triangles: np.ndarray) -> None:
@@ -127,7 +131,9 @@ def _add_traction(model: Model, points: Floats, cells: np.ndarray, tractions: Fl
     sizes = np.linalg.norm(tractions, axis=1)
     most = last_colour(sizes)
     shades = np.minimum(sizes[triangles].mean(axis=1) / most * SHADES, SHADES - 1).astype(int)
-    palette = [to_hex(colormaps["magma"](0.12 + 0.85 * number / (SHADES - 1))) for number in range(SHADES)]
+    palette = [
+        to_hex(colormaps["magma"](0.12 + 0.85 * number / (SHADES - 1))) for number in range(SHADES)
+    ]
     used, numbers = np.unique(triangles, return_inverse=True)
     model.add(points[used], numbers.reshape(triangles.shape), palette, shades)
     return most

@@ -203,7 +203,9 @@ def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict
         os.posix_fallocate(file.fileno(), 0, size)
     with _hdf5(path, "w") as file:
         places = _put(file, checkpoint)
-        file.attrs.update({"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION})
+        file.attrs.update(
+            {"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION}
+        )
         file.attrs["program"] = f"incipient {metadata.version('incipient')}"
     with path.open("r+b") as file:
         os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
@@ -218,7 +220,9 @@ def read(path: Path, comm: Comm) -> Checkpoint:
     """
     with collectively(comm):
         if not path.is_file():
-            raise OutputError(f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one")
+            raise OutputError(
+                f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one"
+            )
         with _opened(path) as file:
             _require_readable(path, file)
             found = _got(Checkpoint, file, path, comm)
@@ -322,7 +326,9 @@ def _digest(file: Any, checksums: dict[str, str]) -> str:
             continue
         value = dataset[()]
         about = f"{name} {dataset.dtype} {dataset.shape} ".encode()
-        whole.update(about + (value if isinstance(value, bytes) else np.ascontiguousarray(value).tobytes()))
+        whole.update(
+            about + (value if isinstance(value, bytes) else np.ascontiguousarray(value).tobytes())
+        )
     return whole.hexdigest()
 
 

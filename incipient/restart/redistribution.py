@@ -167,10 +167,16 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
     table = np.column_stack([stored.values, numbers])
     here = exchanged(comm, table[by_owner], np.bincount(owners, minlength=comm.size))
     # A point so near to a border that rounding may have taken it across asks on both sides.
-    first, last = (np.searchsorted(borders, points[:, 0] + d, side="right") for d in (-tolerance, tolerance))
+    first, last = (
+        np.searchsorted(borders, points[:, 0] + d, side="right") for d in (-tolerance, tolerance)
+    )
     times = last - first + 1
     asking = np.repeat(np.arange(len(points)), times)
-    asked = np.repeat(first, times) + np.arange(len(asking)) - np.repeat(np.cumsum(times) - times, times)
+    asked = (
+        np.repeat(first, times)
+        + np.arange(len(asking))
+        - np.repeat(np.cumsum(times) - times, times)
+    )
     order = np.argsort(asked, kind="stable")
     sent = np.bincount(asked, minlength=comm.size)
     received = np.array(comm.alltoall(sent.tolist()))
@@ -187,7 +193,9 @@ def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
 
 def _extent(comm: MPI.Comm, places: Floats) -> float:
     """The largest side of the box that has all ranks' places in it. Collective."""
-    sides = np.concatenate([places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)])
+    sides = np.concatenate(
+        [places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)]
+    )
     comm.Allreduce(MPI.IN_PLACE, sides, op=MPI.MAX)
     return float((sides[:3] + sides[3:]).max())
 

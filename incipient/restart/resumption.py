@@ -29,6 +29,8 @@ def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
     meshes = [] if kept.body is None else kept.body.remeshings
     new_mesh = meshes[-1]["time"] if meshes else -np.inf
-    transient.resume(kept.progress.number, kept.progress.next_length, pasts, kept.progress.error, new_mesh)
+    transient.resume(
+        kept.progress.number, kept.progress.next_length, pasts, kept.progress.error, new_mesh
+    )
     for name, number in kept.progress.linear.items():
         setattr(fluid.solver.statistics, name, number)

@@ -16,7 +16,9 @@ class Trial:
     seconds: float  # wall time, mesh, solution and estimate together
     step: float | None = None  # the time step, None for steady flow
     note: str = ""  # what was changed besides the mesh, or why there is no solution or no estimate
-    of_step: float | None = None  # what the time step contributes to the estimate; None for steady flow
+    of_step: float | None = (
+        None  # what the time step contributes to the estimate; None for steady flow
+    )
     of_mesh: float | None = None  # what the mesh contributes to it
 
     @property

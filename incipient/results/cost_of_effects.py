@@ -26,7 +26,10 @@ class Corrections:
 
     def __init__(self, ledger: Ledger, plan: Plan):
         self._ledger = ledger
-        self._inertia, self._unsteadiness = plan.has(EffectName.INERTIA), plan.has(EffectName.UNSTEADINESS)
+        self._inertia, self._unsteadiness = (
+            plan.has(EffectName.INERTIA),
+            plan.has(EffectName.UNSTEADINESS),
+        )
         self._laps: list[tuple[int, Share]] = []
 
     @contextmanager
@@ -40,7 +43,9 @@ class Corrections:
         """The correction of this number in its solve, from zero, has been made."""
         self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
-    def watched_by(self, watch: Callable[[float, int, float], Any]) -> Callable[[float, int, float], None]:
+    def watched_by(
+        self, watch: Callable[[float, int, float], Any]
+    ) -> Callable[[float, int, float], None]:
         """What to call after each correction of a steady solve, so that `watch` is called, too."""
 
         def record_and_pass_on(share: float, iteration: int, size: float) -> None:

@@ -20,8 +20,12 @@ class Elevations:
     @classmethod
     def of(cls, readings: list[ElevationReading]) -> Elevations:
         """What has been read, of which there is one at least."""
-        times, values = (np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True))
-        return cls(times, values.reshape(len(readings), -1), max(reading.largest for reading in readings))
+        times, values = (
+            np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True)
+        )
+        return cls(
+            times, values.reshape(len(readings), -1), max(reading.largest for reading in readings)
+        )
 
     @property
     def step(self) -> float:

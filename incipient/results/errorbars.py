@@ -71,7 +71,9 @@ class Loads:
         """(6,) a share of the loads on a grain of a size, in each component that does not vanish by symmetry."""
         whole = float(np.linalg.norm([*self.force, *(self.couple / size)]))
         units = np.repeat([1.0, size], 3)
-        return np.asarray(share * whole * units * (np.concatenate([self.force, self.couple]) != 0.0))
+        return np.asarray(
+            share * whole * units * (np.concatenate([self.force, self.couple]) != 0.0)
+        )
 
 
 @dataclass(frozen=True)
@@ -95,15 +97,23 @@ class Term:
     place: Floats | None = None
     power: float = 1.0  # exponent of the gap with which its error is expected to fall
     parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
-    elevation: Floats | None = None  # (stations,) of a free surface, the largest ones within the run
+    elevation: Floats | None = (
+        None  # (stations,) of a free surface, the largest ones within the run
+    )
     level: Floats | None = None  # (stations,) of these at the end
     shear: Floats | None = None  # (2,) of u* at the outflow, and of its mean along the walls
-    separated: Floats | None = None  # (2,) of x at which the flow along the bed separates and reattaches
-    centreline: Floats | None = None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
+    separated: Floats | None = (
+        None  # (2,) of x at which the flow along the bed separates and reattaches
+    )
+    centreline: Floats | None = (
+        None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
+    )
     # Factor by which the safety factor may be larger or smaller at the same load, for another reason
     ratio: float = 1.0
     modes: tuple[str, ...] = ()  # what the grain does where it is
-    doubt: str = ""  # why the errors may be more than twice as large; nothing where they are not known to be
+    doubt: str = (
+        ""  # why the errors may be more than twice as large; nothing where they are not known to be
+    )
     # Correction of force and couple for this error; None where they are not corrected
     correction: Correction | None = None
 
@@ -140,7 +150,9 @@ class Term:
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
         """The sum of terms."""
-        force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
+        force, couple = (
+            np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple")
+        )
         place, elevation, level, shear, separated = (
             _sum_of(parts, of) for of in ("place", "elevation", "level", "shear", "separated")
         )
@@ -172,7 +184,9 @@ class Term:
 
     def with_components_alike(self) -> Term:
         """The term with errors of components, unless they vanish, as large as force's and couple's, and of both u*."""
-        force, couple = (float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple))
+        force, couple = (
+            float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple)
+        )
         shear = None if self.shear is None else np.full_like(self.shear, np.max(self.shear))
         return replace(self, force=force, couple=couple, shear=shear)
 
@@ -184,7 +198,16 @@ class Term:
 
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
-        names = ("force", "couple", "place", "elevation", "level", "shear", "separated", "centreline")
+        names = (
+            "force",
+            "couple",
+            "place",
+            "elevation",
+            "level",
+            "shear",
+            "separated",
+            "centreline",
+        )
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
         known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
@@ -213,7 +236,9 @@ class ErrorBars:
         found = [term.correction for term in self.terms if term.correction is not None]
         if not found:
             return None
-        force, couple = (np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple"))
+        force, couple = (
+            np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple")
+        )
         return Correction(force, couple)
 
     def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
@@ -226,12 +251,20 @@ class ErrorBars:
     @property
     def force(self) -> Floats:
         """(3,) absolute error of the force, (0,) without a grain."""
-        return np.sum([term.force for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
+        return (
+            np.sum([term.force for term in self.terms], axis=0)
+            if self.terms
+            else np.full(3, np.nan)
+        )
 
     @property
     def couple(self) -> Floats:
         """(3,) absolute error of the couple, (0,) without a grain."""
-        return np.sum([term.couple for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
+        return (
+            np.sum([term.couple for term in self.terms], axis=0)
+            if self.terms
+            else np.full(3, np.nan)
+        )
 
     @property
     def place(self) -> Floats | None:
@@ -291,8 +324,12 @@ class ErrorBars:
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
             if term.doubt:
-                lines.append(f"    {'not certain':<16}may be more than twice as large: {term.doubt}")
-            lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]
+                lines.append(
+                    f"    {'not certain':<16}may be more than twice as large: {term.doubt}"
+                )
+            lines += [
+                f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts
+            ]
         lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 

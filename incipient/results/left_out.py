@@ -16,7 +16,9 @@ class Omission:
     how: str
     exceeds: bool  # whether it may be more than the accuracy asked for
     remedy: str = ""
-    force: Floats | None = None  # change of the force (3,), and `couple` (3,) of the couple; None: not known
+    force: Floats | None = (
+        None  # change of the force (3,), and `couple` (3,) of the couple; None: not known
+    )
     couple: Floats | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -25,7 +27,11 @@ class Omission:
 
     def lines(self) -> list[str]:
         """One line for a reader, and a warning where one is due."""
-        size = "by an unknown amount" if self.relative is None else f"by about {percent(self.relative)}"
+        size = (
+            "by an unknown amount"
+            if self.relative is None
+            else f"by about {percent(self.relative)}"
+        )
         told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
             told.append(

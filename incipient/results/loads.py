@@ -11,7 +11,9 @@ import numpy as np
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one."""
 
-    flow: np.ndarray  # force of the flow, without buoyancy: as computed, corrected where its errors are known
+    flow: (
+        np.ndarray
+    )  # force of the flow, without buoyancy: as computed, corrected where its errors are known
     # Computed force of the flow by integrating sigma n over the surface (cross-check)
     surface_integral: np.ndarray
     buoyancy: np.ndarray  # force of the hydrostatic pressure, exact
@@ -91,7 +93,11 @@ class Gap:
         """What the gap is, for a reader."""
         if self.closed:
             return f"gap                 closed where it is narrower than {self.width:.4g}"
-        state = "resolved" if self.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        state = (
+            "resolved"
+            if self.resolved
+            else "NOT resolved: refine with a smaller numerics.mesh_size"
+        )
         return f"gap                 {self.width:.4g}, {self.cells} cells across: {state}"
 
 

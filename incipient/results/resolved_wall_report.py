@@ -8,7 +8,9 @@ from ..arrays import Floats
 from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
 SEPARATIONS = "separation_above", "separation_below"  # columns of the history
-BOUNDED = 0.5  # thickness of the thickest cell over that asked for, below which others have decided it
+BOUNDED = (
+    0.5  # thickness of the thickest cell over that asked for, below which others have decided it
+)
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,11 @@ class ResolvedWallReport(WallReport):
     @property
     def suitable(self) -> float:
         """The thickness that the cells at walls might have."""
-        return self.thickest * self.viscosity / self.shear_velocity if self.shear_velocity else float("inf")
+        return (
+            self.thickest * self.viscosity / self.shear_velocity
+            if self.shear_velocity
+            else float("inf")
+        )
 
     @property
     def remedy(self) -> str:
@@ -72,7 +78,9 @@ class ResolvedWallReport(WallReport):
     def _separation(self) -> dict[str, float]:
         """Columns of where the flow separates: around a grain in a stream angles in place of x."""
         return (
-            dict(zip(SEPARATIONS, self.separates, strict=True)) if self.separates else super()._separation()
+            dict(zip(SEPARATIONS, self.separates, strict=True))
+            if self.separates
+            else super()._separation()
         )
 
     def _of_model(self) -> str:

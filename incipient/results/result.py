@@ -104,9 +104,13 @@ class Result:
         told = [self.title or "untitled", self.status]
         if self.verdict is not None:
             factor = self.verdict["safety_factor"]
-            told.append(f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}")
+            told.append(
+                f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}"
+            )
         if self.force is not None and self.couple is not None:
-            told.append(f"force of the flow {loads_words(self.force.flow, self.couple.flow, self.gdim)}")
+            told.append(
+                f"force of the flow {loads_words(self.force.flow, self.couple.flow, self.gdim)}"
+            )
         return f"<Result: {'; '.join(' '.join(one.split()) for one in told)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
@@ -119,14 +123,19 @@ class Result:
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
         if given.ndim != 2 or given.shape[1] != self.gdim:
-            raise SceneError(f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})")
+            raise SceneError(
+                f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})"
+            )
         if self.velocity is None or self.pressure is None:
             raise SceneError("the result has no fields; run the scene to have them")
         velocity, pressure = self._sampled(given)
         if self.gdim == 3 and np.isnan(pressure).any():
             outside = np.flatnonzero(np.isnan(pressure))
             velocity[outside], pressure[outside] = self._mirrored(given[outside])
-        return [None if np.isnan(p) else FlowAt(v, float(p)) for v, p in zip(velocity, pressure, strict=True)]
+        return [
+            None if np.isnan(p) else FlowAt(v, float(p))
+            for v, p in zip(velocity, pressure, strict=True)
+        ]
 
     def _sampled(self, points: Floats) -> tuple[Floats, Floats]:
         from ..mesh.sampling import sample
@@ -150,7 +159,9 @@ class Result:
     @property
     def measured_cell_reynolds(self) -> float | None:
         """Largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection."""
-        return next((v for one, v in self.measured.items() if one.key == "measured_cell_reynolds"), None)
+        return next(
+            (v for one, v in self.measured.items() if one.key == "measured_cell_reynolds"), None
+        )
 
     @property
     def gdim(self) -> int:
@@ -164,7 +175,9 @@ class Result:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
         size = 1.0 if self.grain is None else self.grain["size"]
-        found = Loads.at_the_end(self.force, self.couple, place, self.elevations, self.turbulence, size)
+        found = Loads.at_the_end(
+            self.force, self.couple, place, self.elevations, self.turbulence, size
+        )
         return replace(found, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
@@ -187,7 +200,9 @@ class Result:
         stored["omitted"] = [omission.to_dict() for omission in self.omitted]
         if self.gap is not None:
             stored["gap"]["resolved"] = self.gap.resolved
-        stored["centrelines"] = self.centrelines and {k: asdict(e) for k, e in self.centrelines.items()}
+        stored["centrelines"] = self.centrelines and {
+            k: asdict(e) for k, e in self.centrelines.items()
+        }
         return stored
 
     def text(self) -> str:
@@ -218,7 +233,9 @@ def _lines(result: Result) -> list[str]:
         lines.append(result.steady.line())
     if result.coefficients is not None:
         k = result.coefficients
-        lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
+        lines.append(
+            f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}"
+        )
     numbers = result.plan.numbers
     if numbers is not None and numbers.shields is not None:
         of_shear = f"shear Reynolds number {numbers.shear_reynolds:.4g}"
@@ -232,7 +249,11 @@ def _lines(result: Result) -> list[str]:
         lines += _levels(result.surface, result.error_bars)
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f}{_within(result)} at {extreme.position:.4f}")
-    lines += [one.line(stored) for one, value in result.measured.items() if one.in_text and value is not None]
+    lines += [
+        one.line(stored)
+        for one, value in result.measured.items()
+        if one.in_text and value is not None
+    ]
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
@@ -280,5 +301,9 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     if bars is not None and bars.elevation is not None and bars.level is not None:
         errors = zip(lines, bars.level, bars.elevation, strict=True)
-        lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors]
-    return lines + [f"{name:<20}{surface[name]:.6g}" for name in ("inflow", "seepage") if name in surface]
+        lines = [
+            f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
+        ]
+    return lines + [
+        f"{name:<20}{surface[name]:.6g}" for name in ("inflow", "seepage") if name in surface
+    ]

@@ -65,9 +65,7 @@ class SafetyBar:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:
             names = " and ".join(self.unknown)
-            return (
-                f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
-            )
+            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
         return f"certain within the error bars: {self._outcome()}; {between}"
 
     def _outcome(self) -> str:

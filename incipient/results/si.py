@@ -22,7 +22,10 @@ def si_lines(found: dict[str, Any] | None) -> list[str]:
     lines = [f"{'in SI units':<20}{', '.join([head, *flow])}"]
     if "force" in found:
         gdim = found["dimension"]
-        force, couple = force_words(found["force"], gdim, ".4g"), couple_words(found["couple"], gdim, ".4g")
+        force, couple = (
+            force_words(found["force"], gdim, ".4g"),
+            couple_words(found["couple"], gdim, ".4g"),
+        )
         units = ("N/m", "N") if gdim == 2 else ("N", "N m")
         lines.append(f"{'':<20}force of the flow {force} {units[0]}, couple {couple} {units[1]}")
     if "end" in found:

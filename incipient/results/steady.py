@@ -15,9 +15,7 @@ class Steadied:
     def line(self) -> str:
         """The line for a reader."""
         if self.reached:
-            return (
-                f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
-            )
+            return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
             f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
             f"{self.asked:.1e} is asked for: use a later time.end"

@@ -80,7 +80,9 @@ class Ledger:
             of_effect.memory_mib += sign * share.memory_mib
         mark = self._laps.get(source)
         if mark is not None:
-            self._laps[source] = Share(mark.wall_time - share.wall_time, mark.memory_mib - share.memory_mib)
+            self._laps[source] = Share(
+                mark.wall_time - share.wall_time, mark.memory_mib - share.memory_mib
+            )
 
     def _settle(self) -> None:
         """Book what has passed since the last booking on the innermost open stage."""
@@ -117,7 +119,8 @@ class Ledger:
         """Wall time, growth of memory and unknowns of each effect that has cost anything."""
         self._settle()
         return {
-            name: {**asdict(share), "unknowns": unknowns.get(name, 0)} for name, share in self.effects.items()
+            name: {**asdict(share), "unknowns": unknowns.get(name, 0)}
+            for name, share in self.effects.items()
         }
 
 

@@ -43,9 +43,17 @@ def course_words(course: dict[str, Any]) -> str:
     """What a grain on its bed has done, since when, and what it does at the end."""
     if course["first_motion"] is None:
         return "has stayed at rest"
-    left = "" if course["left_pocket"] is None else f", left its pocket at t = {course['left_pocket']:.4g}"
+    left = (
+        ""
+        if course["left_pocket"] is None
+        else f", left its pocket at t = {course['left_pocket']:.4g}"
+    )
     first, within = course["first_motion"], course.get("first_step")
-    when = f"at t = {first:.4g}" if within is None else f"between t = {first:.4g} and {first + within:.4g}"
+    when = (
+        f"at t = {first:.4g}"
+        if within is None
+        else f"between t = {first:.4g} and {first + within:.4g}"
+    )
     return f"moved first {when}{left} (mode at the end: {course['mode']})"
 
 
@@ -78,5 +86,7 @@ def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
     place, turned = trajectory["place"], trajectory.get("angle")
     if turned is None:
         origin = (0.0, 0.0, 0.0)
-        turned = Placement(origin, quaternion=tuple(trajectory["quaternion"])).turn_since(Placement(origin))
+        turned = Placement(origin, quaternion=tuple(trajectory["quaternion"])).turn_since(
+            Placement(origin)
+        )
     return place, trajectory["velocity"], turned, trajectory["spin"]

@@ -11,7 +11,9 @@ from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
 from .trajectory import place_words
 
-REATTACHES = "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
+REATTACHES = (
+    "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
+)
 FIRST_CELL = "turbulence.first_cell"
 MOST_SPANS = 4  # along which the flow runs upstream, listed in words
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
@@ -32,7 +34,9 @@ class WallReport:
     c_mu: float
     # Share of the walls' length, in space of their area, where the law does not hold at that distance
     outside: float = 0.0
-    plane: bool = True  # whether all walls are planes; else the flow may separate, where y+ may be small
+    plane: bool = (
+        True  # whether all walls are planes; else the flow may separate, where y+ may be small
+    )
     # In the plane from where to where along the bed the flow runs upstream next to it
     backward: tuple[tuple[float, float], ...] = ()
     # In the plane by names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs upstream, at
@@ -108,7 +112,11 @@ class WallReport:
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
-        found = {"shear_velocity": self.at_outflow, "y_plus_min": self.least, "y_plus_max": self.largest}
+        found = {
+            "shear_velocity": self.at_outflow,
+            "y_plus_min": self.least,
+            "y_plus_max": self.largest,
+        }
         return found | self._separation()
 
     def _separation(self) -> dict[str, float]:
@@ -120,7 +128,11 @@ class WallReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
-        found = {"applicable": self.applicable, "suitable_distance": self.suitable, "model": self.model}
+        found = {
+            "applicable": self.applicable,
+            "suitable_distance": self.suitable,
+            "model": self.model,
+        }
         found["separated"] = self.separated if self.backward else None
         return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
 
@@ -128,9 +140,7 @@ class WallReport:
         """The lines for a reader, with errors (2,) of both shear velocities and of `separated` where they are known."""
         (first, *others), friction = self._judged(), self._friction(errors)
         if self.backward:
-            friction += (
-                f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
-            )
+            friction += f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
         lines = [first, friction] if others else [first + friction]
         return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
@@ -167,7 +177,8 @@ class WallReport:
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)
         spans = ", ".join(
-            f"{place_words(one[0])} to {place_words(one[1])}{within * (tuple(one) == main)}" for one in told
+            f"{place_words(one[0])} to {place_words(one[1])}{within * (tuple(one) == main)}"
+            for one in told
         )
         return spans + (f", and in {others} shorter places" if others else "")
 
@@ -176,7 +187,10 @@ class WallReport:
         within = ["", ""]
         if errors is not None and self.at_outflow:
             error = errors[0] / self.at_outflow
-            within = [f", within {errors[0]:.1e},", f", within {(2.0 + error) * error * self.friction:.1e},"]
+            within = [
+                f", within {errors[0]:.1e},",
+                f", within {(2.0 + error) * error * self.friction:.1e},",
+            ]
         told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
         if self.plane or errors is None:
             return told

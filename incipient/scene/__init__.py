@@ -29,7 +29,18 @@ from .terrains import HeapBed, HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
 from .units import Units
 
-__all__ = ["Bed", "Body", "Box", "Contact", "Cylinder", "Disc", "Discs", "Domain", "Effects", "Ellipse"]
+__all__ = [
+    "Bed",
+    "Body",
+    "Box",
+    "Contact",
+    "Cylinder",
+    "Disc",
+    "Discs",
+    "Domain",
+    "Effects",
+    "Ellipse",
+]
 __all__ += ["Ellipsoid", "ExpressionFlow", "Flat", "Flow", "Fluid", "Gravity", "HalfDiscs"]
 __all__ += [
     "HeapBed",
@@ -44,5 +55,14 @@ __all__ += [
 ]
 __all__ += ["Output", "Poiseuille", "Polygon", "Polyhedron", "Polyline", "Rectangle", "RidgeBed"]
 __all__ += ["Scene", "Shear", "Sinusoidal", "Sphere", "SphereBed", "Spheres", "Star", "Still"]
-__all__ += ["Superellipse", "Superquadric", "Surface", "Time", "Turbulence", "Uniform", "Units", "dumps"]
+__all__ += [
+    "Superellipse",
+    "Superquadric",
+    "Surface",
+    "Time",
+    "Turbulence",
+    "Uniform",
+    "Units",
+    "dumps",
+]
 __all__ += ["example", "load", "loads", "register", "save", "schema"]

@@ -16,7 +16,9 @@ from .surface import Surface
 
 _IN_SPACE = {"body": '"sphere"', "bed": '"spheres"'}
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel", "log-law")
-_ROUGHEST = 500.0  # u* k_s/nu up to which the mean profile follows the measured one (docs/numerics.md)
+_ROUGHEST = (
+    500.0  # u* k_s/nu up to which the mean profile follows the measured one (docs/numerics.md)
+)
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
     "open-channel": ("auto", "slip", "stream", "free-surface"),
@@ -27,7 +29,13 @@ _TOPS_OF_FLOWS = {
 
 def contradictions(scene: SceneSections) -> Iterator[Problem]:
     """All contradictions between sections but for those of places and extents."""
-    body, bed, flow, domain, numerics = scene.body, scene.bed, scene.flow, scene.domain, scene.numerics
+    body, bed, flow, domain, numerics = (
+        scene.body,
+        scene.bed,
+        scene.flow,
+        scene.domain,
+        scene.numerics,
+    )
     time, moves = scene.time, scene.moves
     without_scale = scene.fluid.scale == "grain" and body is None
     yield from _dimensions(body, bed, flow, domain.gdim)
@@ -35,7 +43,9 @@ def contradictions(scene: SceneSections) -> Iterator[Problem]:
     if isinstance(flow, LogLaw) and domain.kind == "channel" and not without_scale:
         yield from _roughness(flow, scene.viscosity)
     if without_scale:
-        yield problem("fluid.scale", '"grain" but there is no grain', 'add a section [body] or use "flow"')
+        yield problem(
+            "fluid.scale", '"grain" but there is no grain', 'add a section [body] or use "flow"'
+        )
     if bed is None:
         yield from _bed_needed(flow, body, scene.contact is not None and not moves)
     if scene.contact is not None and body is None:
@@ -101,15 +111,21 @@ def _flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
         why = f'"{kind}" flows through but a box is closed'
         yield problem("flow.kind", why, 'set domain.kind = "channel", or use "lid" or "still"')
     elif boxed and domain.top == "stream" and kind != "expression":
-        yield problem("domain.top", "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"')
+        yield problem(
+            "domain.top", "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"'
+        )
     elif allowed is not None and domain.top not in allowed:
-        yield problem("domain.top", f'"{domain.top}" contradicts the flow "{kind}"', f"use {either(allowed)}")
+        yield problem(
+            "domain.top", f'"{domain.top}" contradicts the flow "{kind}"', f"use {either(allowed)}"
+        )
 
 
 def _roughness(flow: LogLaw, viscosity: float) -> Iterator[Problem]:
     rough = flow.shear_velocity * flow.roughness / viscosity
     if rough > _ROUGHEST:
-        why = f"is {rough:.3g} times nu/u*; the mean profile is known up to {_ROUGHEST:g} times that"
+        why = (
+            f"is {rough:.3g} times nu/u*; the mean profile is known up to {_ROUGHEST:g} times that"
+        )
         yield problem("flow.roughness", why, "reduce it, or fluid.reynolds")
 
 
@@ -150,11 +166,23 @@ def _never_steady(
     """Why the flow of a scene in time cannot become steady, each with a remedy."""
     reasons = (
         (moves, "a flow but the grain moves", "hold the grain"),
-        (effects.unsteadiness is False, "a flow in time but effects.unsteadiness is false", "leave that out"),
+        (
+            effects.unsteadiness is False,
+            "a flow in time but effects.unsteadiness is false",
+            "leave that out",
+        ),
         (flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
         (unsteady, "a steady flow but flow.components depend on t", "leave t out"),
-        (getattr(flow, "gust", None) is not None, "a steady flow but flow.gust changes it", "leave that out"),
-        (surface.wave is not None, "a steady flow but surface.wave lets waves in", "leave that out"),
+        (
+            getattr(flow, "gust", None) is not None,
+            "a steady flow but flow.gust changes it",
+            "leave that out",
+        ),
+        (
+            surface.wave is not None,
+            "a steady flow but surface.wave lets waves in",
+            "leave that out",
+        ),
         *(
             (
                 "t" in Expression(getattr(surface, key)).variables,
@@ -169,7 +197,9 @@ def _never_steady(
             yield problem("time.until_steady", f"is for {why}", f"leave it out or {remedy}")
 
 
-def _ignored(numerics: Numerics, moves: bool, has_surface: bool, time: Time | None) -> Iterator[Problem]:
+def _ignored(
+    numerics: Numerics, moves: bool, has_surface: bool, time: Time | None
+) -> Iterator[Problem]:
     """Keys of [numerics] with another value than the default that the scene has no use for."""
     keys = ("coupling", "remesh_below", *(() if has_surface else ("interface_tolerance",)))
     unused = [(key, "a grain that moves", "set body.motion") for key in keys if not moves]
@@ -186,7 +216,9 @@ def _budgets(numerics: Numerics) -> Iterator[Problem]:
     for budget in ("budget_seconds", "budget_mib"):
         if getattr(numerics, budget) is not None:
             yield problem(
-                f"numerics.{budget}", "limits what is spent on an accuracy but none is asked for", remedy
+                f"numerics.{budget}",
+                "limits what is spent on an accuracy but none is asked for",
+                remedy,
             )
     if numerics.accuracy_includes != "discretisation":
         why = "says what an accuracy includes but none is asked for"
@@ -204,7 +236,9 @@ def _accuracy(scene: SceneSections) -> Iterator[Problem]:
         return
     elif body is None and not scene.has_surface:
         why = "needs a grain or a free surface but there is neither"
-        yield problem(accuracy, why, "add a section [body], or leave it out and choose numerics.mesh_size")
+        yield problem(
+            accuracy, why, "add a section [body], or leave it out and choose numerics.mesh_size"
+        )
     elif of in OF_SURFACE and not scene.has_surface:
         why = f'"{of}" needs a free surface but there is none'
         yield problem(quantity, why, 'use "force", or domain.top = "free-surface"')
@@ -218,10 +252,17 @@ def _accuracy(scene: SceneSections) -> Iterator[Problem]:
         return
     elif scene.flow.kind == "still" and not body.moves and not scene.has_surface:
         yield problem(accuracy, "is relative but a fluid at rest exerts no force", "leave it out")
-    elif (verdict or of == "safety factor") and None in (body.x, scene.bed, scene.contact, scene.mass):
+    elif (verdict or of == "safety factor") and None in (
+        body.x,
+        scene.bed,
+        scene.contact,
+        scene.mass,
+    ):
         what = "a verdict" if verdict else "a safety factor"
         why = f"{what} needs a grain that rests on a bed, its density and friction"
         remedy = "give body.x, body.density, [bed] and [contact], or a number for the accuracy of the force"
         yield problem(accuracy if verdict else quantity, why, remedy)
     elif verdict and scene.time is not None:
-        yield problem(accuracy, '"verdict" is for steady flow', "give a number, or leave [time] out")
+        yield problem(
+            accuracy, '"verdict" is for steady flow', "give a number, or leave [time] out"
+        )

@@ -9,7 +9,9 @@ from .model import Contact, Time
 TOUCHES = 'body.motion = "released", or "free" with body.on_contact = "touch"'
 
 
-def contradictory(body: Any, contact: Contact | None, time: Time | None, bed: Any) -> Iterator[Problem]:
+def contradictory(
+    body: Any, contact: Contact | None, time: Time | None, bed: Any
+) -> Iterator[Problem]:
     """What a grain that moves on its bed lacks or cannot go with, and keys that only it reads."""
     if body is None or not body.touches:
         yield from _ignored(contact, time)
@@ -22,7 +24,9 @@ def contradictory(body: Any, contact: Contact | None, time: Time | None, bed: An
         yield problem("contact.kinetic_friction", why, "give at most contact.friction")
     if body.locked:
         yield problem(
-            "body.locked", "but a grain that touches the bed is free in all its motions", "leave it out"
+            "body.locked",
+            "but a grain that touches the bed is free in all its motions",
+            "leave it out",
         )
     if time is not None and time.tolerance is not None:
         why = "but velocities jump where the grain touches the bed, and steps cannot adapt to that"

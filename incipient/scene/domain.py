@@ -17,17 +17,24 @@ Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_leng
 class Domain(Section):
     """The region the fluid may fill."""
 
-    kind: Literal["channel", "box"] = key("Channel: inflow left, open outflow right; box: closed", "channel")
+    kind: Literal["channel", "box"] = key(
+        "Channel: inflow left, open outflow right; box: closed", "channel"
+    )
     length: Positive = key("Extent along the flow [length]")
     height: Positive = key("Extent from the lower side to the top [length]")
     width: Positive | None = key(
-        "Extent across, which makes the scene three-dimensional, z upwards [length]", None, examples=[20.0]
+        "Extent across, which makes the scene three-dimensional, z upwards [length]",
+        None,
+        examples=[20.0],
     )
     origin: Corner = key(
-        "Lower left corner [length]; the bed's base line runs through it", (0.0, 0.0), validate_default=True
+        "Lower left corner [length]; the bed's base line runs through it",
+        (0.0, 0.0),
+        validate_default=True,
     )
     top: Top = key(
-        "Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]", "auto"
+        "Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]",
+        "auto",
     )
     sides: Sides | None = key(
         "Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
@@ -62,7 +69,9 @@ class Domain(Section):
     @classmethod
     def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
         if value is not None and info.data.get("width") is None and "width" in info.data:
-            raise contradiction("goes with width, which is not given", "add domain.width or leave it out")
+            raise contradiction(
+                "goes with width, which is not given", "add domain.width or leave it out"
+            )
         return value
 
     @property

@@ -13,9 +13,13 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     effects, body = scene.effects, scene.body
     yield from _of_dimension(effects.third_dimension, scene.gdim == 3)
     if effects.inertia is True and not scene.fluid.inertia:
-        yield problem("effects.inertia", "is true but fluid.inertia = false", "leave one of them out")
+        yield problem(
+            "effects.inertia", "is true but fluid.inertia = false", "leave one of them out"
+        )
     if effects.gravity is True and scene.gravity is None:
-        yield problem("effects.gravity", "is true but there is no gravity", "add a section [gravity]")
+        yield problem(
+            "effects.gravity", "is true but there is no gravity", "add a section [gravity]"
+        )
     if effects.unsteadiness is True and scene.time is None:
         why = "is true but without [time] the flow is steady"
         yield problem("effects.unsteadiness", why, "add a section [time]")
@@ -41,7 +45,11 @@ def _quasi_steady(moves: bool, time: Time, extrapolated: bool) -> Iterator[Probl
     """What keeps a flow in time from being quasi-steady."""
     reasons = (
         (moves, "a grain moves in time", 'use "auto", or body.motion = "fixed"'),
-        (time.tolerance is not None, "steps adapt to the rate of change", "leave time.tolerance out"),
+        (
+            time.tolerance is not None,
+            "steps adapt to the rate of change",
+            "leave time.tolerance out",
+        ),
         (extrapolated, "convection needs earlier steps", 'use numerics.convection = "implicit"'),
     )
     for given, why, remedy in reasons:
@@ -51,14 +59,19 @@ def _quasi_steady(moves: bool, time: Time, extrapolated: bool) -> Iterator[Probl
 
 def _of_motion(effects: Effects, body: Any, has_surface: bool) -> Iterator[Problem]:
     motion = "fixed" if body is None else body.motion
-    moves, fact = motion != "fixed", f'body.motion = "{motion}"' if body is not None else "there is no grain"
+    moves, fact = (
+        motion != "fixed",
+        f'body.motion = "{motion}"' if body is not None else "there is no grain",
+    )
     asked = effects.free_body
     if asked != "auto" and asked != (body is not None and body.is_free):
         remedy = f'set body.motion = "{"free" if asked else "fixed"}"'
         yield problem("effects.free_body", f"is {str(asked).lower()} but {fact}", remedy)
     asked = effects.moving_mesh
     if asked != "auto" and asked != (moves or has_surface):
-        remedy = 'set body.motion = "fixed"' if moves else 'set body.motion = "free" or "prescribed"'
+        remedy = (
+            'set body.motion = "fixed"' if moves else 'set body.motion = "free" or "prescribed"'
+        )
         if has_surface and not moves:
             fact, remedy = "the surface is free", 'use "auto"'
         yield problem("effects.moving_mesh", f"is {str(asked).lower()} but {fact}", remedy)

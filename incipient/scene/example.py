@@ -62,7 +62,9 @@ def commented(scene: Scene) -> str:
     for name, field in Scene.model_fields.items():
         options = variants(field.annotation)
         if options:
-            fitting = tuple(one for one in options if scene.gdim in getattr(one, "gdims", (scene.gdim,)))
+            fitting = tuple(
+                one for one in options if scene.gdim in getattr(one, "gdims", (scene.gdim,))
+            )
             lines += ["", *_section(name, field, fitting, getattr(scene, name))]
     return "\n".join(lines) + "\n"
 

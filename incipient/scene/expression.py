@@ -77,7 +77,9 @@ class Expression:
         undefined = np.flatnonzero(~np.isfinite(values))
         if len(undefined):
             i = undefined[0]
-            where = ", ".join(f"{name} = {value:g}" for name, value in zip("xyz", x[:, i], strict=True))
+            where = ", ".join(
+                f"{name} = {value:g}" for name, value in zip("xyz", x[:, i], strict=True)
+            )
             raise _refusal(
                 self.text,
                 f"is {values[i]:g} at {where}, t = {t:g}",
@@ -146,7 +148,9 @@ def _check_number(node: ast.AST, text: str) -> None:
 def _check_condition(node: ast.AST, text: str) -> None:
     """Refuse anything but comparisons where a condition is expected."""
     match node:
-        case ast.Compare(ops=operators) if all(type(operator) in _OPERATORS for operator in operators):
+        case ast.Compare(ops=operators) if all(
+            type(operator) in _OPERATORS for operator in operators
+        ):
             for side in (node.left, *node.comparators):
                 _check_number(side, text)
         case ast.BoolOp(values=parts):
@@ -156,7 +160,9 @@ def _check_condition(node: ast.AST, text: str) -> None:
             _check_condition(operand, text)
         case _:
             raise _refusal(
-                text, f'takes "{_source(node)}" for a condition', "compare two numbers with < <= > or >="
+                text,
+                f'takes "{_source(node)}" for a condition',
+                "compare two numbers with < <= > or >=",
             )
 
 
@@ -210,7 +216,9 @@ def _evaluate(node: ast.AST, names: dict[str, Any], np: Any) -> Any:
         case ast.Compare(ops=operators):
             sides = [_evaluate(side, names, np) for side in (node.left, *node.comparators)]
             pairs = zip(operators, sides[:-1], sides[1:], strict=True)
-            return reduce(np.logical_and, [_function(operator, np)(a, b) for operator, a, b in pairs])
+            return reduce(
+                np.logical_and, [_function(operator, np)(a, b) for operator, a, b in pairs]
+            )
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _apply(name, [_evaluate(argument, names, np) for argument in arguments], np)
     raise AssertionError(f"unchecked formula node {node}")

@@ -43,7 +43,9 @@ def load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = No
     return from_first(comm, lambda: read(Scene, path, overrides))
 
 
-def loads(text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene") -> Scene:
+def loads(
+    text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene"
+) -> Scene:
     """The scene in TOML text; files it names are relative to `base`, errors call it `name`. Not collective.
 
     Raises:
@@ -111,7 +113,10 @@ def schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which TOML editors know) of scene files."""
     found = Scene.model_json_schema(ref_template="#/definitions/{model}")
     found["definitions"] = found.pop("$defs")
-    for section, key in (("Fluid", "reynolds"), ("Gravity", "acceleration")):  # which may follow from [units]
+    for section, key in (
+        ("Fluid", "reynolds"),
+        ("Gravity", "acceleration"),
+    ):  # which may follow from [units]
         found["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -127,9 +132,13 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         why, _, place = str(error).rpartition(" (at ")
         where = place.rstrip(")").partition(",")[0]
-        raise SceneError(f"{name}: {where}: {why[:1].lower() + why[1:]}; correct the TOML there") from None
+        raise SceneError(
+            f"{name}: {where}: {why[:1].lower() + why[1:]}; correct the TOML there"
+        ) from None
     except RecursionError:
-        raise SceneError(f"{name}: is nested too deeply; a scene has sections and keys only") from None
+        raise SceneError(
+            f"{name}: is nested too deeply; a scene has sections and keys only"
+        ) from None
     except ValueError:  # of Python's own reading of whole numbers
         raise SceneError(f"{name}: has a whole number of thousands of digits; shorten it") from None
 
@@ -139,7 +148,9 @@ def _override(data: dict[str, Any], override: str) -> Key:
     path, equals, text = override.partition("=")
     key = tuple(part.strip() for part in path.split("."))
     if not equals or not all(key):
-        raise _wrong(override, 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"')
+        raise _wrong(
+            override, 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"'
+        )
     section = data
     for depth, part in enumerate(key[:-1], 1):
         section = section.setdefault(part, {})
@@ -170,7 +181,9 @@ def _value(text: str, override: str) -> Any:
     except (ValueError, RecursionError):
         if _BARE_WORD.fullmatch(text):
             return text
-    raise _wrong(override, f'"{_short(text)}" is not a value; write a number, true, [x, y] or "text"')
+    raise _wrong(
+        override, f'"{_short(text)}" is not a value; write a number, true, [x, y] or "text"'
+    )
 
 
 def _wrong(override: str, why: str) -> SceneError:
@@ -204,7 +217,9 @@ def _for_editors(node: Any) -> Any:
     if not isinstance(node, dict):
         return node
     plain = {
-        key: _for_editors(value) for key, value in node.items() if key not in ("prefixItems", "discriminator")
+        key: _for_editors(value)
+        for key, value in node.items()
+        if key not in ("prefixItems", "discriminator")
     }
     if "prefixItems" in node:
         plain["items"] = _for_editors(node["prefixItems"][0])

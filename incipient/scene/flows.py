@@ -14,7 +14,9 @@ from .section import NotNegative, Positive, Section, contradiction, is_number, k
 def _components(value: Any) -> Any:
     """Refuse what is neither two nor three formulas."""
     if isinstance(value, list | tuple) and len(value) not in (2, 3):
-        raise contradiction(f"has {counted(len(value), 'item')}", "give two, as in [x, y]; in space three")
+        raise contradiction(
+            f"has {counted(len(value), 'item')}", "give two, as in [x, y]; in space three"
+        )
     return value
 
 
@@ -39,7 +41,9 @@ class Profile(Section):
     def _is_a_level(cls, value: Any) -> Any:
         if value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max):
             return value
-        raise contradiction(f"is {shown(value)}", f"use {_LEVELS} or a height above the bed's base line")
+        raise contradiction(
+            f"is {shown(value)}", f"use {_LEVELS} or a height above the bed's base line"
+        )
 
 
 class Driven(Profile):

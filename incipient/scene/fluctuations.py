@@ -85,7 +85,9 @@ class Gusts(Section):
             self._check_data()
         elif self.points or self.file:
             raise self.refused(
-                "points", f'are not read with law = "{self.law}"', 'set law = "measured" or "events"'
+                "points",
+                f'are not read with law = "{self.law}"',
+                'set law = "measured" or "events"',
             )
         elif self.intensity is None:
             raise self.refused("intensity", "is missing", 'give a number, "near-wall" or "model"')
@@ -104,9 +106,13 @@ class Gusts(Section):
         of_events = self.law == "events"
         for name in ("intensity", "microscale", *(("integral_time",) if of_events else ())):
             if getattr(self, name) is not None:
-                raise self.refused(name, f'is that of the data with law = "{self.law}"', "leave it out")
+                raise self.refused(
+                    name, f'is that of the data with law = "{self.law}"', "leave it out"
+                )
         if self.integral_time == MODEL:
-            raise self.refused("integral_time", "is that of the series with a measured law", "leave it out")
+            raise self.refused(
+                "integral_time", "is that of the series with a measured law", "leave it out"
+            )
         if len(self.points) < (fewest := FEWEST_EVENTS if of_events else FEWEST):
             raise self.refused("points", f"are {len(self.points)}", f"give {fewest} or more")
         (self._check_events if of_events else self._check_series)()
@@ -114,7 +120,9 @@ class Gusts(Section):
     def _check_events(self) -> None:
         lasted = math.fsum(duration for _, duration in self.points)
         if min(map(min, self.points)) <= 0.0:
-            raise self.refused("points", "have a strength or duration that is not above zero", "leave it out")
+            raise self.refused(
+                "points", "have a strength or duration that is not above zero", "leave it out"
+            )
         if self.record is not None and lasted > self.record:
             why = f"is {self.record:g}, less than the {lasted:g} that the events last together"
             raise self.refused("record", why, "enlarge it, or merge events that overlap")

@@ -92,7 +92,9 @@ class BodySection(Section):
     @model_validator(mode="after")
     def _placed_once(self) -> BodySection:
         if self.x is None and self.centre is None:
-            raise self.refused("x", "neither x nor centre is given", "give x to rest on the bed, or centre")
+            raise self.refused(
+                "x", "neither x nor centre is given", "give x to rest on the bed, or centre"
+            )
         if self.x is not None and self.centre is not None:
             raise self.refused("x", "both x and centre are given", "leave one out")
         if self.settle and self.x is None:
@@ -139,11 +141,15 @@ class BodySection(Section):
 
 def _missing(body: BodySection) -> Iterator[Problem]:
     if body.motion == "prescribed" and body.course is None:
-        yield problem("course", "is missing though the motion is prescribed", "add it, or hold the grain")
+        yield problem(
+            "course", "is missing though the motion is prescribed", "add it, or hold the grain"
+        )
     if body.motion in ("free", "prescribed") and body.centre is None:
         why = "a moving grain starts away from the bed"
         yield problem(
-            "x", why, 'give centre instead of x, or motion = "released" for one that starts from its rest'
+            "x",
+            why,
+            'give centre instead of x, or motion = "released" for one that starts from its rest',
         )
     if body.motion == "released" and body.x is None:
         yield problem(
@@ -160,11 +166,15 @@ def _ignored(body: BodySection) -> Iterator[Problem]:
 
 def _of_mass(body: BodySection) -> Iterator[Problem]:
     if body.density is not None and body.mass is not None:
-        yield problem("mass", "is given beside density, from which it follows", "leave one of them out")
+        yield problem(
+            "mass", "is given beside density, from which it follows", "leave one of them out"
+        )
     if body.density is not None or body.mass is not None:
         return
     if body.is_free:
         why = f"a {body.motion} grain needs a mass and a moment of inertia, which may be zero"
         yield problem("density", why, "give density, or mass and inertia")
     elif body.inertia is not None:
-        yield problem("inertia", "is given without a mass", "give density or mass as well, or leave it out")
+        yield problem(
+            "inertia", "is given without a mass", "give density or mass as well, or leave it out"
+        )

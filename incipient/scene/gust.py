@@ -20,7 +20,8 @@ class Gust(Section):
     """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
 
     shape: Literal["top-hat", "cosine", "points"] = key(
-        "Course in time: a plateau with smooth sides, half a cosine wave, or given points", "top-hat"
+        "Course in time: a plateau with smooth sides, half a cosine wave, or given points",
+        "top-hat",
     )
     start: NotNegative = key("Time at which the gust begins [time]", 0.0)
     duration: Positive = key(
@@ -56,7 +57,9 @@ class Gust(Section):
                     "points", "their times do not rise", "give two or more, one after the other"
                 )
         elif self.points:
-            raise self.refused("points", f'are not read with shape = "{self.shape}"', 'set shape = "points"')
+            raise self.refused(
+                "points", f'are not read with shape = "{self.shape}"', 'set shape = "points"'
+            )
         if self.rise is not None and (self.shape != "top-hat" or self.rise > self.duration):
             why = (
                 f"is {self.rise:g}, more than the duration"
@@ -77,7 +80,9 @@ class Gust(Section):
             return self.start + np.array([time for time, _ in self.points])
         whole = self.duration + (self.rising if self.shape == "top-hat" else 0.0)
         sides = np.concatenate([[0.0, 1.0], np.linspace(0.0, self.rising / whole, 5)])
-        return self.start + whole * np.unique(np.concatenate([sides, 1.0 - sides, np.linspace(0.0, 1.0, 9)]))
+        return self.start + whole * np.unique(
+            np.concatenate([sides, 1.0 - sides, np.linspace(0.0, 1.0, 9)])
+        )
 
     def factor(self, time: float) -> float:
         """What the flow is multiplied by at a time."""

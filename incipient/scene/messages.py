@@ -86,7 +86,9 @@ def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> V
         title,
         [
             InitErrorDetails(
-                type=PydanticCustomError(kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}),
+                type=PydanticCustomError(
+                    kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}
+                ),
                 loc=p.key,
                 input=None,
             )
@@ -119,7 +121,9 @@ def tag(section: type[BaseModel]) -> str | None:
     return _single_choice(section, name) if name else None
 
 
-def problems_of(error: ValidationError, root: type[BaseModel], gdim: int | None = None) -> list[Problem]:
+def problems_of(
+    error: ValidationError, root: type[BaseModel], gdim: int | None = None
+) -> list[Problem]:
     """All problems in a validation error of the section `root`, unknown keys first, each said once.
 
     gdim: dimension of the scene, whose grains and beds remedies name; None: those of all
@@ -141,7 +145,9 @@ def problems_of(error: ValidationError, root: type[BaseModel], gdim: int | None 
 def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
     """Whether a list counts as too short only because its items are wrong."""
     loc = detail["loc"]
-    return detail["type"] == "too_short" and any(e["loc"][: len(loc)] == loc != e["loc"] for e in details)
+    return detail["type"] == "too_short" and any(
+        e["loc"][: len(loc)] == loc != e["loc"] for e in details
+    )
 
 
 def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
@@ -161,7 +167,9 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
     return tuple(key), section
 
 
-def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None) -> Problem:
+def _problem(
+    detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
+) -> Problem:
     kind, context = detail["type"], detail.get("ctx", {})
     given = shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
@@ -172,7 +180,9 @@ def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gd
         name, words = _BOUNDS[kind]
         return Problem(key, f"is {given}", f"give a number {words} {context[name]:g}")
     if kind == "literal_error":
-        return Problem(key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}")
+        return Problem(
+            key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}"
+        )
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
     if kind in _SECTION_TYPES:
@@ -185,7 +195,9 @@ def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gd
 def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
     why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
     return Problem(
-        key, why, f'did you mean "{close}"?' if close else f"known are {', '.join(section.model_fields)}"
+        key,
+        why,
+        f'did you mean "{close}"?' if close else f"known are {', '.join(section.model_fields)}",
     )
 
 
@@ -198,7 +210,9 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
     if detail["type"] == "too_short":
         context = detail["ctx"]
         return Problem(
-            key, f"has {counted(context['actual_length'], 'item')}", f"give {context['min_length']} or more"
+            key,
+            f"has {counted(context['actual_length'], 'item')}",
+            f"give {context['min_length']} or more",
         )
     whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
     return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
@@ -208,7 +222,9 @@ def _what_to_add(name: str, field: FieldInfo | None) -> str:
     """A section, one of the values that a key can have, or just the key."""
     if field is not None and variants(field.annotation):
         return f"a section [{name}]"
-    choices = [value for value in get_args(field.annotation) if isinstance(value, str)] if field else []
+    choices = (
+        [value for value in get_args(field.annotation) if isinstance(value, str)] if field else []
+    )
     return f"it, {either(choices)}" if choices else "it"
 
 
@@ -221,7 +237,9 @@ def _wrong_alternative(
     models = variants(field.annotation) if field else ()
     tags = [str(tag(model)) for model in models]
     fitting = [
-        str(tag(model)) for model in models if gdim is None or gdim in getattr(model, "gdims", (gdim,))
+        str(tag(model))
+        for model in models
+        if gdim is None or gdim in getattr(model, "gdims", (gdim,))
     ]
     choices = f"use {either(fitting)}"
     if detail["type"] == "union_tag_not_found":

@@ -73,13 +73,15 @@ class Contact(Section):
     )
     tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
     kinetic_friction: NotNegative | None = key(
-        "Coefficient of friction of a contact that slides; by default that of static friction [-]", None
+        "Coefficient of friction of a contact that slides; by default that of static friction [-]",
+        None,
     )
     restitution: NotNegative = key(
         "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
     )
     rolling_resistance: NotNegative = key(
-        "Couple that resists rolling, over the normal force and half of the grain's size, at most [-]", 0.0
+        "Couple that resists rolling, over the normal force and half of the grain's size, at most [-]",
+        0.0,
     )
 
     @field_validator("gap")
@@ -117,7 +119,9 @@ class Time(Section):
     def _has_a_step(self) -> Time:
         if self.step > self.end:
             raise self.refused(
-                "step", f"is {self.step:g} but time ends at {self.end:g}", "reduce step or enlarge end"
+                "step",
+                f"is {self.step:g} but time ends at {self.end:g}",
+                "reduce step or enlarge end",
             )
         if self.first_step < 1.0 and self.tolerance is not None:
             raise self.refused(
@@ -150,11 +154,15 @@ class SceneSections(Section):
     flow: Flow = key("What drives the fluid")
     body: Body | None = key("The grain", None)
     bed: Bed | None = key("The bed, in place of the domain's lower side", None)
-    gravity: Gravity | None = key("Gravity, downwards, turned by the slope of an inclined bed", None)
+    gravity: Gravity | None = key(
+        "Gravity, downwards, turned by the slope of an inclined bed", None
+    )
     surface: Surface | None = key('The free surface, with domain.top = "free-surface"', None)
     turbulence: Turbulence | None = key("Turbulence, with effects.turbulence = true", None)
     contact: Contact | None = key("The contact of grain and bed", None)
-    gusts: Gusts | None = key("Fluctuations of the velocity at the grain, for incipient entrainment", None)
+    gusts: Gusts | None = key(
+        "Fluctuations of the velocity at the grain, for incipient entrainment", None
+    )
     units: Units | None = key(
         "SI units: then fluid.reynolds, gravity and body.density follow, and are left out", None
     )
@@ -315,12 +323,17 @@ class SceneSections(Section):
             over.append(self.domain.middle if body.aside is None else body.aside)
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
-            down, friction = tuple(self.gravity_direction), self.contact.friction if self.contact else None
+            down, friction = (
+                tuple(self.gravity_direction),
+                self.contact.friction if self.contact else None,
+            )
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion
-            found = rest(body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned)
+            found = rest(
+                body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned
+            )
         return found.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property
@@ -334,7 +347,11 @@ class SceneSections(Section):
         """V of the Reynolds number: of shear rate times L, of a log-law u*, else the velocity that the flow states."""
         if isinstance(self.flow, LogLaw):
             return self.flow.shear_velocity
-        return self.flow.rate * self.reference_length if isinstance(self.flow, Shear) else self.flow.velocity
+        return (
+            self.flow.rate * self.reference_length
+            if isinstance(self.flow, Shear)
+            else self.flow.velocity
+        )
 
     @property
     def viscosity(self) -> float:

@@ -31,7 +31,9 @@ class Numerics(Section):
     geometry_order: int | None = key(
         "Order of curved cells, 1 to 3; without it: chosen", None, ge=1, le=3, examples=[2]
     )
-    mesh_size: float = key("Factor on the size of all cells; 0.5 halves them [-]", 1.0, ge=0.01, le=100.0)
+    mesh_size: float = key(
+        "Factor on the size of all cells; 0.5 halves them [-]", 1.0, ge=0.01, le=100.0
+    )
     max_cells: int = key("Triangles expected of a mesh above which it is not made", 1_000_000, ge=1)
     convection: Literal["implicit", "extrapolated"] = key(
         "Convection by Newton iteration, or linearised about earlier steps", "implicit"
@@ -43,10 +45,12 @@ class Numerics(Section):
         "Stabilised convection on coarse cells; auto: where their Reynolds number asks it", "auto"
     )
     coupling: Literal["exact", "naive"] = key(
-        "Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains", "exact"
+        "Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
+        "exact",
     )
     meshed_bed: Positive = key(
-        "Factor on the radius about the grain within which a bed in space is meshed as it is [-]", 1.0
+        "Factor on the radius about the grain within which a bed in space is meshed as it is [-]",
+        1.0,
     )
     error_bars: bool = key(
         "Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
@@ -81,10 +85,14 @@ class Numerics(Section):
         "Memory beyond which not to seek accuracy [MiB]", None, examples=[2000.0]
     )
     interface_tolerance: Tolerance = key(
-        "Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]", "auto"
+        "Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
+        "auto",
     )
     remesh_below: float = key(
-        "Quality of the worst cell, relative to that of the new mesh, below which to remesh", 0.35, gt=0, lt=1
+        "Quality of the worst cell, relative to that of the new mesh, below which to remesh",
+        0.35,
+        gt=0,
+        lt=1,
     )
     tolerance: Tolerance = key(
         "Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",

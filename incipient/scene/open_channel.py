@@ -18,10 +18,14 @@ def of_box(surface: Surface) -> Iterator[Problem]:
     for name, usual in _OF_CHANNELS.items():
         if getattr(surface, name) != usual:
             remedy = 'leave it out or use domain.kind = "channel"'
-            yield problem(f"surface.{name}", "is read only in a channel but the domain is a box", remedy)
+            yield problem(
+                f"surface.{name}", "is read only in a channel but the domain is a box", remedy
+            )
 
 
-def of_channel(flow: Flow, domain: Domain, surface: Surface, time: Time | None) -> Iterator[Problem]:
+def of_channel(
+    flow: Flow, domain: Domain, surface: Surface, time: Time | None
+) -> Iterator[Problem]:
     """What keeps a channel from having a free surface."""
     kind, half = flow.kind, 0.5 * domain.length
     if kind not in STREAMS:
@@ -30,11 +34,15 @@ def of_channel(flow: Flow, domain: Domain, surface: Surface, time: Time | None) 
         yield problem("flow.kind", why, remedy)
         return
     if surface.ends != "wall":
-        yield problem("surface.ends", "is read only in a box but the domain is a channel", "leave it out")
+        yield problem(
+            "surface.ends", "is read only in a box but the domain is a channel", "leave it out"
+        )
     if domain.sides == "stream":
         why = 'is "stream": the surface of a channel would have no place there'
         yield problem(
-            "domain.sides", why, 'use "slip", or "wall" where the fluid sticks and the surface stays'
+            "domain.sides",
+            why,
+            'use "slip", or "wall" where the fluid sticks and the surface stays',
         )
     if surface.outflow == "wall" and kind != "still":
         why = f'"{kind}" flows through but surface.outflow is "wall"'

@@ -20,13 +20,22 @@ from .surface import Surface
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
-_SPACING, _PLACES = 0.02, 201  # of points on a solid grain, in its size; in each direction on a bed in space
+_SPACING, _PLACES = (
+    0.02,
+    201,
+)  # of points on a solid grain, in its size; in each direction on a bed in space
 CELLS_OF_A_FORM = 20  # at the least
 
 
 def misplaced(scene: SceneSections) -> list[Problem]:
     """What is wrong with places and extents, by the first check that finds something."""
-    domain, bed, grain, shape, contact = scene.domain, scene.bed, scene.grain, scene.bed_shape, scene.contact
+    domain, bed, grain, shape, contact = (
+        scene.domain,
+        scene.bed,
+        scene.grain,
+        scene.bed_shape,
+        scene.contact,
+    )
     finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
     found = [*_resolution(domain, grain, finest)]
     if bed is not None and not found:
@@ -37,11 +46,18 @@ def misplaced(scene: SceneSections) -> list[Problem]:
         )
     found = (
         found
-        or (scene.has_surface and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)])
+        or (
+            scene.has_surface
+            and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)]
+        )
         or [*_body_place(scene)]
     )
     is_mirrored = domain.gdim == 3 and domain.symmetric is True
-    return [*symmetry.contradictory(symmetry.differences(scene))] if is_mirrored and not found else found
+    return (
+        [*symmetry.contradictory(symmetry.differences(scene))]
+        if is_mirrored and not found
+        else found
+    )
 
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
@@ -52,9 +68,7 @@ def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
         needed = finest * min(extent, extent if grain is None else grain.size)
         if 4.0 * apart > needed:
             key = "origin" if abs(start) > extent else name
-            why = (
-                f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
-            )
+            why = f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
             yield problem(f"domain.{key}", why, "move the scene towards zero, or make it smaller")
 
 
@@ -68,9 +82,7 @@ def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> 
         forms = area / (2.0 * shape.feature) ** 2
     if forms * CELLS_OF_A_FORM > max_cells:
         why = f"has about {forms:.2g} forms {where}, with at least {CELLS_OF_A_FORM} cells each more than "
-        remedy = (
-            "enlarge them, give a flat bed in their place, or allow more with --set numerics.max_cells=NUMBER"
-        )
+        remedy = "enlarge them, give a flat bed in their place, or allow more with --set numerics.max_cells=NUMBER"
         yield problem("bed", f"{why}numerics.max_cells = {max_cells}", remedy)
 
 
@@ -84,7 +96,9 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
         remedy = "enlarge its cell, change its offset or shrink the domain"
     for axis, (first, last), (low, high) in zip("xy", reaches, domain.spans, strict=False):
         if low < first - slack * (high - low) or high > last + slack * (high - low):
-            why = f"reaches from {axis} = {first:g} to {last:g}, the domain from {low:g} to {high:g}"
+            why = (
+                f"reaches from {axis} = {first:g} to {last:g}, the domain from {low:g} to {high:g}"
+            )
             yield problem("bed", why, remedy)
     _, highest = _bed_heights(shape, domain)
     if highest >= domain.ceiling:
@@ -102,7 +116,9 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
     lowest, highest = (height - domain.bottom for height in _bed_heights(bed, domain))
     slack = 1e-9 * domain.height
     if not lowest - slack <= level <= highest + slack:
-        why = f"is {level:g}, the bed's heights above its base line go from {lowest:g} to {highest:g}"
+        why = (
+            f"is {level:g}, the bed's heights above its base line go from {lowest:g} to {highest:g}"
+        )
         yield problem("flow.datum", why, 'give one of them, or "auto", "crest" or "mean"')
 
 
@@ -200,4 +216,6 @@ def _outline(grain: Any, placement: Placement) -> Floats:
         return placement.to_scene(grain.surface(_SPACING * grain.size).points)
     axes = np.vstack([np.eye(3), -np.eye(3)])
     balls = [(placement.to_scene(core.points), core.radius) for core in grain.cores]
-    return np.concatenate([(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls])
+    return np.concatenate(
+        [(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls]
+    )

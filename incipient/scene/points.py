@@ -45,8 +45,12 @@ def read_numbers(
 
     Raises ValidationError about the key `file` of a section where there are not `fewest` to `most` rows.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):  # one would wait for a pipe for ever
-        raise about_file(section, f"{path} is a pipe or a device", f"give the name of a CSV file of {names}")
+    if path.exists() and not (
+        path.is_file() or path.is_dir()
+    ):  # one would wait for a pipe for ever
+        raise about_file(
+            section, f"{path} is a pipe or a device", f"give the name of a CSV file of {names}"
+        )
     try:
         lines = file_text(path).splitlines()
     except (OSError, UnicodeDecodeError, ValueError) as error:
@@ -92,7 +96,10 @@ def with_file_read(
     """
     if not isinstance(data, dict):
         return data
-    given, from_file = key in data, data.get("file") is not None  # a scene that was dumped names no file
+    given, from_file = (
+        key in data,
+        data.get("file") is not None,
+    )  # a scene that was dumped names no file
     if given == from_file:
         which = f"both file and {key} are" if given else f"neither file nor {key} is"
         raise about_file(section, f"{which} given", remedy)
@@ -107,7 +114,9 @@ def about_file(section: str, why: str, remedy: str) -> ValidationError:
     return refusal(section, [Problem(("file",), why, remedy)])
 
 
-def _numbers(section: str, place: str, row: Sequence[str], columns: int, names: str) -> tuple[float, ...]:
+def _numbers(
+    section: str, place: str, row: Sequence[str], columns: int, names: str
+) -> tuple[float, ...]:
     if len(row) != columns or not all(_is_number(cell) for cell in row):
         number = {2: "two", 3: "three", 4: "four"}.get(columns, str(columns))
         remedy = f"write {number} finite numbers {names} a line"

@@ -20,7 +20,11 @@ def register(section: type[Section]) -> None:
     field = Scene.model_fields["body" if name == "shape" else "bed"]
     known = variants(field.annotation)
     if name is None or tag(section) in map(tag, known):
-        why = f'{name} = "{tag(section)}" is used by another section' if name else "shape or kind is missing"
+        why = (
+            f'{name} = "{tag(section)}" is used by another section'
+            if name
+            else "shape or kind is missing"
+        )
         raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
     field.annotation = Annotated[Union[(*known, section)], Field(discriminator=name)] | None  # type: ignore
     Scene.model_rebuild(force=True)

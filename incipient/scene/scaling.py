@@ -30,7 +30,9 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
     Raises ValidationError if there is no grain, or the flow's speed is not given as the flow needs it.
     """
     if scene.body is None:
-        raise _refused("units.diameter", "is of the grain but there is none", "add a section [body]")
+        raise _refused(
+            "units.diameter", "is of the grain but there is none", "add a section [body]"
+        )
     kind, shear = scene.flow.kind, scene.flow.kind == "shear"
     needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
     speed = getattr(units, needed)
@@ -44,7 +46,9 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
     return Scales(length, time, units.fluid_density, scene.gdim)
 
 
-def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSections]) -> dict[str, Any]:
+def with_units(
+    data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSections]
+) -> dict[str, Any]:
     """The data of a scene with what follows from its units, which it may also have.
 
     Args:
@@ -59,7 +63,11 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSe
     if _get(data.get("body"), "mass") is not None:
         raise _refused("body.mass", "is given beside [units]", "leave one of them out")
     scene = checked({**_filled(data, _ANY), "units": None})
-    scales, speed, length = scales_of(scene, units), scene.reference_velocity, scene.reference_length
+    scales, speed, length = (
+        scales_of(scene, units),
+        scene.reference_velocity,
+        scene.reference_length,
+    )
     made = {
         "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
         "acceleration": units.gravity * scales.time**2 / scales.length,

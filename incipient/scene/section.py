@@ -27,7 +27,9 @@ def key(description: str, default: Any = ..., **more: Any) -> Any:
 
 def _not_tiny(value: float) -> float:
     if value < SMALLEST:
-        raise contradiction(f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units")
+        raise contradiction(
+            f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units"
+        )
     return value
 
 
@@ -45,7 +47,9 @@ def three(value: Any, example: str = "[x, y, z]") -> Any:
 
 
 Triple = Annotated[tuple[float, float, float], Field(strict=False), BeforeValidator(three)]
-PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)]
+PositiveTriple = Annotated[
+    tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)
+]
 
 
 class Section(BaseModel):
@@ -54,13 +58,17 @@ class Section(BaseModel):
     Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True
+    )
 
     def __init__(self, /, **data: Any) -> None:
         try:
             super().__init__(**data)
         except ValidationError as error:
-            raise SceneError(one_line(type(self).__name__, problems_of(error, type(self)))) from None
+            raise SceneError(
+                one_line(type(self).__name__, problems_of(error, type(self)))
+            ) from None
 
     # Without this mark pydantic builds nested sections through __init__ and loses the path to a wrong key.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -70,7 +78,9 @@ class Section(BaseModel):
     def _is_not_huge(cls, value: Any) -> Any:
         if (largest := _largest(value)) > LARGEST:
             remedy = f"give numbers of at most {LARGEST:g} in size, or choose other units"
-            raise contradiction(f"holds {largest:g}" if isinstance(value, tuple) else f"is {value:g}", remedy)
+            raise contradiction(
+                f"holds {largest:g}" if isinstance(value, tuple) else f"is {value:g}", remedy
+            )
         return value
 
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
@@ -109,7 +119,9 @@ def require_formula(text: str, variables: str, why: str = "") -> None:
     except SceneError as error:
         raise contradiction(*split(str(error))) from None
     if unknown:
-        raise contradiction(f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only")
+        raise contradiction(
+            f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only"
+        )
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:

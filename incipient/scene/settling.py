@@ -15,7 +15,12 @@ DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slope
 # A scene is asked for its placement many times, and the answer takes a second or two.
 @lru_cache(maxsize=16)
 def rested(
-    grain: Any, bed: Any, above: Placement, down: tuple[float, ...], friction: float | None, reach: float
+    grain: Any,
+    bed: Any,
+    above: Placement,
+    down: tuple[float, ...],
+    friction: float | None,
+    reach: float,
 ) -> Placement:
     """The equilibrium that a grain finds which is let go over a place, turned as it is there, in the plane or in space.
 
@@ -32,5 +37,7 @@ def rested(
     found = settle(grain, bed, start, down, hold, reach / grain.size)
     if not found.stable:
         turn = "angle" if above.gdim == 2 else "y or orientation"
-        raise SceneError(f"the grain {found.outcome.value}; change x or {turn}, or leave settle out")
+        raise SceneError(
+            f"the grain {found.outcome.value}; change x or {turn}, or leave settle out"
+        )
     return found.placement

@@ -154,7 +154,9 @@ class Superellipse(GrainSection):
 
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
-    exponent: float = key("n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box", ge=2, le=100)
+    exponent: float = key(
+        "n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box", ge=2, le=100
+    )
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -252,7 +254,9 @@ class Inclined(_Plane):
     """A plane that falls in the direction of the flow; coordinates run along it and gravity is turned."""
 
     kind: Literal["inclined"] = key("Kind of bed", "inclined")
-    slope: float = key("Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90)
+    slope: float = key(
+        "Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90
+    )
 
     @property
     def slope_angle(self) -> float:
@@ -275,7 +279,8 @@ class Sinusoidal(BedSection):
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         phase = (
-            math.radians(self.phase) + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
+            math.radians(self.phase)
+            + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
         )
         return geometry.Sinusoidal(self.amplitude, self.wavelength, phase, origin_y)
 
@@ -310,7 +315,8 @@ class Polyline(BedSection):
     kind: Literal["polyline"] = key("Kind of bed", "polyline")
     file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = key(
-        "Points with ascending x, heights counted from the base line; the same x twice: a step [length]", ()
+        "Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
+        (),
     )
     smooth: bool = key("A smooth curve through the points in place of straight lines", False)
 
@@ -336,7 +342,9 @@ class Polyline(BedSection):
         if why:
             raise self.refused("points", why, "sort the points by ascending x, each place once")
         if self.smooth and any(left[0] == right[0] for left, right in pairwise(self.points)):
-            raise self.refused("smooth", "is true, but points have a step, the same x twice", "leave it out")
+            raise self.refused(
+                "smooth", "is true, but points have a step, the same x twice", "leave it out"
+            )
         return self
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
@@ -348,7 +356,9 @@ class Polyline(BedSection):
 def _limit(section: Section, key: str, most: int) -> None:
     """Refuse a list that is too long to be dealt with."""
     if len(getattr(section, key)) > most:
-        raise section.refused(key, f"has {len(getattr(section, key))} items", f"give {most} at most")
+        raise section.refused(
+            key, f"has {len(getattr(section, key))} items", f"give {most} at most"
+        )
 
 
 def _disorder(points: Sequence[Point]) -> str | None:

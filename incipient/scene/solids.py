@@ -24,7 +24,9 @@ ROUNDEST = 100.0  # exponent of a superquadric
 def _four(value: Any) -> Any:
     """Refuse what is not a sphere by what its numbers would mean."""
     if isinstance(value, list | tuple) and len(value) != 4:
-        raise contradiction(f"has {counted(len(value), 'item')}", "give four, as in [x, y, z, radius]")
+        raise contradiction(
+            f"has {counted(len(value), 'item')}", "give four, as in [x, y, z, radius]"
+        )
     return value
 
 
@@ -77,10 +79,12 @@ class SolidSection(BodySection):
     mass: NotNegative | None = key(
         "Mass in place of density [density of the fluid x volume]", None, examples=[2.0]
     )
-    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = key(
-        "Moments about the grain's own axes through its centroid; by default those of a uniform grain",
-        None,
-        examples=[(0.1, 0.1, 0.1)],
+    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
+        key(
+            "Moments about the grain's own axes through its centroid; by default those of a uniform grain",
+            None,
+            examples=[(0.1, 0.1, 0.1)],
+        )
     )
     velocity: Triple = key("Velocity of a free grain at time 0 [length/time]", (0.0, 0.0, 0.0))
     spin: Triple = key("Angular velocity of a free grain at time 0 [radians/time]", (0.0, 0.0, 0.0))
@@ -116,7 +120,9 @@ class SolidSection(BodySection):
             rotation_by(angle * axis)
             for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
         )
-        return geometry.Placement(tuple(centre), quaternion=product(about_z, product(about_y, about_x)))
+        return geometry.Placement(
+            tuple(centre), quaternion=product(about_z, product(about_y, about_x))
+        )
 
 
 class Sphere(SolidSection):
@@ -219,7 +225,9 @@ class Spheres(SolidSection):
         """The grain's shape in its body frame, lengths in scene units."""
         if len(self.spheres) > MOST_SPHERES:
             raise SceneError(f"has {len(self.spheres)} items; give {MOST_SPHERES} at most")
-        return geometry.Spheres([ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres])
+        return geometry.Spheres(
+            [ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres]
+        )
 
 
 class Mesh(SolidSection):
@@ -264,7 +272,9 @@ class Mesh(SolidSection):
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
         found = geometry.Triangulated(points, triangles)
         return (
-            found if self.size is None else geometry.Triangulated(self.size / found.size * points, triangles)
+            found
+            if self.size is None
+            else geometry.Triangulated(self.size / found.size * points, triangles)
         )
 
 

@@ -54,7 +54,8 @@ class Surface(Section):
         "wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned", "wall"
     )
     inflow: str = key(
-        "Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]", "0"
+        "Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]",
+        "0",
     )
     wave: Wave | None = key(
         "A wave that comes in with the base flow, in place of `inflow`",
@@ -62,12 +63,15 @@ class Surface(Section):
         examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
     )
     seepage: str = key(
-        "Formula in x, in space y, and t: what enters through the bed per level area [length/time]", "0"
+        "Formula in x, in space y, and t: what enters through the bed per level area [length/time]",
+        "0",
     )
     outflow: Literal["open", "wall"] = key(
         "Right end of a channel; open: the still level lies beyond it; wall: it is closed", "open"
     )
-    sponge: NotNegative = key("Length before the right end of a channel in which waves die out [length]", 0.0)
+    sponge: NotNegative = key(
+        "Length before the right end of a channel in which waves die out [length]", 0.0
+    )
     pressure: str = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
@@ -80,7 +84,9 @@ class Surface(Section):
         if not isinstance(data, dict) or not isinstance(data.get("file"), str):
             return data
         path = Path((info.context or {}).get("directory", "."), data["file"])
-        return {k: v for k, v in data.items() if k != "file"} | {"points": read_points(path, 2, "Surface")}
+        return {k: v for k, v in data.items() if k != "file"} | {
+            "points": read_points(path, 2, "Surface")
+        }
 
     @field_validator("elevation", "pressure", "inflow", "seepage")
     @classmethod
@@ -116,5 +122,7 @@ def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ..
     """Where elevations are reported: the stations, or without any five from end to end, in space three by three."""
     given = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
-    evenly = ([low + (high - low) * i / (along - 1) for i in range(along)] for low, high in domain.spans)
+    evenly = (
+        [low + (high - low) * i / (along - 1) for i in range(along)] for low, high in domain.spans
+    )
     return list(given) or list(product(*evenly))

@@ -30,17 +30,25 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             why = f'describes a free surface, but the top is "{scene.top}"'
             yield problem("surface", why, f'set domain.top = "{FREE}" or leave the section out')
         if effects.free_surface is True:
-            yield problem("effects.free_surface", "is true but there is none", f'set domain.top = "{FREE}"')
+            yield problem(
+                "effects.free_surface", "is true but there is none", f'set domain.top = "{FREE}"'
+            )
         return
     if effects.free_surface is False:
         why = f'is false but domain.top = "{FREE}"'
-        yield problem("effects.free_surface", why, 'leave one of them out, as a lid is domain.top = "slip"')
+        yield problem(
+            "effects.free_surface", why, 'leave one of them out, as a lid is domain.top = "slip"'
+        )
     surface, domain = scene.surface or Surface(), scene.domain
     yield from _of_time(scene.time, domain)
     if effects.unsteadiness is False:
-        yield problem("effects.unsteadiness", "is false but a free surface moves in time", 'use "auto"')
+        yield problem(
+            "effects.unsteadiness", "is false but a free surface moves in time", 'use "auto"'
+        )
     if gravity is None or effects.gravity is False or gravity.acceleration == 0.0:
-        yield problem("domain.top", "gravity is what keeps a free surface level", "add a section [gravity]")
+        yield problem(
+            "domain.top", "gravity is what keeps a free surface level", "add a section [gravity]"
+        )
     if domain.kind == "channel":
         yield from of_channel(scene.flow, domain, surface, scene.time)
     elif scene.flow.kind != "still":
@@ -88,7 +96,9 @@ def misplaced(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
             return
         for axis, (low, high), value in zip("xy", domain.spans, place, strict=False):
             if not low <= value <= high:
-                yield Problem(key, f"{axis} = {value:g} is outside the domain", f"give {low:g} to {high:g}")
+                yield Problem(
+                    key, f"{axis} = {value:g} is outside the domain", f"give {low:g} to {high:g}"
+                )
                 return
     yield from _too_low(surface, domain, bed)
 
@@ -108,6 +118,10 @@ def _too_low(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
         floor = bed.height(across[:, 0] if domain.gdim == 2 else across)
     lowest = int(np.argmin(heights - floor))
     if heights[lowest] <= floor[lowest]:
-        where = ", ".join(f"{axis} = {value:g}" for axis, value in zip("xy", across[lowest], strict=False))
+        where = ", ".join(
+            f"{axis} = {value:g}" for axis, value in zip("xy", across[lowest], strict=False)
+        )
         key = "surface.points" if surface.points else "surface.elevation"
-        yield problem(key, f"brings the surface down to the bed at {where}", "give a smaller elevation")
+        yield problem(
+            key, f"brings the surface down to the bed at {where}", "give a smaller elevation"
+        )

@@ -47,7 +47,9 @@ def differences(scene: SceneSections) -> Iterator[str]:
         formulas = expressions(scene.flow.components, "flow.components")
         if _differ(formulas, domain, time, MIRRORED):
             yield "the flow is not its mirror image"
-    if surface is not None and any(_differ([formula], domain, time) for formula in _formulas(surface)):
+    if surface is not None and any(
+        _differ([formula], domain, time) for formula in _formulas(surface)
+    ):
         yield "the free surface is not its mirror image"
 
 
@@ -57,7 +59,10 @@ def _of_grain(grain: Any, placement: Any, middle: float) -> Iterator[str]:
         yield f"the grain's centroid is {abs(away):.3g} beside the middle, y = {middle:g}"
         return
     points = grain.surface(SPACING * grain.size).points
-    for some in (points[:: 1 + len(points) // FEW], points):  # few show at once that a scanned grain is none
+    for some in (
+        points[:: 1 + len(points) // FEW],
+        points,
+    ):  # few show at once that a scanned grain is none
         mirrored = placement.to_scene(some)
         mirrored[:, 1] = 2.0 * middle - mirrored[:, 1]
         off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
@@ -96,8 +101,12 @@ def _differ(
     mirrored = points.copy()
     mirrored[1] = 2.0 * domain.middle - points[1]
     for t in _times(time):
-        here, there = (np.vstack([one(places, t) for one in formulas]) for places in (points, mirrored))
-        if np.abs(here - there * mirror[:, None]).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
+        here, there = (
+            np.vstack([one(places, t) for one in formulas]) for places in (points, mirrored)
+        )
+        if np.abs(here - there * mirror[:, None]).max() > ALIKE * max(
+            float(np.abs(here).max()), 1e-300
+        ):
             return True
     return False
 

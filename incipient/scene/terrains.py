@@ -73,9 +73,13 @@ class SphereBed(TerrainSection):
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         if self.arrangement != "random" and self.layers == 1:
-            return geometry.Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
+            return geometry.Hemispheres(
+                self.radius, self.spacing, self.arrangement, offset, origin_z, angle
+            )
         kind = self.arrangement
-        return Packing(self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed)
+        return Packing(
+            self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed
+        )
 
 
 class HeapBed(TerrainSection):
@@ -99,12 +103,16 @@ class HeapBed(TerrainSection):
             """The spheres in a file."""
             return {"spheres": read_numbers(path, 4, MOST_SPHERES, "HeapBed", "x, y, z, radius")}
 
-        return with_file_read("HeapBed", "spheres", data, info, listed, "give the name of a CSV file")
+        return with_file_read(
+            "HeapBed", "spheres", data, info, listed, "give the name of a CSV file"
+        )
 
     @model_validator(mode="after")
     def _is_a_heap(self) -> HeapBed:
         if len(self.spheres) > MOST_SPHERES:
-            raise self.refused("spheres", f"are {len(self.spheres)}", f"give {MOST_SPHERES} at most")
+            raise self.refused(
+                "spheres", f"are {len(self.spheres)}", f"give {MOST_SPHERES} at most"
+            )
         self.require("spheres", lambda: self.terrain(0.0))
         return self
 
@@ -112,7 +120,9 @@ class HeapBed(TerrainSection):
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(given)) >= len(self.spheres)
-        return SphereHeap(given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts)
+        return SphereHeap(
+            given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts
+        )
 
 
 class RidgeBed(TerrainSection):
@@ -128,7 +138,10 @@ class RidgeBed(TerrainSection):
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
-        phase = math.radians(self.phase) + 2.0 * math.pi * math.fmod(ahead, self.wavelength) / self.wavelength
+        phase = (
+            math.radians(self.phase)
+            + 2.0 * math.pi * math.fmod(ahead, self.wavelength) / self.wavelength
+        )
         return geometry.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
 
 
@@ -170,11 +183,17 @@ class RasterBed(TerrainSection):
     def _is_a_raster(self) -> RasterBed:
         count = sum(map(len, self.heights))
         if count > MOST_HEIGHTS:
-            raise self.refused("heights", f"are {count}", f"give {MOST_HEIGHTS} at most, or a larger cell")
+            raise self.refused(
+                "heights", f"are {count}", f"give {MOST_HEIGHTS} at most, or a larger cell"
+            )
         if len({len(row) for row in self.heights}) > 1:
-            raise self.refused("heights", "are in rows of different lengths", "give as many in each")
+            raise self.refused(
+                "heights", "are in rows of different lengths", "give as many in each"
+            )
         if self.cell is None:
-            raise self.refused("cell", "is missing", "add how far apart the heights are, as in [0.1, 0.1]")
+            raise self.refused(
+                "cell", "is missing", "add how far apart the heights are, as in [0.1, 0.1]"
+            )
         self.require("heights", lambda: self.terrain(0.0))
         return self
 
@@ -182,7 +201,9 @@ class RasterBed(TerrainSection):
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
-        return geometry.HeightMap(getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place)
+        return geometry.HeightMap(
+            getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place
+        )
 
 
 class HeightMapBed(RasterBed):
@@ -191,7 +212,9 @@ class HeightMapBed(RasterBed):
     kind: Literal["height-map"] = key("Kind of bed", "height-map")
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = key(
-        "Distance between heights along x and y; .asc files have it [length]", None, examples=[(0.1, 0.1)]
+        "Distance between heights along x and y; .asc files have it [length]",
+        None,
+        examples=[(0.1, 0.1)],
     )
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
     offset: Pair = key("Place x, y of the first height [length]", (0.0, 0.0))

@@ -34,7 +34,8 @@ class Turbulence(Section):
         examples=[0.05],
     )
     inflow: Literal["developed", "given", "profile"] = key(
-        "What enters: nearly developed; uniform, by intensity and length; or a measured profile", "developed"
+        "What enters: nearly developed; uniform, by intensity and length; or a measured profile",
+        "developed",
     )
     intensity: Positive | None = key(
         "Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
@@ -66,8 +67,14 @@ class Turbulence(Section):
     @model_validator(mode="after")
     def _is_consistent(self) -> Turbulence:
         if (self.wall == "rough") != (self.roughness > 0.0):
-            remedy = "give the equivalent sand roughness" if self.wall == "rough" else 'set wall = "rough"'
-            raise self.refused("roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy)
+            remedy = (
+                "give the equivalent sand roughness"
+                if self.wall == "rough"
+                else 'set wall = "rough"'
+            )
+            raise self.refused(
+                "roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy
+            )
         if self.upstream_roughness and (wrong := self._wrong_upstream()):
             raise self.refused("upstream_roughness", *wrong)
         for name in ("intensity", "length"):
@@ -92,7 +99,10 @@ class Turbulence(Section):
     def _wrong_upstream(self) -> tuple[str, str] | None:
         """What contradicts a rough bed upstream, and the remedy; None: nothing."""
         if self.has_wall_functions:
-            return 'is not read by model = "k-epsilon"', 'leave it out, or use model = "k-omega-sst"'
+            return (
+                'is not read by model = "k-epsilon"',
+                'leave it out, or use model = "k-omega-sst"',
+            )
         if self.roughness:
             return (
                 'is for smooth walls, but wall is "rough"',
@@ -116,14 +126,19 @@ class Turbulence(Section):
     def _wrong_profile(self) -> tuple[str, str] | None:
         """What is wrong with the profile, and the remedy; None: nothing."""
         if self.inflow != "profile":
-            return ('is read only with inflow = "profile"', "leave it out") if self.profile else None
+            return (
+                ('is read only with inflow = "profile"', "leave it out") if self.profile else None
+            )
         if len(self.profile) < 2 or len({len(row) for row in self.profile}) != 1:
             return (
                 "has not two or more rows of one length",
                 "give rows of height and speed, each with k or none",
             )
         if any(high[0] <= low[0] for low, high in pairwise(((0.0,), *self.profile))):
-            return "has heights that do not ascend from above zero", "sort the rows by height, walls left out"
+            return (
+                "has heights that do not ascend from above zero",
+                "sort the rows by height, walls left out",
+            )
         if any(value <= 0.0 for row in self.profile for value in row[1:]):
             return (
                 "has a speed or a k that is not positive",

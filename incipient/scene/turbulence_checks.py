@@ -25,7 +25,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("bed.leading_edge", "is read only with turbulence", _NO_EDGE)
         if scene.turbulence is not None:
             why = "describes turbulence, which effects.turbulence does not ask for"
-            yield problem("turbulence", why, "set effects.turbulence = true or leave the section out")
+            yield problem(
+                "turbulence", why, "set effects.turbulence = true or leave the section out"
+            )
         return
     effects, numerics, time = scene.effects, scene.numerics, scene.time
     if scene.resolves_walls:
@@ -37,7 +39,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         walled, asked = scene.domain.width is not None and scene.sides == "wall", scene.turbulence
         if walled and asked is not None and asked.inflow != "developed":
             why = f'is "{asked.inflow}", which between sides with friction {_NOT_TO_THE_WALL}'
-            yield problem("turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}')
+            yield problem(
+                "turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}'
+            )
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
             motion = scene.body.motion if scene.moves else ""
@@ -48,17 +52,25 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
                 yield problem("time", f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
         yield from _of_stream(scene.turbulence)
         if numerics.accuracy is not None:
-            yield problem("numerics.accuracy", f"in a uniform stream {_NOT_TO_THE_WALL}", "leave it out")
+            yield problem(
+                "numerics.accuracy", f"in a uniform stream {_NOT_TO_THE_WALL}", "leave it out"
+            )
         if scene.top not in ("stream", "slip"):
             yield problem(
-                "domain.top", f'"{scene.top}" contradicts a uniform stream', 'use "stream" or "slip"'
+                "domain.top",
+                f'"{scene.top}" contradicts a uniform stream',
+                'use "stream" or "slip"',
             )
         if getattr(scene.flow, "gust", None) is not None:
             yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     else:
-        yield from _of_flow(scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat")
+        yield from _of_flow(
+            scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat"
+        )
         if scene.leading_edge is not None:
-            yield problem("bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE)
+            yield problem(
+                "bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE
+            )
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
@@ -98,7 +110,9 @@ def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
     """What a plate in a uniform stream is not simulated with."""
     if bed is None or bed.kind != "flat":
         why = (
-            "is missing" if bed is None else f'"{bed.kind}" below a uniform turbulent stream is not simulated'
+            "is missing"
+            if bed is None
+            else f'"{bed.kind}" below a uniform turbulent stream is not simulated'
         )
         yield problem("bed" if bed is None else "bed.kind", why, 'give kind = "flat", the plate')
         return
@@ -115,12 +129,16 @@ def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
 def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
     if domain.sides == "stream":
         yield problem(
-            "domain.sides", f'"stream" {_NOT_SIMULATED}', 'use "wall", or "slip", sides without friction'
+            "domain.sides",
+            f'"stream" {_NOT_SIMULATED}',
+            'use "wall", or "slip", sides without friction',
         )
     if getattr(flow, "gust", None) is not None:
         yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     if domain.top == FREE:
-        yield problem("domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction')
+        yield problem(
+            "domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction'
+        )
     if flow.kind not in FLOWS:
         yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
     elif domain.top == "stream":
@@ -145,11 +163,15 @@ def _of_accuracy(numerics: Numerics, in_time: bool, has_grain: bool) -> Iterator
     """What an accuracy cannot be that of, or include, with turbulence."""
     if in_time:
         why = "is not sought of turbulence in time by this version"
-        yield problem("numerics.accuracy", why, "leave it out, and see the error bars, or leave [time] out")
+        yield problem(
+            "numerics.accuracy", why, "leave it out, and see the error bars, or leave [time] out"
+        )
     if has_grain:
         return
     if numerics.accuracy == "verdict":
-        yield problem("numerics.accuracy", '"verdict" needs a grain but there is none', "give a number")
+        yield problem(
+            "numerics.accuracy", '"verdict" needs a grain but there is none', "give a number"
+        )
     if numerics.accuracy_of not in ("auto", OF_WALLS):
         why = f'"{numerics.accuracy_of}" does not exist in a turbulent channel without a grain'
         yield problem("numerics.accuracy_of", why, f'use "{OF_WALLS}"')

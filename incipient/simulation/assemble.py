@@ -53,7 +53,9 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             if grain is not None and (grain.part.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
-                landed = landing(run.setup, grain.state, grain.clearance(), force, couple, grain.does)
+                landed = landing(
+                    run.setup, grain.state, grain.clearance(), force, couple, grain.does
+                )
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
         gap, layout = None, run.layout
@@ -108,7 +110,9 @@ def with_rests(run: Run, result: Result) -> Result:
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
 
 
-def with_estimates(run: Run, result: Result, solve: Solve, improve: Solve, follows: bool = True) -> Result:
+def with_estimates(
+    run: Run, result: Result, solve: Solve, improve: Solve, follows: bool = True
+) -> Result:
     """A complete result, corrected where errors have a sign, with its error bars and what left-out effects change.
 
     `solve` runs the scenes of coarse runs, `improve` gives improved loads on coarser cells. With `follows` a grain that
@@ -124,7 +128,9 @@ def with_estimates(run: Run, result: Result, solve: Solve, improve: Solve, follo
     return replace(found, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run))
 
 
-def _error_bars(run: Run, result: Result, solve: Solve, improve: Solve) -> tuple[ErrorBars | None, str]:
+def _error_bars(
+    run: Run, result: Result, solve: Solve, improve: Solve
+) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not run.scene.has_error_bars:
         return None, ""
@@ -163,7 +169,9 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
     apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
-    return replace(bars, safety=bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift))
+    return replace(
+        bars, safety=bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift)
+    )
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
@@ -219,7 +227,11 @@ def _grain(run: Run) -> dict[str, Any] | None:
     return {
         "centre": resting.centre,
         "computed_centre": placement.centre,
-        **({"angle": resting.angle} if resting.quaternion is None else {"quaternion": resting.quaternion}),
+        **(
+            {"angle": resting.angle}
+            if resting.quaternion is None
+            else {"quaternion": resting.quaternion}
+        ),
         "size": grain.size,
         "volume": grain.volume,
     }

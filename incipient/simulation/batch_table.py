@@ -45,7 +45,9 @@ class Columns:
         names = [*self.names, *self.constant]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
-            raise SceneError(f"batch: there are two columns {shortened(twice)}; leave one of them out")
+            raise SceneError(
+                f"batch: there are two columns {shortened(twice)}; leave one of them out"
+            )
         for name in self.needed:
             if name not in names:
                 raise SceneError(
@@ -55,7 +57,9 @@ class Columns:
         unknown = next((name for name in names if name not in known), None)
         if unknown is not None:
             why = f"column {shortened(unknown)} is not known"
-            raise SceneError(f"batch: {why}; known are {', '.join([*self.needed, *self._optional[:6]])}, ...")
+            raise SceneError(
+                f"batch: {why}; known are {', '.join([*self.needed, *self._optional[:6]])}, ..."
+            )
 
     @property
     def axes(self) -> str:
@@ -92,7 +96,9 @@ class Columns:
     def needed(self) -> list[str]:
         """Columns that have to be there."""
         contacts = [
-            f"{kind}_{number + 1}" for number in range(self.contacts) for kind in ("contact", "normal")
+            f"{kind}_{number + 1}"
+            for number in range(self.contacts)
+            for kind in ("contact", "normal")
         ]
         moving = ["mass", *self.inertia] if "mass" in (*self.names, *self.constant) else []
         return [*self.numbers, *(one for name in contacts for one in self.vector(name)), *moving]
@@ -126,7 +132,17 @@ class Columns:
         if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
             couple += np.cross(vector("about") - centre, force)
         weight, mass = vector("weight"), value.get("mass", np.full(len(rows), np.nan))
-        given = points, normals, force, couple, weight, centre, value["friction"], mass, self._inertia(value)
+        given = (
+            points,
+            normals,
+            force,
+            couple,
+            weight,
+            centre,
+            value["friction"],
+            mass,
+            self._inertia(value),
+        )
         names = [str(row[self.names.index("name")]) for row in rows] if "name" in self.names else []
         return Cases(*given), names, problems
 
@@ -136,7 +152,9 @@ class Columns:
         text = self.names.index("name") if "name" in self.names else None
         for place, row in enumerate(rows):
             if len(row) != len(self.names):
-                problems[place] = f"has {len(row)} cells for {len(self.names)} columns; give one for each"
+                problems[place] = (
+                    f"has {len(row)} cells for {len(self.names)} columns; give one for each"
+                )
                 continue
             if text is not None:
                 row = [*row[:text], "", *row[text + 1 :]]
@@ -150,7 +168,9 @@ class Columns:
                 ):  # Python takes 1_2 for 12
                     continue
             table[place] = np.nan
-            name, cell = next(one for one in zip(self.names, row, strict=True) if not _is_number(one[1]))
+            name, cell = next(
+                one for one in zip(self.names, row, strict=True) if not _is_number(one[1])
+            )
             problems[place] = f'{name} is "{shortened(cell, 30)}"; give a number'
         return table, problems
 
@@ -248,7 +268,9 @@ def _setting(text: str) -> tuple[str, float]:
     try:
         return name.strip(), decimal(value.strip())
     except ValueError:
-        raise SceneError(f"--set {shortened(text)}: is no number; with --batch give COLUMN=NUMBER") from None
+        raise SceneError(
+            f"--set {shortened(text)}: is no number; with --batch give COLUMN=NUMBER"
+        ) from None
 
 
 class _reading:
@@ -263,7 +285,9 @@ class _reading:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, OSError):
             why = f"cannot be read ({error.strerror})"
-            raise SceneError(f"{self._path}: {why}; give the name of a CSV or Parquet file") from None
+            raise SceneError(
+                f"{self._path}: {why}; give the name of a CSV or Parquet file"
+            ) from None
 
 
 def _cells(line: bytes) -> list[str]:
@@ -281,7 +305,9 @@ def _parquet(path: Path) -> Any:
         try:
             return arrow.parquet.ParquetFile(path)
         except (arrow.ArrowException, ValueError) as error:
-            raise SceneError(f"{path}: cannot be read ({shortened(error)}); give a Parquet file") from None
+            raise SceneError(
+                f"{path}: cannot be read ({shortened(error)}); give a Parquet file"
+            ) from None
 
 
 def _parquet_rows(path: Path, start: int, end: int) -> list[Row]:
@@ -290,10 +316,13 @@ def _parquet_rows(path: Path, start: int, end: int) -> list[Row]:
     first = 0
     for group in range(_parquet(path).num_row_groups):
         table = _row_group(path, group)
-        part = table.slice(max(start - first, 0), max(min(end, first + len(table)) - max(start, first), 0))
+        part = table.slice(
+            max(start - first, 0), max(min(end, first + len(table)) - max(start, first), 0)
+        )
         first += len(table)
         columns = [
-            ["" if value is None else value for value in column.to_pylist()] for column in part.columns
+            ["" if value is None else value for value in column.to_pylist()]
+            for column in part.columns
         ]
         found += map(list, zip(*columns, strict=True))
     return found

@@ -30,7 +30,9 @@ class Beside:
         speed: of the flow whose loads are asked for, over the scene's.
     """
 
-    def __init__(self, run: Run, by_itself: Callable[[Scene, Comm, float], Loads], speed: float = 1.0):
+    def __init__(
+        self, run: Run, by_itself: Callable[[Scene, Comm, float], Loads], speed: float = 1.0
+    ):
         self._run, self._by_itself, self._speed = run, by_itself, speed
 
     def serves(self, key: str) -> bool:

@@ -80,7 +80,9 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            found = [effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS]
+            found = [
+                effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS
+            ]
             parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
@@ -139,7 +141,9 @@ def estimate(scene: Scene) -> Plan:
     layout = meshing.lay_out(setup, plan)
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     counted: Estimate = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    counted = counted.with_more(sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS))
+    counted = counted.with_more(
+        sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS)
+    )
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).counted
         counted = counted.with_more(other.memory_mib - memory_of_libraries())

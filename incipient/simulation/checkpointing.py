@@ -24,7 +24,9 @@ def collected(run: Run) -> Checkpoint:
     transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
-    parts = dict(chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts))
+    parts = dict(
+        chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts)
+    )
     return Checkpoint(
         # With the order that the flow has, whatever a later version would choose.
         scene=dumps(with_order(run.scene, run.plan.order)),

@@ -53,7 +53,9 @@ class ForcesInTime:
         Raises SceneError where there are too few samples.
         """
         if len(self.times) < FEWEST:
-            raise SceneError(f"--since: {len(self.times)} samples are left; a mean takes {FEWEST} or more")
+            raise SceneError(
+                f"--since: {len(self.times)} samples are left; a mean takes {FEWEST} or more"
+            )
         values, weights = np.hstack([self.forces, self.moments]), steps_of(self.times)
         mean = weights @ values / weights.sum()
         batches = [
@@ -85,7 +87,11 @@ def _starts(path: Path) -> list[Path]:
     """Folders of starts, in the order of their times; the folder itself where it has the files."""
     if any((path / name).is_file() for name in ("force.dat", "forces.dat")):
         return [path]
-    named = [(float(one.name), one) for one in path.iterdir() if one.is_dir() and NUMBER.fullmatch(one.name)]
+    named = [
+        (float(one.name), one)
+        for one in path.iterdir()
+        if one.is_dir() and NUMBER.fullmatch(one.name)
+    ]
     if not named:
         raise SceneError(
             f"--forces: {path} holds no forces; give a folder with {FORMATS}, or with folders by time"
@@ -120,7 +126,9 @@ def _of_file(path: Path, moments: Path) -> ForcesInTime:
         )
     other, other_header = _table(moments)
     if other.shape != table.shape or not np.array_equal(other[:, 0], table[:, 0]):
-        raise SceneError(f"--forces: {moments} has other times than {path.name}; give files of one run")
+        raise SceneError(
+            f"--forces: {moments} has other times than {path.name}; give files of one run"
+        )
     for one, name in ((table, path), (other, moments)):
         _require_sum(one, name)
     return ForcesInTime(table[:, 0], table[:, 1:4], other[:, 1:4], _centre(moments, other_header))
@@ -145,8 +153,12 @@ def _table(path: Path) -> tuple[Floats, str]:
         why = getattr(error, "strerror", None) or "not text"
         raise SceneError(f"--forces: {path} cannot be read ({why}); give {FORMATS}") from None
     header = "\n".join(line for line in lines if line.lstrip().startswith("#"))
-    rows = [[float(one) for one in NUMBER.findall(line)] for line in lines if line[:1] not in ("#", "")]
-    if rows and len(rows) > 1 and len(rows[-1]) != len(rows[0]):  # of a run that was cut short, or goes on
+    rows = [
+        [float(one) for one in NUMBER.findall(line)] for line in lines if line[:1] not in ("#", "")
+    ]
+    if (
+        rows and len(rows) > 1 and len(rows[-1]) != len(rows[0])
+    ):  # of a run that was cut short, or goes on
         rows.pop()
     if not rows or not rows[0] or any(len(row) != len(rows[0]) for row in rows):
         raise SceneError(f"--forces: {path} is no table of numbers; give {FORMATS}")
@@ -179,8 +191,11 @@ def _joined(parts: Sequence[ForcesInTime]) -> ForcesInTime:
     for one, following in zip(parts, [*parts[1:], None], strict=True):
         end = np.inf if following is None else following.times[0]
         before = one.times < end
-        kept.append(ForcesInTime(one.times[before], one.forces[before], one.moments[before], one.centre))
+        kept.append(
+            ForcesInTime(one.times[before], one.forces[before], one.moments[before], one.centre)
+        )
     times, forces, moments = (
-        np.concatenate([getattr(one, name) for one in kept]) for name in ("times", "forces", "moments")
+        np.concatenate([getattr(one, name) for one in kept])
+        for name in ("times", "forces", "moments")
     )
     return ForcesInTime(times, forces, moments, parts[0].centre)

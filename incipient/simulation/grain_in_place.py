@@ -62,7 +62,9 @@ class ForcesBed(Section):
     """The bed in the coordinates of the other program."""
 
     file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
-    up: Triple | None = key("Direction in which the bed is seen from above; default: against gravity", None)
+    up: Triple | None = key(
+        "Direction in which the bed is seen from above; default: against gravity", None
+    )
     height: float | None = key(
         "Of a plane its height along `up`; default: that of the grain's lowest point", None
     )
@@ -126,7 +128,9 @@ class GrainInPlace(Section):
         upright = _matrix(turn)
         placement, grain = self.body.placed(self.body.centre), self.body.grain()
         assert placement.quaternion is not None
-        above = Placement(tuple(upright @ self.body.centre), quaternion=product(turn, placement.quaternion))
+        above = Placement(
+            tuple(upright @ self.body.centre), quaternion=product(turn, placement.quaternion)
+        )
         bed = self._bed(triangles, above)
         try:
             found = touching(grain, above, bed, self.contact.tolerance * grain.size)
@@ -154,7 +158,11 @@ class GrainInPlace(Section):
             "flow_couple": none,
             "centre": self.body.centre,
         }
-        data = {"load": load, "contacts": contacts, "grain": {"mass": heavy, "inertia": inertia.tolist()}}
+        data = {
+            "load": load,
+            "contacts": contacts,
+            "grain": {"mass": heavy, "inertia": inertia.tolist()},
+        }
         return Case.model_validate(
             {"title": f"Grain of volume {grain.volume:.6g} in place", "errors": self.errors, **data}
         )
@@ -169,13 +177,20 @@ class GrainInPlace(Section):
         margin = BORDER * float((high - low).max())
         middle = np.array(above.centre[:2])
         x, y = np.stack(
-            [np.maximum(low + margin, middle - grain.size), np.minimum(high - margin, middle + grain.size)],
+            [
+                np.maximum(low + margin, middle - grain.size),
+                np.minimum(high - margin, middle + grain.size),
+            ],
             axis=1,
         ).tolist()
         try:
-            bed = HeightMap.of_triangles(triangles, self.bed.cell, Path(self.bed.file), (tuple(x), tuple(y)))
+            bed = HeightMap.of_triangles(
+                triangles, self.bed.cell, Path(self.bed.file), (tuple(x), tuple(y))
+            )
         except SceneError as error:
-            raise SceneError(f"--bed: {error}; upwards is against gravity.direction, or bed.up") from None
+            raise SceneError(
+                f"--bed: {error}; upwards is against gravity.direction, or bed.up"
+            ) from None
         return _plane(bed, BORDER * grain.size) or bed
 
 
@@ -196,10 +211,14 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
             "--forces without a case: --grain is missing; give the file of its surface, or body.shape"
         )
     if bed is None:
-        raise SceneError("--forces without a case: --bed is missing; give the file of its surface, or flat")
+        raise SceneError(
+            "--forces without a case: --bed is missing; give the file of its surface, or flat"
+        )
     for name, what in _NEEDED.items():
         if name not in keys and not (name == "body.density" and "body.mass" in keys):
-            raise SceneError(f"--forces without a case: {name} is missing; add --set {name}=NUMBER, {what}")
+            raise SceneError(
+                f"--forces without a case: {name} is missing; add --set {name}=NUMBER, {what}"
+            )
     given = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
         points, triangles = triangles_in(grain)
@@ -237,7 +256,9 @@ def _squared(points: Floats) -> Quaternion:
 
 def _plane(bed: HeightMap, tolerance: float) -> Plane | None:
     """The plane that all heights of a bed are on, to a tolerance, if there is one."""
-    x, y = np.meshgrid(*(bed.cell[axis] * np.arange(bed.heights.shape[1 - axis]) for axis in (0, 1)))
+    x, y = np.meshgrid(
+        *(bed.cell[axis] * np.arange(bed.heights.shape[1 - axis]) for axis in (0, 1))
+    )
     table = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)])
     (along, across, level), *_ = np.linalg.lstsq(table, bed.heights.ravel(), rcond=None)
     if np.abs(table @ [along, across, level] - bed.heights.ravel()).max() > tolerance:

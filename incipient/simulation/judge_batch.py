@@ -42,7 +42,9 @@ class Verdicts:
     def text(self) -> str:
         """The outcome in a few lines for a reader."""
         lines = [f"{'cases':<20}{self.cases}"]
-        lines += [f"{mode:<19} {count} ({count / self.cases:.2%})" for mode, count in self.modes.items()]
+        lines += [
+            f"{mode:<19} {count} ({count / self.cases:.2%})" for mode, count in self.modes.items()
+        ]
         lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
         if self.failed:
             lines.append(f"{'not judged':<20}{self.failed}, the first:")
@@ -87,7 +89,12 @@ def _begin(table: Table, chunks: Path) -> None:
     """Make the directory of chunks, or refuse that of another table."""
     with table.path.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
-    request = {"sha256": digest, "set": dict(table.columns.constant), "rows": table.rows, "chunk": table.size}
+    request = {
+        "sha256": digest,
+        "set": dict(table.columns.constant),
+        "rows": table.rows,
+        "chunk": table.size,
+    }
     path = chunks / REQUEST
     make_directory(chunks)
     if not path.exists():
@@ -142,7 +149,11 @@ def verdicts(columns: Columns, start: int, rows: list[Row]) -> str:
     given = zip(found.factors.tolist(), found.held.tolist(), found.mode_names, strict=True)
     for place, (factor, held, mode) in enumerate(given):
         name = names[place] if names else ""
-        said = ("", "", "", reasons[place]) if place in reasons else (repr(factor), int(held), mode, "")
+        said = (
+            ("", "", "", reasons[place])
+            if place in reasons
+            else (repr(factor), int(held), mode, "")
+        )
         writer.writerow((start + place + 1, name, *said))
     return text.getvalue()
 
@@ -171,7 +182,10 @@ def _write(table: Table, directory: Path, chunks: Path) -> None:
         _write_parquet(directory / VERDICTS.replace(".csv", ".parquet"), chunks, len(table))
         return
     path = directory / VERDICTS
-    with replaced(path, part_of(path)) as part, part.open("w", encoding="utf-8", newline="") as stream:
+    with (
+        replaced(path, part_of(path)) as part,
+        part.open("w", encoding="utf-8", newline="") as stream,
+    ):
         stream.write(HEAD)
         for number in range(len(table)):
             stream.write(_chunk(chunks, number).read_text(encoding="utf-8"))
@@ -179,10 +193,20 @@ def _write(table: Table, directory: Path, chunks: Path) -> None:
 
 def _write_parquet(path: Path, chunks: Path, count: int) -> None:
     arrow = pyarrow()
-    kinds = arrow.int64(), arrow.string(), arrow.float64(), arrow.bool_(), arrow.string(), arrow.string()
+    kinds = (
+        arrow.int64(),
+        arrow.string(),
+        arrow.float64(),
+        arrow.bool_(),
+        arrow.string(),
+        arrow.string(),
+    )
     schema = arrow.schema(zip(HEAD.strip().split(","), kinds, strict=True))
     also = (arrow.ArrowException,)
-    with replaced(path, part_of(path), also) as part, arrow.parquet.ParquetWriter(part, schema) as writer:
+    with (
+        replaced(path, part_of(path), also) as part,
+        arrow.parquet.ParquetWriter(part, schema) as writer,
+    ):
         for number in range(count):
             columns: list[Any] = list(map(list, zip(*_rows(_chunk(chunks, number)), strict=True)))
             columns[0] = [int(row) for row in columns[0]]

@@ -32,7 +32,9 @@ def _numbers(value: Any) -> Floats:
     try:
         given = np.array(value)
     except ValueError:
-        raise contradiction("has rows of different lengths", "give as many numbers in each") from None
+        raise contradiction(
+            "has rows of different lengths", "give as many numbers in each"
+        ) from None
     if given.dtype.kind not in "iuf":
         raise contradiction("is not made of numbers", "give numbers, as in [0.0, -1.0]")
     if not np.isfinite(given).all():
@@ -59,11 +61,15 @@ def _inertia(value: Any) -> float | tuple[Any, ...]:
     given = _numbers(value)
     if given.shape not in ((), (3,), (3, 3)):
         why = "is not a moment of inertia"
-        raise contradiction(why, "give a number in the plane, [J1, J2, J3] or a 3 x 3 matrix in space")
+        raise contradiction(
+            why, "give a number in the plane, [J1, J2, J3] or a 3 x 3 matrix in space"
+        )
     matrix = _matrix(given)
     moments = np.linalg.eigvalsh(matrix)
     if not np.allclose(matrix, matrix.T, rtol=1e-6) or moments[0] <= 0.0:
-        raise contradiction("is not a symmetric positive matrix", "give moments of inertia greater than zero")
+        raise contradiction(
+            "is not a symmetric positive matrix", "give moments of inertia greater than zero"
+        )
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
         remedy = "no principal moment of a body exceeds the sum of the other two"
         raise contradiction(f"has principal moments {moments.round(6).tolist()}", remedy)
@@ -82,11 +88,15 @@ Areas = Annotated[tuple[NotNegative, ...], Field(strict=False)]
 class CaseLoad(Section):
     """What acts on the grain besides the bed."""
 
-    weight: Vector = Field(description="all that acts at the centre of mass besides the flow, such as weight")
+    weight: Vector = Field(
+        description="all that acts at the centre of mass besides the flow, such as weight"
+    )
     flow_force: Vector = Field(description="force of the flow on the grain")
     flow_couple: Couple = Field(description="couple of the flow about the point `about`")
     centre: Vector | None = Field(None, description="centre of mass; left out where [body] has it")
-    about: Vector | None = Field(None, description="what flow_couple is about; default: the centre of mass")
+    about: Vector | None = Field(
+        None, description="what flow_couple is about; default: the centre of mass"
+    )
 
 
 class CaseContacts(Section):
@@ -95,14 +105,20 @@ class CaseContacts(Section):
     points: Vectors = Field(description="points of contact")
     normals: Vectors = Field(description="unit normals there, OUT of the grain")
     friction: NotNegative = Field(description="coefficient of static friction")
-    areas: Areas | None = Field(None, description="area of the contact at each point; default: points only")
-    convex: bool = Field(True, description="the grain is convex: no normal points toward its centre of mass")
+    areas: Areas | None = Field(
+        None, description="area of the contact at each point; default: points only"
+    )
+    convex: bool = Field(
+        True, description="the grain is convex: no normal points toward its centre of mass"
+    )
 
     @field_validator("points")
     @classmethod
     def _some(cls, points: tuple[Any, ...]) -> tuple[Any, ...]:
         if not points:
-            raise contradiction("there is no contact", "give the points at which the bed touches the grain")
+            raise contradiction(
+                "there is no contact", "give the points at which the bed touches the grain"
+            )
         return points
 
     @field_validator("normals")
@@ -110,7 +126,9 @@ class CaseContacts(Section):
     def _unit(cls, normals: tuple[Any, ...]) -> tuple[Any, ...]:
         for index, length in enumerate(float(np.linalg.norm(normal)) for normal in normals):
             if length == 0.0:
-                raise contradiction(f"normal {index} is zero", "give a unit vector out of the grain")
+                raise contradiction(
+                    f"normal {index} is zero", "give a unit vector out of the grain"
+                )
             if abs(length - 1.0) > ROUNDING:
                 raise contradiction(f"normal {index} has length {length:g}", "give unit normals")
         return normals
@@ -141,7 +159,9 @@ class CaseErrors(Section):
     flow_couple: Couple | None = Field(None, description="standard error of the flow's couple")
     friction: NotNegative = Field(0.0, description="standard error of the coefficient of friction")
     samples: int = Field(1000, ge=10, le=1_000_000, description="number of cases drawn at random")
-    seed: int = Field(0, ge=0, description="seed of the random numbers: the same seed gives the same answer")
+    seed: int = Field(
+        0, ge=0, description="seed of the random numbers: the same seed gives the same answer"
+    )
 
     @field_validator("flow_force", "flow_couple")
     @classmethod
@@ -159,8 +179,12 @@ class Case(Section):
     load: CaseLoad = Field(description="what acts on the grain besides the bed")
     contacts: CaseContacts = Field(description="where the bed touches the grain")
     grain: CaseGrain | None = Field(None, description="mass and inertia, for how it begins to move")
-    body: Body | None = Field(None, description="the grain's shape as in a scene, instead of [grain]")
-    errors: CaseErrors | None = Field(None, description="standard errors, for the probability of each mode")
+    body: Body | None = Field(
+        None, description="the grain's shape as in a scene, instead of [grain]"
+    )
+    errors: CaseErrors | None = Field(
+        None, description="standard errors, for the probability of each mode"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Case:
@@ -237,7 +261,12 @@ def judge_case(case: Case) -> dict[str, Any]:
     acting, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
     inert = case.mass_and_inertia()
     verdict = judge(acting, contacts, friction, inert)
-    said = {"title": case.title, "source": case.source, "verdict": verdict.to_dict(), "probabilities": None}
+    said = {
+        "title": case.title,
+        "source": case.source,
+        "verdict": verdict.to_dict(),
+        "probabilities": None,
+    }
     said["case"] = case.model_dump(mode="json", exclude_none=True, warnings=False)
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
@@ -280,7 +309,9 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
     if body is not None and body.centre is None:
         yield Problem(("body", "x"), "a case has no bed to rest the grain on", "give body.centre")
     if body is None and centre is None:
-        yield Problem(("load", "centre"), "is missing", "add the centre of mass, at which the weight acts")
+        yield Problem(
+            ("load", "centre"), "is missing", "add the centre of mass, at which the weight acts"
+        )
     given = None if body is None else spatial(body.centre or ())
     if given is not None and centre is not None and not np.allclose(given, spatial(centre)):
         yield Problem(("load", "centre"), "is not body.centre", "leave one out")
@@ -301,7 +332,9 @@ def _one_dimension(case: Case) -> Iterator[Problem]:
             remedy = "give one number" if case.gdim == 2 else "give three components"
             yield Problem(key, f"does not fit vectors of {case.gdim} components", remedy)
     if case.body is not None and case.body.grain().gdim != case.gdim:
-        yield Problem(("body", "shape"), f"does not fit vectors of {case.gdim} components", "use [grain]")
+        yield Problem(
+            ("body", "shape"), f"does not fit vectors of {case.gdim} components", "use [grain]"
+        )
 
 
 def _vectors(case: Case) -> Iterator[tuple[Key, tuple[float, ...]]]:

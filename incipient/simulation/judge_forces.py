@@ -74,7 +74,9 @@ def judge_forces(
             f"--density: is {density:g}; give that of the fluid over rhoInf, a number above zero"
         )
     kept = found if since is None else found.later(since)
-    start = float(kept.times[0] + SHARE * (kept.times[-1] - kept.times[0])) if since is None else since
+    start = (
+        float(kept.times[0] + SHARE * (kept.times[-1] - kept.times[0])) if since is None else since
+    )
     last = kept.later(start)
     mean, errors = (density * one for one in last.mean())
     case = _about(case, found)
@@ -82,7 +84,10 @@ def judge_forces(
     own = case.errors or CaseErrors()
     given = {"flow_force": _vector(case, errors), "flow_couple": _couple(case, errors)}
     of_mean = case.model_copy(
-        update={"load": case.load.model_copy(update=changes), "errors": own.model_copy(update=given)}
+        update={
+            "load": case.load.model_copy(update=changes),
+            "errors": own.model_copy(update=given),
+        }
     )
     force, moment = density * kept.forces, density * kept.moments
     axes = "xyz"[: case.gdim]

@@ -118,12 +118,18 @@ def _check(case: Case, columns: Mapping[str, Floats]) -> None:
             raise SceneError(f"series: has no column {name}; give {', '.join(needed)}")
     for name, values in columns.items():
         if name not in known:
-            raise SceneError(f"series: column {shortened(name)} is not known; known are {', '.join(known)}")
+            raise SceneError(
+                f"series: column {shortened(name)} is not known; known are {', '.join(known)}"
+            )
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            raise SceneError(f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out")
+            raise SceneError(
+                f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"
+            )
     if 0 < sum(name in columns for name in weight) < len(weight):
-        raise SceneError(f"series: some of the weight's columns are missing; give {', '.join(weight)}")
+        raise SceneError(
+            f"series: some of the weight's columns are missing; give {', '.join(weight)}"
+        )
     if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
         why = "time does not grow from sample to sample"
         raise SceneError(f"series: {why}; sort the samples and leave none twice")
@@ -156,7 +162,9 @@ def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[Un
         often = np.bincount(batch.modes[rows], steps[rows])
         mode, least = batch.labels[int(often.argmax())], float(batch.factors[rows].min())
         length = float(steps[rows].sum())
-        found.append(UnheldTime(float(times[first]), length, float(excess[rows].sum()), least, mode))
+        found.append(
+            UnheldTime(float(times[first]), length, float(excess[rows].sum()), least, mode)
+        )
     return found
 
 
@@ -177,7 +185,9 @@ def read_columns(path: Path) -> dict[str, Floats]:
             names = [name.strip() for name in next(csv.reader([head]), [])]
             table = np.loadtxt(stream, delimiter=",", ndmin=2)
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give the name of a CSV file") from None
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the name of a CSV file"
+        ) from None
     except (ValueError, csv.Error) as error:  # of undecodable text, too
         why = f"is not a table of numbers ({shortened(error)})"
         raise SceneError(f"{path}: {why}; give CSV with a row of names") from None
@@ -194,9 +204,13 @@ def _parquet(path: Path) -> dict[str, Floats]:
     arrow = pyarrow()
     try:
         table = arrow.parquet.read_table(path)
-        return {name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names}
+        return {
+            name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names
+        }
     except (OSError, arrow.ArrowException, ValueError) as error:
-        raise SceneError(f"{path}: cannot be read ({error}); give a Parquet file of numbers") from None
+        raise SceneError(
+            f"{path}: cannot be read ({error}); give a Parquet file of numbers"
+        ) from None
 
 
 def save_series(found: Series, directory: Path) -> None:
@@ -208,5 +222,7 @@ def save_series(found: Series, directory: Path) -> None:
             stream.write("time,safety_factor,mode\n")
             columns = found.times, found.batch.factors, found.batch.modes
             rows = zip(*(column.tolist() for column in columns), strict=True)
-            stream.writelines(f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows)
+            stream.writelines(
+                f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows
+            )
     write_json(directory / SUMMARY, found.to_dict())

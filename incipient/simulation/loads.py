@@ -59,7 +59,10 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
         from ..contact.verdict import judge
         from ..evaluation.contact_verdict import load_of, mass_and_inertia
 
-        load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+        load, inert = (
+            load_of(scene.placement, force, couple),
+            mass_and_inertia(scene.body, scene.placement),
+        )
         verdict = judge(load, run.contacts, scene.contact.friction, inert).to_dict()
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion

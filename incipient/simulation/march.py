@@ -164,9 +164,7 @@ class March:
             transient.continue_on(fluid, interface, past)
             grain.remeshings.append(done)
             run.take_mesh(fluid, parts)
-        projected = (
-            f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
-        )
+        projected = f"the projection onto divergence-free velocities changed the velocity by {done.change:.1e}"
         run.voice.say(f"t = {done.time:.6g}: remeshed with {done.cells} cells; {projected}")
 
 

@@ -11,7 +11,10 @@ from ..arrays import Booleans, Floats
 from ..contact.batch import Batch
 
 LAWS = {"U": 1.0, "U2": 2.0}  # powers of the velocity with which loads may grow
-BATCHES, FEWEST = 20, 40  # parts of the time whose means tell the error of a mean; samples that they take
+BATCHES, FEWEST = (
+    20,
+    40,
+)  # parts of the time whose means tell the error of a mean; samples that they take
 NONE_FOUND = 3.0  # events that may have been expected where none came, with a probability of 5%
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
@@ -79,7 +82,12 @@ class FlowThreshold:
 
     @classmethod
     def of(
-        cls, law: str, times: Floats, batch: Batch, since: float, mean: tuple[float, float, float] | None
+        cls,
+        law: str,
+        times: Floats,
+        batch: Batch,
+        since: float,
+        mean: tuple[float, float, float] | None,
     ) -> FlowThreshold:
         """The flows of a law of `LAWS`; mean: safety factor of the mean load, and its range."""
         kept = times >= since

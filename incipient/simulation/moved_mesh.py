@@ -92,13 +92,17 @@ class MovedMesh:
         with self.run.stage("flow"):
             report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
         if not report.converged:
-            raise ConvergenceError("the flow on the moved mesh did not converge from the solution of the run")
+            raise ConvergenceError(
+                "the flow on the moved mesh did not converge from the solution of the run"
+            )
 
 
 def _centre(run: Run, setup: Setup) -> Floats:
     """Where the grain's centre is with the gap of another setup."""
     layout, geometry = run.layout, setup.geometry
-    assert layout.placement is not None and layout.resting is not None and geometry.grain is not None
+    assert (
+        layout.placement is not None and layout.resting is not None and geometry.grain is not None
+    )
     if geometry.bed is None or not geometry.rests:
         return np.asarray(layout.placement.centre)
     return np.asarray(lifted(geometry.grain, layout.resting, geometry.bed, geometry.gap).centre)
@@ -108,7 +112,9 @@ def _in_domain(run: Run, setup: Setup) -> Floats | None:
     """(n, 3) the mesh's nodes in the domain of another setup; None where the bed there is another one."""
 
     def box(domain: Any) -> KeptBox:
-        sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
+        sides = np.array(
+            [(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)]
+        )
         return KeptBox(sides[:, 0], sides[:, 1])
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement

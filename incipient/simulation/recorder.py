@@ -63,7 +63,11 @@ def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None
 
     with run.stage("fields"):
         fluid, probe = run.fluid, run.probe
-        fields = {"velocity": fluid.velocity, "pressure": fluid.pressure, "vorticity": vorticity(fluid)}
+        fields = {
+            "velocity": fluid.velocity,
+            "pressure": fluid.pressure,
+            "vorticity": vorticity(fluid),
+        }
         for part in run.parts:
             fields |= part.functions()
         recorder.fields(fluid.time, fields, probe.field() if probe else None)

@@ -98,7 +98,12 @@ def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
 def loads_from(known: Run, sought: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     """Loads in a scene as `loads_of`, from the flow of a run if that differs by its cells alone. Collective."""
     alike = known.scene.model_copy(update={"numerics": sought.numerics}) == sought
-    if speed == 1.0 and alike and known.probe is not None and any(part.coarser_first for part in known.parts):
+    if (
+        speed == 1.0
+        and alike
+        and known.probe is not None
+        and any(part.coarser_first for part in known.parts)
+    ):
         with suppress(ConvergenceError), prepared(sought, comm) as run:
             solve_from(run, known)
             return _loads_in(run, *loads(run, surface=False))
@@ -119,7 +124,9 @@ def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
             return goals.loads(speed * run.fluid.reynolds / run.plan.reynolds)
 
 
-def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None) -> None:
+def _solve(
+    run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None
+) -> None:
     try:
         if run.scene.time is None:
             solve_with_parts(run, run.fluid, run.parts)

@@ -142,7 +142,9 @@ class Run:
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with a wall-function layer, None without. Collective."""
-        return next((found for part in self.parts if (found := part.wall_report()) is not None), None)
+        return next(
+            (found for part in self.parts if (found := part.wall_report()) is not None), None
+        )
 
     @property
     def steadiness(self) -> Steadiness | None:

@@ -44,9 +44,13 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     share = min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
     with run.stage("flow"), run.corrections.begun():
         watch = run.corrections.watched_by(run.voice.iterate)
-        steps = solve_steady(fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way)
+        steps = solve_steady(
+            fluid, tolerance, numerics.max_iterations, first_share=share, watch=watch, **way
+        )
         run.corrections.book_steady(steps)
-    run.accounts.count(continuation=len(steps), newton=sum(step.report.iterations for step in steps))
+    run.accounts.count(
+        continuation=len(steps), newton=sum(step.report.iterations for step in steps)
+    )
 
 
 def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
@@ -118,6 +122,8 @@ def _stabilise(run: Run, factor: float) -> None:
     wanted = found.present and not found.upwind
     if wanted == model.stabilisation:
         return
-    fluid = Fluid(run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds)
+    fluid = Fluid(
+        run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds
+    )
     fluid.state.x.array[:] = before.state.x.array
     run.take_fluid(fluid, probe_of(fluid, run.layout))

@@ -39,7 +39,11 @@ class TimeLoop:
     """
 
     def __init__(
-        self, run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None
+        self,
+        run: Run,
+        recorder: Recorder,
+        interruption: Interruption,
+        checkpoint: Checkpoint | None,
     ):
         assert run.scene.time is not None
         self._run, self._time, self._recorder = run, run.scene.time, recorder
@@ -146,13 +150,19 @@ class TimeLoop:
         if stop or kept or (every > 0 and step.number % every == 0):
             path = self._keep()
         if stop:
-            raise Interrupted(f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}")
+            raise Interrupted(
+                f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}"
+            )
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
         """One line of the history: the step, the parts, and the loads on a grain that is held."""
         run = self._run
         assert run.march is not None
-        row: dict[str, Any] = {"time": step.time, "step": step.length, "newton": step.report.iterations}
+        row: dict[str, Any] = {
+            "time": step.time,
+            "step": step.length,
+            "newton": step.report.iterations,
+        }
         row["error"] = np.nan if step.error is None else step.error
         if (base_flow := run.setup.base_flow).gust is not None:
             row["gust"] = base_flow.factor(step.time)
@@ -173,7 +183,9 @@ class TimeLoop:
         with run.stage("tractions"):
             force, couple = loads(run, surface=False)
         found = coefficients(run, force, couple)
-        row: dict[str, Any] = named("force", force.flow, gdim) | named_couple("couple", couple.flow, gdim)
+        row: dict[str, Any] = named("force", force.flow, gdim) | named_couple(
+            "couple", couple.flow, gdim
+        )
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)
         row["mode"] = verdict["mode"] if verdict else ""
@@ -202,5 +214,7 @@ class TimeLoop:
             return error
         with suppress(OutputError):
             kept = self._keep()
-            return type(error)(f"{error}; t = {self._recorded:.6g} is kept: incipient resume {kept}")
+            return type(error)(
+                f"{error}; t = {self._recorded:.6g} is kept: incipient resume {kept}"
+            )
         return error

@@ -49,7 +49,9 @@ def _radii(bed: Deposited) -> Floats:
 @spheres_of.register
 def _(bed: MeasuredSpheres, base: Path) -> Spheres:
     try:
-        rows = np.array(read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", "x, y, z, diameter", 3))
+        rows = np.array(
+            read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", "x, y, z, diameter", 3)
+        )
     except ValidationError as error:
         raise SceneError(one_line("bed", problems_of(error, MeasuredSpheres))) from None
     return _measured(rows[:, :3], 0.5 * rows[:, 3], bed.file)
@@ -62,7 +64,9 @@ def _(bed: MeasuredEllipsoids, base: Path) -> Spheres:
         rows = list(csv.DictReader(file_text(path).splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         why = getattr(error, "strerror", None) or "not a table in UTF-8"
-        raise SceneError(f"bed.file: {path} cannot be read ({why}); give the name of a CSV file") from None
+        raise SceneError(
+            f"bed.file: {path} cannot be read ({why}); give the name of a CSV file"
+        ) from None
     lacking = next((name for name in _G3POINT if not rows or name not in rows[0]), None)
     if lacking is not None:
         raise SceneError(

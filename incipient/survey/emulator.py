@@ -57,13 +57,19 @@ class _Process:
 
     @cached_property
     def _inverse(self) -> Floats:
-        own = self.covariance(self.points, self.points) + (self.noise + 1e-10) * np.eye(len(self.points))
+        own = self.covariance(self.points, self.points) + (self.noise + 1e-10) * np.eye(
+            len(self.points)
+        )
         return np.asarray(np.linalg.inv(own))
 
     def predicted(self, at: Floats) -> tuple[Floats, Floats]:
         """Means and standard deviations (m,), noise included."""
         across = self.covariance(at, self.points)
-        left = self.covariance.diag(at) - np.einsum("ij,jk,ik->i", across, self._inverse, across) + self.noise
+        left = (
+            self.covariance.diag(at)
+            - np.einsum("ij,jk,ik->i", across, self._inverse, across)
+            + self.noise
+        )
         mean = self.mean + self.scale * across @ self._inverse @ self.values
         return mean, self.scale * np.sqrt(np.maximum(left, 1e-12))
 
@@ -100,9 +106,9 @@ class Emulator:
         for number in range(FOLDS):
             left, kept = fold == number, fold != number
             for place, column in enumerate(values.T):
-                mean, deviation = _fitted(scaled[kept], column[kept], processes[place].kernel).predicted(
-                    scaled[left]
-                )
+                mean, deviation = _fitted(
+                    scaled[kept], column[kept], processes[place].kernel
+                ).predicted(scaled[left])
                 errors[left, place], bars[left, place] = mean - column[left], deviation
         # The order statistic below which a run to come is with a probability of 95%.
         rank = min(int(np.ceil(0.95 * (len(scaled) + 1))), len(scaled)) - 1
@@ -139,7 +145,9 @@ class Emulator:
         points = np.vstack([process.points, self._scaled(added)])
         own = process.covariance(points, points) + (process.noise + 1e-10) * np.eye(len(points))
         across = process.covariance(at, points)
-        left = process.covariance.diag(at) - np.einsum("ij,jk,ik->i", across, np.linalg.inv(own), across)
+        left = process.covariance.diag(at) - np.einsum(
+            "ij,jk,ik->i", across, np.linalg.inv(own), across
+        )
         return np.asarray(np.maximum(left, 0.0) * process.scale**2)
 
     def most_wanted(self, features: Floats, count: int) -> Integers:
@@ -214,7 +222,9 @@ def runs_to_halve(emulator: Emulator, features: Floats, unknown: Sequence[int]) 
         still = [one for one in left if one not in added]
         if not still:
             return 0.0
-        return float(np.sqrt(emulator.variances_with(features[still], features[added]) + noise).sum())
+        return float(
+            np.sqrt(emulator.variances_with(features[still], features[added]) + noise).sum()
+        )
 
     order = [left[place] for place in emulator.most_wanted(features[left], len(left))]
     whole = bar([])

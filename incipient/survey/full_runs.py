@@ -20,9 +20,7 @@ from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Sh
 from .pockets import TOUCHING, Pocket
 from .request import SurveyRequest
 
-BELOW = (
-    0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
-)
+BELOW = 0.1  # diameters of the grain: from it to the base plane at least, and from it to posts that it overhangs
 WIDEST = 0.8  # diameters: radius of what fills clefts between neighbours
 SLENDER = 0.2  # diameters: radius of posts below which there are none
 WIDE = " wide gap"  # in titles of runs with twice the gap
@@ -60,7 +58,9 @@ def scene_of(
     radius, gap = 0.5, asked.runs.gap * (2.0 if wide else 1.0)
     near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
     apart = np.linalg.norm(near, axis=1)
-    base = min(float(near[apart - radii - radius < TOUCHING, 2].mean()), -radius - BELOW, level - BELOW)
+    base = min(
+        float(near[apart - radii - radius < TOUCHING, 2].mean()), -radius - BELOW, level - BELOW
+    )
     radii = np.minimum(radii, apart - radius - gap)
     kept = near[:, 2] + radii > base + BELOW
     near, radii = near[kept], radii[kept]
@@ -71,7 +71,9 @@ def scene_of(
     places = near + np.array([0.5 * length, 0.5 * length, -base])
     slim = aside - radius - BELOW
     slender = over & (slim > SLENDER)
-    posts = _rows(places[~over], radii[~over]) + _rows(places[slender], np.minimum(slim, radii)[slender])
+    posts = _rows(places[~over], radii[~over]) + _rows(
+        places[slender], np.minimum(slim, radii)[slender]
+    )
     fillers, thick = _fillers(near, radii, base)
     posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
     with_inertia = asked.flow.galileo is not None
@@ -147,7 +149,9 @@ def coefficients_of(rows: Sequence[Mapping[str, Any]]) -> list[LoadCoefficients]
         reynolds, values, errors = float(row["fluid.reynolds"]), _values(row), None
         wide = done.get(source + WIDE)
         if wide is not None and any(f"{name}_high" in row for name in COMPONENTS):
-            high = np.array([float(row.get(f"{name}_high", row.get(name, 0.0))) for name in COMPONENTS])
+            high = np.array(
+                [float(row.get(f"{name}_high", row.get(name, 0.0))) for name in COMPONENTS]
+            )
             errors = reynolds * (high - values + np.abs(_values(wide) - values))
         found.append(LoadCoefficients(grain_of(source), reynolds, reynolds * values, errors))
     return found
@@ -162,5 +166,7 @@ def share_of_error(found: Sequence[LoadCoefficients]) -> Floats:
 
     Zero where none has.
     """
-    shares = [one.errors / abs(one.values[0]) for one in found if one.errors is not None and one.values[0]]
+    shares = [
+        one.errors / abs(one.values[0]) for one in found if one.errors is not None and one.values[0]
+    ]
     return np.median(shares, axis=0) if shares else np.zeros(6)

@@ -14,7 +14,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats
 
 DRAG = 0.76  # drag coefficient of a sphere on a bed, as Feehan et al. (2023) assume after Schmeeckle et al. (2007)
-KARMAN, ROUGH = 0.41, 30.0  # von Karman's constant; Nikuradse's z0 = median diameter/30 of rough walls
+KARMAN, ROUGH = (
+    0.41,
+    30.0,
+)  # von Karman's constant; Nikuradse's z0 = median diameter/30 of rough walls
 HEIGHTS = 400
 
 
@@ -42,7 +45,9 @@ def on_triangular_pocket(ratio: ArrayLike) -> Floats:
     tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3): Kirchner et al. (1990).
     """
     ratio = np.asarray(ratio)
-    return np.asarray(np.degrees(np.arctan(1.0 / np.sqrt(3.0) / np.sqrt(ratio**2 + 2.0 * ratio - 1.0 / 3.0))))
+    return np.asarray(
+        np.degrees(np.arctan(1.0 / np.sqrt(3.0) / np.sqrt(ratio**2 + 2.0 * ratio - 1.0 / 3.0)))
+    )
 
 
 def with_constant_drag(pivot: float, protrusion: float, ratio: float) -> float:

@@ -55,7 +55,9 @@ class PoseOutcome:
 
     def text(self) -> str:
         """The outcome in a few lines."""
-        lines = [f"poses               {self.poses}: {len(self.shields)} thresholds, {self.failed} failed"]
+        lines = [
+            f"poses               {self.poses}: {len(self.shields)} thresholds, {self.failed} failed"
+        ]
         if self.refused:
             lines.append(f"without a rest      {self.refused}, the first: {self.reason}")
         if self.shields:

@@ -101,7 +101,9 @@ class SurveyOutcome:
             low, high = np.quantile(
                 _percentile(draws, share), np.array(PERCENTILES) / 100.0, method="nearest"
             )
-            rows.append({"percentile": share, "shields": float(_percentile(own[:, None], share)[0])})
+            rows.append(
+                {"percentile": share, "shields": float(_percentile(own[:, None], share)[0])}
+            )
             rows[-1] |= {"low": float(low), "high": float(high)}
         return rows
 
@@ -220,11 +222,15 @@ class SurveyOutcome:
         for row in self.pivots():
             lines.append(
                 _line(
-                    "pivot angle", row, f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}"
+                    "pivot angle",
+                    row,
+                    f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}",
                 )
             )
         if not self.thresholds:
-            return "\n".join([*lines, "loads               none computed: give runs.number, or --runs N"])
+            return "\n".join(
+                [*lines, "loads               none computed: give runs.number, or --runs N"]
+            )
         others = {row["percentile"]: row["shields"] for row in self.constant_drag()}
         for row in self.distribution():
             said = f"{row['shields']:.4g} ({row['low']:.4g} to {row['high']:.4g}); one drag coefficient and a log law "

@@ -22,7 +22,9 @@ from .request import FlowPast, Surveyed
 TOUCHING = 1e-6  # of the diameter: gaps of contacts
 ACROSS = 12  # points of the raster of the bed along the smallest diameter
 MARGIN = 3.0  # median diameters from the edge of a measured bed within which no grain is surveyed
-SHIFTED = 0.25  # of the diameter by which a measured grain may have to move to rest on its neighbours
+SHIFTED = (
+    0.25  # of the diameter by which a measured grain may have to move to rest on its neighbours
+)
 AHEAD = 3.0  # diameters up and down the stream over which neighbours shelter
 DISC = 24  # points across the disc by which shelter is measured
 AROUND = 4.0  # diameters about a grain over which its neighbours are looked at
@@ -54,13 +56,20 @@ class Surface:
             low, high = low + MARGIN * median, high - MARGIN * median
             inside = ((spheres.centres[:, :2] > low) & (spheres.centres[:, :2] < high)).all(axis=1)
             if not inside.any():
-                raise SceneError(f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one")
+                raise SceneError(
+                    f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
+                )
         step = 2.0 * float(spheres.radii.min()) / ACROSS
         counts = np.maximum(np.ceil((high - low) / step).astype(int), 2)
-        sides = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, counts, strict=True)]
+        sides = [
+            a + (b - a) * (np.arange(n) + 0.5) / n
+            for a, b, n in zip(low, high, counts, strict=True)
+        ]
         middle = np.array([*(0.5 * (low + high)), 0.0])
         centres, which = spheres.around(middle, 0.5 * float(np.linalg.norm(high - low)))
-        heap = SphereHeap(centres, spheres.radii[which], float((centres[:, 2] - spheres.radii[which]).min()))
+        heap = SphereHeap(
+            centres, spheres.radii[which], float((centres[:, 2] - spheres.radii[which]).min())
+        )
         points = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
         heights, seen = heap.height(points), heap.highest(points)
         cell = float(np.prod((high - low) / counts))
@@ -120,7 +129,9 @@ def exposed(spheres: Spheres, surface: Surface, asked: Surveyed, seed: int) -> n
     return found
 
 
-def pockets(spheres: Spheres, surface: Surface, numbers: np.ndarray, flow: FlowPast) -> Iterator[Pocket]:
+def pockets(
+    spheres: Spheres, surface: Surface, numbers: np.ndarray, flow: FlowPast
+) -> Iterator[Pocket]:
     """The exposed grains that rest on their neighbours, one after the other.
 
     Measured grains, whose neighbours need not touch, are first let down onto these from above; those that get farther
@@ -155,7 +166,9 @@ def _pocket(
     normals = unit(near[touches])
     contacts = Contacts(radius * normals, normals)
     top, hidden = surface.level - centre[2], _Shelter(near, radii, radius)
-    ahead = (near[:, 0] < 0.0) & (near[:, 0] > -AHEAD * size) & (np.abs(near[:, 1]) < radius + radii)
+    ahead = (
+        (near[:, 0] < 0.0) & (near[:, 0] > -AHEAD * size) & (np.abs(near[:, 1]) < radius + radii)
+    )
     highest = max(float((near[:, 2] + radii)[ahead].max(initial=-np.inf)), top)
     return {
         "number": number,

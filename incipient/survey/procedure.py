@@ -72,7 +72,9 @@ def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
         text = file_text(path)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise SceneError(f"{path}: cannot be read ({why}); give the name of a survey file") from None
+        raise SceneError(
+            f"{path}: cannot be read ({why}); give the name of a survey file"
+        ) from None
     return parse(SurveyRequest, text, path.parent, overrides, str(path))
 
 
@@ -133,7 +135,9 @@ class _Survey:
             self.voice.count("grains", count, len(numbers))
         outcome = SurveyOutcome(asked, spheres, surface, len(numbers), found)
         if not outcome.free:
-            raise SceneError("bed: no exposed grain is free to move; enlarge the bed or lower grains.visible")
+            raise SceneError(
+                "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
+            )
         self._write(outcome)
         if asked.runs.number or self.means.more:
             Emulator.require()
@@ -149,7 +153,9 @@ class _Survey:
             write_text_atomically(self.directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
             places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
             named = ({"x": x, "y": y, "z": z, "diameter": d} for x, y, z, d in places.tolist())
-            write_text_atomically(self.directory / SPHERES, csv_text(("x", "y", "z", "diameter"), named))
+            write_text_atomically(
+                self.directory / SPHERES, csv_text(("x", "y", "z", "diameter"), named)
+            )
             write_json(self.directory / RECORD, outcome.to_dict())
 
     # Full runs.
@@ -181,7 +187,9 @@ class _Survey:
         with Store(file) as store:
             rows = store.rows()
         return {
-            grain_of(row["source"]): str(row["status"]) for row in rows if row["source"].endswith(self.mark)
+            grain_of(row["source"]): str(row["status"])
+            for row in rows
+            if row["source"].endswith(self.mark)
         }
 
     def _further(
@@ -226,24 +234,34 @@ class _Survey:
 
     def _galileo(self, grain: Pocket, surface: Surface) -> float | None:
         galileo = self.asked.flow.galileo
-        return None if galileo is None else galileo * float((grain.diameter / surface.median) ** 1.5)
+        return (
+            None if galileo is None else galileo * float((grain.diameter / surface.median) ** 1.5)
+        )
 
     def _computed(self, file: Path, chosen: list[int]) -> tuple[list[LoadCoefficients], int]:
         with Store(file) as store:
-            scenes = {row["id"]: tomllib.loads(row["scene"]) for row in store.rows() if row["scene"]}
+            scenes = {
+                row["id"]: tomllib.loads(row["scene"]) for row in store.rows() if row["scene"]
+            }
         rows = [
             row | {"fluid.reynolds": scenes[row["id"]]["fluid"]["reynolds"]}
             for row in rows_of(file)
-            if row["id"] in scenes and self.mark in row["source"] and grain_of(row["source"]) in chosen
+            if row["id"] in scenes
+            and self.mark in row["source"]
+            and grain_of(row["source"]) in chosen
         ]
         return coefficients_of(rows), sum(row["status"] == FAILED for row in rows)
 
     # Thresholds.
 
-    def _emulator(self, grains: list[Pocket], runs: list[LoadCoefficients], surface: Surface) -> Emulator:
+    def _emulator(
+        self, grains: list[Pocket], runs: list[LoadCoefficients], surface: Surface
+    ) -> Emulator:
         by_number = {one.number: one for one in grains}
         known = [one for one in runs if one.number in by_number]
-        features = [features_of(by_number[one.number], surface.median, one.reynolds) for one in known]
+        features = [
+            features_of(by_number[one.number], surface.median, one.reynolds) for one in known
+        ]
         return Emulator.of(np.array(features), np.array([one.values for one in known]))
 
     def _thresholds(

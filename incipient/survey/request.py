@@ -39,7 +39,11 @@ class Deposited(Section):
     @model_validator(mode="after")
     def _has_a_spread(self) -> Deposited:
         if (self.sizes == "equal") != (self.spread == 0.0):
-            why = "is needed by unequal sizes" if self.spread == 0.0 else "is read only for unequal sizes"
+            why = (
+                "is needed by unequal sizes"
+                if self.spread == 0.0
+                else "is read only for unequal sizes"
+            )
             raise self.refused(
                 "spread", why, 'give both spread and sizes = "uniform" or "lognormal", or neither'
             )
@@ -57,7 +61,9 @@ class MeasuredEllipsoids(Section):
     """Ellipsoids fitted to a point cloud, as G3Point exports them; taken as spheres of equal volume."""
 
     kind: Literal["ellipsoids"] = key("Where the grains come from", "ellipsoids")
-    file: str = key("CSV file with columns Xc, Yc, Zc, Dmax, Dmed, Dmin among others, as of G3Point's table")
+    file: str = key(
+        "CSV file with columns Xc, Yc, Zc, Dmax, Dmed, Dmin among others, as of G3Point's table"
+    )
 
 
 class LabelledHeights(Section):
@@ -100,11 +106,15 @@ class Runs(Section):
     number: int = key("Number of grains with a full run", 0, ge=0)
     mesh_size: Positive = key("Factor on the size of all cells of these runs [-]", 2.2)
     order: int = key("Order of the velocity, 2 or 3", 2, ge=2, le=3)
-    gap: Positive = key("Gap that stands for contact while the flow is computed [grain sizes]", 0.02, le=0.1)
+    gap: Positive = key(
+        "Gap that stands for contact while the flow is computed [grain sizes]", 0.02, le=0.1
+    )
     meshed_bed: Positive = key(
         "Factor on the radius about the grain within which the bed is meshed as it is [-]", 0.6
     )
-    domain: Positive = key("Length and width of the domain, twice its height [grain sizes]", 10.0, ge=6)
+    domain: Positive = key(
+        "Length and width of the domain, twice its height [grain sizes]", 10.0, ge=6
+    )
     with_error_bars: int = key(
         "Number of these runs that estimate their errors, which are taken for all", 2, ge=0
     )

@@ -21,7 +21,9 @@ from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
 from .pockets import Pocket
 
 DRAWS = 40  # of the errors of all loads
-STRENGTHS = 16  # Shields numbers, with inertia, at which a grain is judged; the threshold is interpolated
+STRENGTHS = (
+    16  # Shields numbers, with inertia, at which a grain is judged; the threshold is interpolated
+)
 BEYOND = 1e-3  # how much more than critical a load is that shows the motion
 SUBMERGED_WEIGHT = math.pi / 6.0  # of a sphere of diameter and submerged specific weight 1
 PERCENTILES = (2.5, 97.5)
@@ -96,7 +98,9 @@ def thresholds(
         coefficients = np.concatenate([own[:, None], own[:, None] + ranges + flow], axis=1)
         shields = _critical(grain, coefficients, friction, None if galileo is None else strengths)
         mode = _mode(grain, own, float(shields[0]), friction, strengths)
-        found.append(Threshold(grain, float(shields[0]), shields[1:], mode, grain.number in computed))
+        found.append(
+            Threshold(grain, float(shields[0]), shields[1:], mode, grain.number in computed)
+        )
     return found
 
 
@@ -105,7 +109,9 @@ def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
-def _critical(grain: Pocket, coefficients: Floats, friction: float, strengths: Floats | None) -> Floats:
+def _critical(
+    grain: Pocket, coefficients: Floats, friction: float, strengths: Floats | None
+) -> Floats:
     """Critical Shields numbers (m,) by load coefficients (strengths or 1, m, 6)."""
     if strengths is None:
         return _factors(grain, coefficients[0], friction)
@@ -139,12 +145,16 @@ def _contacts(grain: Pocket) -> Contacts:
     return Contacts(0.5 * grain.contacts.normals, grain.contacts.normals)
 
 
-def _mode(grain: Pocket, coefficients: Floats, shields: float, friction: float, strengths: Floats) -> str:
+def _mode(
+    grain: Pocket, coefficients: Floats, shields: float, friction: float, strengths: Floats
+) -> str:
     """How the grain begins to move when the flow is a little faster than critical."""
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
     own = (
-        coefficients[0] if len(coefficients) == 1 else coefficients[int(np.abs(strengths - shields).argmin())]
+        coefficients[0]
+        if len(coefficients) == 1
+        else coefficients[int(np.abs(strengths - shields).argmin())]
     )
     force = (1.0 + BEYOND) * shields * own
     load = Loads(force[None, :3], force[None, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3))

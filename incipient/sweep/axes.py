@@ -61,9 +61,13 @@ def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
         else:
             listed = plain(values)
             listed = listed if isinstance(listed, list) else [listed]
-            texts = tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
+            texts = tuple(
+                value if isinstance(value, str) else json.dumps(value) for value in listed
+            )
             if not texts:
-                raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
+                raise SceneError(
+                    f"over {key}: has no values; give a list, or text as in log:0.1:200:17"
+                )
             axes.append(VariedKey(str(key), texts))
     return axes
 
@@ -86,7 +90,9 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
     except ValueError:
         raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None
     if not np.isfinite(ends).all():
-        raise SceneError(f"--over {option}: {first} to {last} are not finite numbers; give finite ones")
+        raise SceneError(
+            f"--over {option}: {first} to {last} are not finite numbers; give finite ones"
+        )
     if not 1 <= count <= _MOST:
         raise SceneError(f"--over {option}: gives {number} values; give a number from 1 to {_MOST}")
     if kind == "log" and min(ends) <= 0.0:
@@ -120,20 +126,31 @@ def table_of_cases(path: Path) -> list[Settings]:
             reader = csv.DictReader(stream)
             rows, heads = list(reader), list(reader.fieldnames or ())
     except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give a CSV file of cases") from None
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give a CSV file of cases"
+        ) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"{path}: is not a CSV file ({error}); save it as CSV in UTF-8") from None
     if not rows:
-        raise SceneError(f"{path}: has no cases; write keys in the first row and a case in each one after it")
+        raise SceneError(
+            f"{path}: has no cases; write keys in the first row and a case in each one after it"
+        )
     if twice := next((key for key in heads if key.strip() and heads.count(key) > 1), None):
         raise SceneError(f"{path}: the first row has {twice} twice; leave one of both columns out")
     for number, row in enumerate(rows, 2):
         if None in row or None in row.values():
-            raise SceneError(f"{path}: row {number} has not as many cells as the first; add or remove some")
-    return [tuple(f"{key}={value.strip()}" for key, value in row.items() if value.strip()) for row in rows]
+            raise SceneError(
+                f"{path}: row {number} has not as many cells as the first; add or remove some"
+            )
+    return [
+        tuple(f"{key}={value.strip()}" for key, value in row.items() if value.strip())
+        for row in rows
+    ]
 
 
-def combined(axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
+def combined(
+    axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()
+) -> list[Settings]:
     """The overrides of all cases: every combination of axes and rows; `together`, axes go along side by side.
 
     Raises:
@@ -144,8 +161,12 @@ def combined(axes: Sequence[VariedKey], together: bool, table: Iterable[Settings
         raise SceneError(f"--over {twice}: is given twice; put all its values into one list")
     if together and len({len(axis.values) for axis in axes}) > 1:
         lengths = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
-        raise SceneError(f"--zip: the numbers of values differ ({lengths}); give as many for each key")
-    number = int(np.prod([len(axis.values) for axis in axes[: 1 if together else None]], dtype=float))
+        raise SceneError(
+            f"--zip: the numbers of values differ ({lengths}); give as many for each key"
+        )
+    number = int(
+        np.prod([len(axis.values) for axis in axes[: 1 if together else None]], dtype=float)
+    )
     if number > _MOST:
         raise SceneError(f"the sweep has {number} cases; give at most {_MOST}")
     columns = [axis.settings for axis in axes]

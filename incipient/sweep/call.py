@@ -50,7 +50,12 @@ class Means:
     factor: float = FACTOR
 
     def __post_init__(self) -> None:
-        numbers = {"jobs": self.jobs, "ranks": self.ranks, "memory": self.memory_mib, "tries": self.tries}
+        numbers = {
+            "jobs": self.jobs,
+            "ranks": self.ranks,
+            "memory": self.memory_mib,
+            "tries": self.tries,
+        }
         for name, value in numbers.items():
             if value is not None and not value > 0:
                 why = "is not above zero" if value <= 0 else "is not a number"
@@ -79,7 +84,9 @@ class Means:
         if self.executor is not None:
             return self.jobs or 0
         if self.ranks > cores():
-            raise SceneError(f"--ranks {self.ranks}: this machine has {cores()} cores for it; give fewer")
+            raise SceneError(
+                f"--ranks {self.ranks}: this machine has {cores()} cores for it; give fewer"
+            )
         return self.jobs or max(1, cores() // self.ranks)
 
 
@@ -140,10 +147,16 @@ def run(
     if not end > 0:
         raise SceneError(f"--wall {wall}: is not a time; write it as 8h, 30m or 1h30m")
     own, factor = parsed_limit(limit)
-    means, prepared = Means(jobs, ranks, memory_mib, end, retry, executor, tries, own, factor), Prepared()
+    means, prepared = (
+        Means(jobs, ranks, memory_mib, end, retry, executor, tries, own, factor),
+        Prepared(),
+    )
     with collectively(comm):
         if comm.rank == 0:
-            table, refined = None if cases is None else Path(cases), RefinementOptions(refine, most, quantity)
+            table, refined = (
+                None if cases is None else Path(cases),
+                RefinementOptions(refine, most, quantity),
+            )
             several = scenes if isinstance(scenes, list | tuple) else [scenes]
             sources, axes = [Source.of(one) for one in several], of_mapping(over or {})
             prepared = Prepared.of(requested(sources, axes, zip, table, do, settings, refined))
@@ -189,7 +202,9 @@ def computed(
             return SweepProgress(0, 0, places)
         with stores[0] as store:
             further, expect = partial(_further, prepared, store, means), Foresight().of
-            sweep = Sweep(prepared.cases, store, workers, expect, limits, watcher, further, means.ranks)
+            sweep = Sweep(
+                prepared.cases, store, workers, expect, limits, watcher, further, means.ranks
+            )
             progress = sweep.run()
     if prepared.refinement is not None:
         progress.refined = prepared.refinement.lines()

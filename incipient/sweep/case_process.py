@@ -33,7 +33,9 @@ from .store import CaseOutcome
 
 COMMAND = "from incipient.sweep.worker import main; main()"
 READY = "ready\n"
-RENEWED = 50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
+RENEWED = (
+    50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
+)
 LEAVE = 5.0  # seconds that a process has to end
 LOOK = 0.2  # seconds between looks at its memory
 IDLE = 300.0  # seconds after which a process that has nothing to do ends by itself
@@ -78,7 +80,9 @@ def computed_below(order: Order) -> CaseOutcome:
         )
     if order.ranks > cores():
         why = f"a worker on {host} has {cores()} cores"
-        raise SceneError(f"--ranks {order.ranks}: {why}; give fewer ranks, or start workers with more cores")
+        raise SceneError(
+            f"--ranks {order.ranks}: {why}; give fewer ranks, or start workers with more cores"
+        )
     thread = threading.get_ident()
     process = _BELOW.get(thread)
     if process is not None and not process.may_go_on(order):
@@ -162,7 +166,9 @@ class _Process:
             remedy = "remove the cause and repeat the command to resume"
             raise OutputError(f"no worker process starts: {reason}; {remedy}")
         said = f"host {socket.gethostname()}, ranks {order.ranks}\n{self._complained(complained)}"
-        return CaseOutcome(reason=reason, wall=time.monotonic() - began, log=said[-LONGEST_LOG:], lost=True)
+        return CaseOutcome(
+            reason=reason, wall=time.monotonic() - began, log=said[-LONGEST_LOG:], lost=True
+        )
 
     def _answer(self, order: Order, until: float) -> tuple[str, str]:
         """The line with the outcome, or why it is not waited for any more; neither when the process has ended."""
@@ -181,8 +187,14 @@ class _Process:
                     return "", ""
             if time.monotonic() > until:
                 return "", f"was ended: it took longer than {order.limit:.0f} s"
-            if order.memory_mib < float("inf") and (taken := _memory_mib(self.popen.pid)) > order.memory_mib:
-                return "", f"was ended: it took {taken:.0f} MiB of memory, more than {order.memory_mib:.0f}"
+            if (
+                order.memory_mib < float("inf")
+                and (taken := _memory_mib(self.popen.pid)) > order.memory_mib
+            ):
+                return (
+                    "",
+                    f"was ended: it took {taken:.0f} MiB of memory, more than {order.memory_mib:.0f}",
+                )
 
     def dismiss(self) -> None:
         """Let it end by itself, which `mpirun` needs to clean up."""
@@ -210,7 +222,9 @@ class _Process:
         self.kill()
         lines = [line for line in self._complained(0).splitlines() if re.search(r"\w", line)]
         if code is not None and code < 0:
-            return f"its process was ended by signal {-code}" + (": not enough memory?" if code == -9 else "")
+            return f"its process was ended by signal {-code}" + (
+                ": not enough memory?" if code == -9 else ""
+            )
         last = f": {' '.join(lines[-1].split())}" if lines else ""
         return f"its process ended with code {code}{last}"
 

@@ -143,7 +143,10 @@ class Family:
     def bend(self, cell: Cell, way: int, lines: Mapping[tuple[int, Place], list[float]]) -> float:
         """Largest miss of straight lines along the edges of a cell; infinite where it is not known."""
         unknown = Seen("", None)
-        worst, known = 0.0, any(self.seen.get(corner, unknown).value is None for corner in cell.corners())
+        worst, known = (
+            0.0,
+            any(self.seen.get(corner, unknown).value is None for corner in cell.corners()),
+        )
         for corner in cell.corners():
             if corner[way] != cell.low[way]:
                 continue
@@ -196,7 +199,11 @@ class SweepRefinement:
     """
 
     def __init__(
-        self, families: Sequence[Family], aim: Aim, resolve: Resolve, known: Sequence[SweepCase] = ()
+        self,
+        families: Sequence[Family],
+        aim: Aim,
+        resolve: Resolve,
+        known: Sequence[SweepCase] = (),
     ):
         self._families, self._aim, self._resolve = families, aim, resolve
         self._known = {(case.source, frozenset(case.settings)): case for case in known}
@@ -227,12 +234,18 @@ class SweepRefinement:
             for one in wanted:
                 family, cell = self._families[one.family], Cell(one.low, one.high)
                 halves = cell.halves(one.ways)
-                places = {place for half in halves for place in half.corners()} - family.cases.keys()
+                places = {
+                    place for half in halves for place in half.corners()
+                } - family.cases.keys()
                 if len(self._identities) + len(places) > self._aim.most:
                     self._spent = True
                     return new
                 family.halve(cell, halves)
-                new += [case for place in sorted(places) if (case := self._put(family, place)) is not None]
+                new += [
+                    case
+                    for place in sorted(places)
+                    if (case := self._put(family, place)) is not None
+                ]
         return new
 
     def _put(self, family: Family, place: Place) -> SweepCase | None:
@@ -268,7 +281,11 @@ class SweepRefinement:
             there = ", ".join(dict.fromkeys(name for row in rows.values() for name in row))
             raise SceneError(f"--quantity {given}: no case has this column; available: {there}")
         usual = {_USUAL.get(task, "safety_factor") for task, _ in found.values()}
-        if given is None and rows and not any({"mode", *usual} & row.keys() for row in rows.values()):
+        if (
+            given is None
+            and rows
+            and not any({"mode", *usual} & row.keys() for row in rows.values())
+        ):
             there = ", ".join(dict.fromkeys(name for row in rows.values() for name in row))
             raise SceneError(
                 f"no case has a mode or {' or '.join(usual)}; give --quantity, available: {there}"
@@ -281,7 +298,11 @@ class SweepRefinement:
             return Seen(mode, None)
         if name == "safety_factor":  # from 0 to 1, and straight where the flow is weak
             return Seen(mode, 1.0 if math.isinf(value) else value / (1.0 + value))
-        return Seen(mode, float(value)) if math.isfinite(value) else Seen(f"{mode}, without bound", None)
+        return (
+            Seen(mode, float(value))
+            if math.isfinite(value)
+            else Seen(f"{mode}, without bound", None)
+        )
 
     def _wanted(self) -> Iterator[_Wanted]:
         """The divisions that the aim still needs."""
@@ -293,7 +314,9 @@ class SweepRefinement:
                     continue
                 lengths = family.lengths(cell)
                 too_long, longest = self._aim.tolerance * (1.0 + _ROUND), max(lengths)
-                halved = [length > too_long and length >= _ELONGATED * longest for length in lengths]
+                halved = [
+                    length > too_long and length >= _ELONGATED * longest for length in lengths
+                ]
                 ways = [way for way, is_long in enumerate(halved) if is_long]
                 if not ways:
                     continue
@@ -320,14 +343,20 @@ class SweepRefinement:
             if len(family.cells[cell]) > 1
         ]
         worst = max((max(family.lengths(cell)) for family, cell in mixed), default=0.0)
-        within = f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
+        within = (
+            f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
+        )
         lines = [f"{'changes of mode':<20}{within}"]
         lines += [_between(family, cell) for family, cell in mixed if len(family.ways) == 1]
         if self._spent:
-            spent = f"{self._aim.most} cases are spent before the tolerance is reached; raise --most"
+            spent = (
+                f"{self._aim.most} cases are spent before the tolerance is reached; raise --most"
+            )
             lines.append(f"{'':<20}{spent}")
         if self._refused:
-            lines.append(f"{'left out':<20}{len(self._refused)} cases between; the first: {self._refused[0]}")
+            lines.append(
+                f"{'left out':<20}{len(self._refused)} cases between; the first: {self._refused[0]}"
+            )
         return lines
 
 

@@ -42,7 +42,9 @@ class Source:
             why = f"cannot be read ({error.strerror})"
             raise SceneError(f"{path}: {why}; give the name of a scene file") from None
         except UnicodeDecodeError as error:
-            raise SceneError(f"{path}: is not UTF-8 text at byte {error.start}; save it as UTF-8") from None
+            raise SceneError(
+                f"{path}: is not UTF-8 text at byte {error.start}; save it as UTF-8"
+            ) from None
 
     @property
     def section(self) -> dict[str, Any]:
@@ -79,7 +81,9 @@ class SweepCase:
         return ", ".join(self.settings) or self.source
 
 
-def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> SweepCase:
+def resolved(
+    source: Source, settings: Settings, task: str, common: Sequence[str] = ()
+) -> SweepCase:
     """The case that settings make of a source; `common` are settings of all cases. Raises SceneError."""
     overrides = (*common, *settings)
     if task == "judge":
@@ -88,7 +92,9 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
     left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
     content = scene.model_dump(mode="json", exclude=left_out)
     forms = _forms(Setup(scene), task)
-    return SweepCase(_identity(task, content), task, source.name, settings, dumps(scene), forms, scene)
+    return SweepCase(
+        _identity(task, content), task, source.name, settings, dumps(scene), forms, scene
+    )
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
@@ -97,7 +103,9 @@ def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> Swe
     case = parse(Case, source.text, source.base, overrides, source.name)
     content = case.model_dump(mode="json", exclude_none=True, warnings=False)
     identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
-    return SweepCase(_identity("judge", identifying), "judge", source.name, settings, json.dumps(content), "")
+    return SweepCase(
+        _identity("judge", identifying), "judge", source.name, settings, json.dumps(content), ""
+    )
 
 
 def _identity(task: str, content: dict[str, Any]) -> str:
@@ -111,7 +119,14 @@ def _forms(setup: Setup, task: str) -> str:
 
     scene, plan = setup.scene, plan_of(setup)
     present = sorted(effect.name for effect in plan.effects if effect.present)
-    elements = (scene.gdim, plan.order, plan.geometry_order, plan.convection, plan.scheme, plan.solver.name)
+    elements = (
+        scene.gdim,
+        plan.order,
+        plan.geometry_order,
+        plan.convection,
+        plan.scheme,
+        plan.solver.name,
+    )
     numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)
     steadied = (plan.stabilisation.present, plan.stabilisation.upwind)
     return " ".join(map(str, (task, *elements, *numerics, *steadied, *present)))

@@ -53,7 +53,9 @@ def sampled(request: Request, voice: Silent | None = None, longest: float = LONG
     return Sample(cases, expected, every - twice)
 
 
-def foretold(request: Request, file: Path, means: Means, places: int, voice: Silent | None = None) -> str:
+def foretold(
+    request: Request, file: Path, means: Means, places: int, voice: Silent | None = None
+) -> str:
     """Forecast of a sweep in words: how many cases to compute, time and memory. Raises SceneError and OutputError."""
     sample, states = sampled(request, voice), dict[str, str]()
     if file.is_file():
@@ -62,16 +64,23 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
     over = (DONE,) if means.retry else (DONE, FAILED)
     left = {name: sample.expected[name] for name in sample.cases if states.get(name) not in over}
     more = sample.of_all / len(sample.cases)
-    known, about = sample.of_all - round(more * len(left)), "" if sample.is_whole or not states else "about "
+    known, about = (
+        sample.of_all - round(more * len(left)),
+        "" if sample.is_whole or not states else "about ",
+    )
     at_a_time = f"{places} at a time" if places else "by the workers of the executor"
     to_compute = f"{about}{sample.of_all - known} to compute, {at_a_time}"
     lines = [f"{'cases':<20}{sample.of_all}: {about}{known} already in {file}, {to_compute}"]
     if not sample.is_whole:
-        said = f"{len(sample.cases)} cases drawn at random are checked, time and memory are by these"
+        said = (
+            f"{len(sample.cases)} cases drawn at random are checked, time and memory are by these"
+        )
         lines.append(f"{'sample':<20}{said}; a sweep checks all before it begins")
     refinement = request.refinement(list(sample.cases.values()))
     if refinement is not None:
-        lines.append(f"{'refinement':<20}up to {refinement.most} cases in all; what follows is without it")
+        lines.append(
+            f"{'refinement':<20}up to {refinement.most} cases in all; what follows is without it"
+        )
     return "\n".join([*lines, _time(left, more, places), _memory(left, more, means, places)])
 
 

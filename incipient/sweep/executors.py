@@ -124,7 +124,9 @@ class DaskWorkers(Workers):
         until = time.monotonic() + patience
         while True:
             try:
-                if "scheduler_file" in given and not Path(where).is_file():  # Dask would wait for it for ever
+                if (
+                    "scheduler_file" in given and not Path(where).is_file()
+                ):  # Dask would wait for it for ever
                     raise FileNotFoundError("there is no such file")
                 client = Client(**given, timeout=START, set_as_default=False)
                 break
@@ -133,8 +135,12 @@ class DaskWorkers(Workers):
                     time.sleep(OFTEN)
                     continue
                 why = " ".join(str(error).split()) or type(error).__name__
-                remedy = "start `dask scheduler` there, or correct --executor, and repeat the command"
-                raise OutputError(f"{self._address}: no scheduler answers ({why}); {remedy}") from None
+                remedy = (
+                    "start `dask scheduler` there, or correct --executor, and repeat the command"
+                )
+                raise OutputError(
+                    f"{self._address}: no scheduler answers ({why}); {remedy}"
+                ) from None
         self._executor, self._counted = client.get_executor(pure=False), 0.0
         return client
 
@@ -178,7 +184,9 @@ def of_executor(executor: Executor | str, jobs: int | None) -> Workers:
     known = (getattr(executor, name, None) for name in names)
     places = jobs or next((number for number in known if isinstance(number, int)), None)
     if places is None:
-        raise SceneError(f"{type(executor).__name__}: how many workers it has is not known; give jobs=NUMBER")
+        raise SceneError(
+            f"{type(executor).__name__}: how many workers it has is not known; give jobs=NUMBER"
+        )
     return Workers(executor, places)
 
 

@@ -58,8 +58,12 @@ class NumericKey:
         number = int(place)
         if number == place:
             return f"{self.key}={self.texts[number]}"
-        between = self.values[number] + (place - number) * (self.values[number + 1] - self.values[number])
-        shown = [rounded(one) for one in (np.exp(between) if self.logarithmic else between).tolist()]
+        between = self.values[number] + (place - number) * (
+            self.values[number + 1] - self.values[number]
+        )
+        shown = [
+            rounded(one) for one in (np.exp(between) if self.logarithmic else between).tolist()
+        ]
         return f"{self.key}={'[' + ', '.join(shown) + ']' if self.listed else shown[0]}"
 
 
@@ -116,7 +120,10 @@ def _parsed(text: str) -> tuple[float, ...] | None:
     except (ValueError, RecursionError):
         return None
     parts = value if isinstance(value, list) and value else [value]
-    if all(isinstance(one, int | float) and not isinstance(one, bool) and np.isfinite(one) for one in parts):
+    if all(
+        isinstance(one, int | float) and not isinstance(one, bool) and np.isfinite(one)
+        for one in parts
+    ):
         return tuple(map(float, parts))
     return None
 

@@ -178,7 +178,9 @@ class Sweep:
             at_once = bool(self._given_up)
             if at_once:  # ranks of an mpirun can only be ended together, this one too
                 log.warning(
-                    self._left(f"workers of {len(self._given_up)} tries have not come back and are ended")
+                    self._left(
+                        f"workers of {len(self._given_up)} tries have not come back and are ended"
+                    )
                 )
         except KeyboardInterrupt as interrupt:
             raise Interrupted(self._left("interrupted")) from interrupt
@@ -225,7 +227,10 @@ class Sweep:
         again = {name: case for name, case in self._waiting.items() if name in self._tries}
         waiting = {name: case for name, case in self._cases.items() if states[name] == WAITING}
         self._waiting = waiting | again
-        progress, finished = self._progress, sum(state in (DONE, FAILED) for state in states.values())
+        progress, finished = (
+            self._progress,
+            sum(state in (DONE, FAILED) for state in states.values()),
+        )
         progress.known = finished - progress.done - progress.failed
         progress.elsewhere = len(states) - finished - len(self._waiting) - len(progress.running)
         new = [case for name, case in self._waiting.items() if name not in self._expected]
@@ -338,7 +343,9 @@ class Sweep:
         if are_broken:
             self._workers.renew()
 
-    def _settle(self, case: SweepCase, outcome: CaseOutcome, outcomes: dict[str, CaseOutcome]) -> None:
+    def _settle(
+        self, case: SweepCase, outcome: CaseOutcome, outcomes: dict[str, CaseOutcome]
+    ) -> None:
         """Let a case be finished by its outcome, or be tried again."""
         tries = self._tries[case.identity]
         if not outcome.lost:

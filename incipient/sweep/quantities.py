@@ -63,7 +63,9 @@ def _of_walls(result: Mapping[str, Any]) -> dict[str, Any]:
 def _of_gust(result: Mapping[str, Any]) -> dict[str, Any]:
     found = {name: result[name] for name in ("strength", "held", "leaves", "impulse", "runs")}
     value, error = result["strength"], result["error"]
-    ends = {} if error is None else {"strength" + LOW: value - error, "strength" + HIGH: value + error}
+    ends = (
+        {} if error is None else {"strength" + LOW: value - error, "strength" + HIGH: value + error}
+    )
     return found | ends
 
 
@@ -80,7 +82,10 @@ def _of_entrainment(result: Mapping[str, Any]) -> dict[str, Any]:
         name = f"shields_at_{one['probability']:g}"
         found[name] = one["shields"]
         if one["error"] is not None:
-            found |= {name + LOW: one["shields"] - one["error"], name + HIGH: one["shields"] + one["error"]}
+            found |= {
+                name + LOW: one["shields"] - one["error"],
+                name + HIGH: one["shields"] + one["error"],
+            }
     return found | _of_walls(steady)
 
 

@@ -51,7 +51,9 @@ class RefinementOptions:
         if said["refine"] is None or said["refine"] is False:
             extra = next((key for key in ("most", "quantity") if given[key] is not None), None)
             if extra is not None:
-                raise SceneError(f"--{extra}: is for a refinement; give --refine too, or leave it out")
+                raise SceneError(
+                    f"--{extra}: is for a refinement; give --refine too, or leave it out"
+                )
             return None
         tolerance = USUAL if said["refine"] is True else float(said["refine"])
         return Aim(tolerance, MOST if said["most"] is None else said["most"], said["quantity"])
@@ -108,8 +110,12 @@ class Request:
             return None
         ways = directions(self.over, self.together)
         moving = {key.key for way in ways for key in way.keys}
-        others = axes.combined([axis for axis in self.over if axis.key not in moving], False, self._rows())
-        families = [Family(source, fixed, tuple(ways)) for source in self.sources for fixed in others]
+        others = axes.combined(
+            [axis for axis in self.over if axis.key not in moving], False, self._rows()
+        )
+        families = [
+            Family(source, fixed, tuple(ways)) for source in self.sources for fixed in others
+        ]
         distinct = len({source.name for source in self.sources}) == len(self.sources)
         return SweepRefinement(families, self.aim, self._case, cases if distinct else ())
 
@@ -137,7 +143,9 @@ def requested(
     section = sources[0].section
     unknown = next((name for name in section if name not in _KEYS), None)
     if unknown is not None:
-        raise SceneError(f"{sources[0].name}: sweep.{unknown}: unknown key; known are {', '.join(_KEYS)}")
+        raise SceneError(
+            f"{sources[0].name}: sweep.{unknown}: unknown key; known are {', '.join(_KEYS)}"
+        )
     given = section.get("over", {})
     if not isinstance(given, Mapping):
         raise SceneError(f"{sources[0].name}: sweep.over: is not a section; write [sweep.over]")
@@ -146,7 +154,9 @@ def requested(
         table = sources[0].base / str(section["cases"]) if "cases" in section else None
     task = task or str(section.get("do", "run"))
     if task not in TASKS:
-        raise SceneError(f'{sources[0].name}: sweep.do: "{task}" is not known; use {", ".join(TASKS)}')
+        raise SceneError(
+            f'{sources[0].name}: sweep.do: "{task}" is not known; use {", ".join(TASKS)}'
+        )
     if not over and table is None and len(sources) == 1:
         remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         raise SceneError(f"nothing is varied; {remedy}")

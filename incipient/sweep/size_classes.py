@@ -22,7 +22,9 @@ HEADS = (
 SIZES = ("diameter", "body.diameter")  # columns that are looked for where none is named
 
 
-def size_classes(path: Path, bounds: Sequence[float], size: str | None = None) -> list[dict[str, float]]:
+def size_classes(
+    path: Path, bounds: Sequence[float], size: str | None = None
+) -> list[dict[str, float]]:
     """A row for each class [low, high) of sizes: how many grains, how many without a threshold, and percentiles.
 
     Percentiles of the critical Shields number are of all grains of the class, those that no flow moves among them as
@@ -41,11 +43,19 @@ def size_classes(path: Path, bounds: Sequence[float], size: str | None = None) -
         raise SceneError(
             f"--size-classes: {_shown(bounds)} do not grow; give two bounds or more, as in 1,2,4"
         )
-    found = _of_csv(path) if path.suffix == ".csv" else [row for row in rows(path) if row["status"] == "done"]
-    named = next((one for one in ([size] if size else SIZES) if any(one in row for row in found)), None)
+    found = (
+        _of_csv(path)
+        if path.suffix == ".csv"
+        else [row for row in rows(path) if row["status"] == "done"]
+    )
+    named = next(
+        (one for one in ([size] if size else SIZES) if any(one in row for row in found)), None
+    )
     if named is None or not any("shields" in row for row in found):
         lacks = "shields" if named is not None else size or " or ".join(SIZES)
-        raise SceneError(f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN")
+        raise SceneError(
+            f"{path}: has no column {lacks}; give a table of thresholds, and --size COLUMN"
+        )
     # A grain that carries others has none, and is not free to move.
     grains = [(_number(row.get(named)), _number(row.get("shields"))) for row in found]
     table = np.array([one for one in grains if not any(map(math.isnan, one))]).reshape(-1, 2)
@@ -65,7 +75,9 @@ def _class(table: Any, low: float, high: float) -> dict[str, float]:
     if len(inside):
         row["size_median"] = float(np.median(inside[:, 0]))
         values = np.quantile(inside[:, 1], np.array(SHARES) / 100.0, method="inverted_cdf")
-        row |= {f"shields_{share}": float(value) for share, value in zip(SHARES, values, strict=True)}
+        row |= {
+            f"shields_{share}": float(value) for share, value in zip(SHARES, values, strict=True)
+        }
     return row
 
 

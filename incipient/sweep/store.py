@@ -64,7 +64,10 @@ CREATE INDEX cases_by_status ON cases (status, source);
 _CASE = ("id", "task", "source", "settings", "scene")
 _OUTCOME = ("reason", "finished", "wall", "cpu", "peak_mib", "versions", "result")
 _COLUMNS = frozenset((*_CASE, *_OUTCOME, "status", "owner", "tries"))
-_ADDED = {"checksum": WITHOUT_CHECKSUMS, "log": WITHOUT_LOGS}  # columns, and the last version without them
+_ADDED = {
+    "checksum": WITHOUT_CHECKSUMS,
+    "log": WITHOUT_LOGS,
+}  # columns, and the last version without them
 _NUMBERED = "SELECT rowid AS number, * FROM cases WHERE rowid = ?"
 _IDENTIFIED = "SELECT rowid AS number, * FROM cases WHERE id = ?"
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"  # in place of bytes that are no text
@@ -74,7 +77,12 @@ _OF_THE_DISK = {
     sqlite3.SQLITE_BUSY: "another program writes to it; wait until it has ended",
     sqlite3.SQLITE_LOCKED: "another program writes to it; wait until it has ended",
 }
-_OF_RIGHTS = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH)
+_OF_RIGHTS = (
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_PERM,
+    sqlite3.SQLITE_AUTH,
+)
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,9 @@ class Store:
         application, version = (self._pragma(name) for name in ("application_id", "user_version"))
         if application == APPLICATION:
             if not WITHOUT_CHECKSUMS <= version <= SCHEMA_VERSION:
-                raise OutputError(f"{self.path}: is of another version of the program; give another name")
+                raise OutputError(
+                    f"{self.path}: is of another version of the program; give another name"
+                )
             columns = {*_COLUMNS, *(name for name, last in _ADDED.items() if version > last)}
             self._require_whole(columns, make or self.path.stat().st_size <= CHECKED)
             if make:
@@ -159,9 +169,13 @@ class Store:
         """Refuse a file whose pages do not fit together, if `wholly` checked: cases may be missing without a trace."""
         found = {row["name"] for row in self._base.execute("PRAGMA table_info(cases)")}
         missing = sorted(columns - found)
-        said = str(self._base.execute("PRAGMA integrity_check(1)").fetchone()[0]) if wholly else "ok"
+        said = (
+            str(self._base.execute("PRAGMA integrity_check(1)").fetchone()[0]) if wholly else "ok"
+        )
         if missing or said != "ok":
-            raise OutputError(f"{self.path}: {_damaged(f'no column {missing[0]}' if missing else said)}")
+            raise OutputError(
+                f"{self.path}: {_damaged(f'no column {missing[0]}' if missing else said)}"
+            )
 
     def _choose_journal(self) -> None:
         """With WAL readers are not kept waiting, but it needs shared memory, which no network file system has."""
@@ -203,7 +217,9 @@ class Store:
             self._base.execute(f"ALTER TABLE shown ADD COLUMN {_quoted(name)} {kind}")
         names, values = ["number", *map(_quoted, found)], [row["number"], *found.values()]
         holders = ", ".join("?" * len(values))
-        self._base.execute(f"INSERT OR REPLACE INTO shown ({', '.join(names)}) VALUES ({holders})", values)
+        self._base.execute(
+            f"INSERT OR REPLACE INTO shown ({', '.join(names)}) VALUES ({holders})", values
+        )
 
     def _columns(self) -> dict[str, str]:
         """Columns of the table `shown`, with their types."""
@@ -223,14 +239,19 @@ class Store:
         """How many cases have each status."""
         with self._reported():
             return {
-                one: n for one, n in self._base.execute("SELECT status, count(*) FROM cases GROUP BY status")
+                one: n
+                for one, n in self._base.execute(
+                    "SELECT status, count(*) FROM cases GROUP BY status"
+                )
             }
 
     def first_of_sources(self) -> list[dict[str, Any]]:
         """The first case of each source."""
         with self._reported():
             first = self._base.execute("SELECT min(rowid) FROM cases GROUP BY source").fetchall()
-            rows = [self._base.execute(_NUMBERED, one).fetchone() for one in sorted(map(tuple, first))]
+            rows = [
+                self._base.execute(_NUMBERED, one).fetchone() for one in sorted(map(tuple, first))
+            ]
             return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in rows]
 
     def columns_shown(self) -> list[str]:
@@ -299,7 +320,9 @@ class Store:
                 f" ON CONFLICT (id) DO UPDATE SET {renewed} WHERE status = '{DAMAGED}'",
                 rows,
             )
-            self._base.executemany("INSERT OR IGNORE INTO parameters VALUES (?)", [(key,) for key in keys])
+            self._base.executemany(
+                "INSERT OR IGNORE INTO parameters VALUES (?)", [(key,) for key in keys]
+            )
 
     def mark_damaged(self) -> int:
         """Give the status `DAMAGED` to cases that were changed since they were written; how many there are."""
@@ -320,17 +343,27 @@ class Store:
     def free_abandoned(self) -> int:
         """Let cases wait again that a sweep which has ended was at; how many there were."""
         with self._together():
-            held = self._base.execute("SELECT DISTINCT owner FROM cases WHERE status = ?", (RUNNING,))
-            holders = {owner: Holder.read(str(owner or "").encode()) for (owner,) in held.fetchall()}
-            gone = [owner for owner, holder in holders.items() if holder is None or holder.is_gone()]
+            held = self._base.execute(
+                "SELECT DISTINCT owner FROM cases WHERE status = ?", (RUNNING,)
+            )
+            holders = {
+                owner: Holder.read(str(owner or "").encode()) for (owner,) in held.fetchall()
+            }
+            gone = [
+                owner for owner, holder in holders.items() if holder is None or holder.is_gone()
+            ]
             update = "UPDATE cases SET status = ?, owner = NULL WHERE status = ? AND owner IS ?"
-            return sum(self._base.execute(update, (WAITING, RUNNING, owner)).rowcount for owner in gone)
+            return sum(
+                self._base.execute(update, (WAITING, RUNNING, owner)).rowcount for owner in gone
+            )
 
     def free_failed(self, identities: Sequence[str]) -> None:
         """Let cases wait again that have failed."""
         failed = [(WAITING, FAILED, identity) for identity in identities]
         with self._together():
-            self._base.executemany("UPDATE cases SET status = ? WHERE status = ? AND id = ?", failed)
+            self._base.executemany(
+                "UPDATE cases SET status = ? WHERE status = ? AND id = ?", failed
+            )
 
     def states(self, identities: Sequence[str]) -> dict[str, str]:
         """The status of cases; of those that are not there, none."""
@@ -351,7 +384,9 @@ class Store:
 
     def claim(self, identities: Sequence[str], again: Sequence[str] = ()) -> set[str]:
         """Take the cases that wait, and begin those `again` that were taken before; which other sweeps have not."""
-        take = "UPDATE cases SET status = ?, owner = ?, tries = tries + 1 WHERE id = ? AND status = ?"
+        take = (
+            "UPDATE cases SET status = ?, owner = ?, tries = tries + 1 WHERE id = ? AND status = ?"
+        )
         repeat = "UPDATE cases SET tries = tries + 1 WHERE id = ? AND owner = ?"
         with self._together():
             taken = {
@@ -370,7 +405,9 @@ class Store:
 
     def _finish(self, identity: str, outcome: CaseOutcome) -> None:
         both = outcome.versions, outcome.result
-        versions, result = (None if one is None else json.dumps(one, allow_nan=False) for one in both)
+        versions, result = (
+            None if one is None else json.dumps(one, allow_nan=False) for one in both
+        )
         state = FAILED if result is None else DONE
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         found = (outcome.reason, now, outcome.wall, outcome.cpu, outcome.peak_mib, versions, result)
@@ -381,7 +418,9 @@ class Store:
         )
         if changed.rowcount:
             row = self._base.execute(_IDENTIFIED, (identity,)).fetchone()
-            self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity))
+            self._base.execute(
+                "UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity)
+            )
             self._show(row)
 
     def give_back(self) -> None:
@@ -395,8 +434,12 @@ class Store:
     def keys(self) -> list[str]:
         """The keys that cases vary, in the order in which they came."""
         with self._reported():
-            found = [key for (key,) in self._base.execute("SELECT key FROM parameters ORDER BY rowid")]
-        if not all(isinstance(key, str) and key.isprintable() and _UNREADABLE not in key for key in found):
+            found = [
+                key for (key,) in self._base.execute("SELECT key FROM parameters ORDER BY rowid")
+            ]
+        if not all(
+            isinstance(key, str) and key.isprintable() and _UNREADABLE not in key for key in found
+        ):
             raise OutputError(f"{self.path}: {_damaged('a key of its parameters is none')}")
         return found
 
@@ -461,5 +504,7 @@ def _complaint(error: Exception) -> str:
 
 
 def _damaged(why: object) -> str:
-    remedy = "put back a copy, give another name, or save what can be read with sqlite3 FILE .recover"
+    remedy = (
+        "put back a copy, give another name, or save what can be read with sqlite3 FILE .recover"
+    )
     return f"is damaged ({shortened(why)}); {remedy}"

@@ -51,7 +51,9 @@ def frame(path: Path | str) -> pandas.DataFrame:
     try:
         import pandas
     except ImportError as error:
-        raise MissingError(f"pandas cannot be used ({error}): pip install 'incipient[tables]'") from None
+        raise MissingError(
+            f"pandas cannot be used ({error}): pip install 'incipient[tables]'"
+        ) from None
     found = rows(path)
     return pandas.DataFrame(found, columns=columns(found))
 
@@ -100,10 +102,16 @@ def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
+    row: dict[str, Any] = {
+        "source": stored["source"],
+        "task": stored["task"],
+        "status": stored["status"],
+    }
     if stored["status"] != DAMAGED:
         row |= of_case(stored, keys)
-    row |= {name: stored[name] for name in ("reason", "wall", "cpu", "peak_mib", "tries", "finished")}
+    row |= {
+        name: stored[name] for name in ("reason", "wall", "cpu", "peak_mib", "tries", "finished")
+    }
     return _with_versions({**row, "versions": stored["versions"], "id": stored["id"]})
 
 
@@ -127,7 +135,11 @@ def in_words(row: Mapping[str, Any]) -> str:
         return words + _of_walls(row)
     if row["task"] == "gust":
         return f"critical strength {row['strength']:.4g}"
-    words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
+    words = (
+        f"{row['mode']}, safety factor {row['safety_factor']:.4g}"
+        if "mode" in row
+        else "no verdict"
+    )
     if "left_pocket" in row:
         return f"left its pocket at t = {row['left_pocket']:.4g}"
     if "does" in row:

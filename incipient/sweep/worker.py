@@ -78,7 +78,9 @@ def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
     # The kernel counts the largest memory from here, or it is that of all cases so far.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-    names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
+    names = (
+        ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
+    )
     result, reason, versions = None, "", {name: version(name) for name in names}
     with _logged() as said:
         said.append(_where(comm))
@@ -91,8 +93,12 @@ def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
             if comm.size > 1:  # the other ranks may wait for this one
                 raise
             said.append(traceback.format_exc())
-            reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
-    spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, peak_memory_mib()))
+            reason = (
+                f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
+            )
+    spent, peak = (
+        sum(comm.allgather(one)) for one in (_processor_time() - processor, peak_memory_mib())
+    )
     text = "\n".join([*said, ""])
     return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions, text)
 

@@ -47,7 +47,11 @@ def write_rows(path: Path, places: Mapping[str, int], tables: Mapping[str, Rows]
     try:
         for name, rows in tables.items():
             data = np.ascontiguousarray(rows.values).reshape(-1).view(np.uint8).data
-            _write_at(descriptor, data, places[name] + rows.first * (len(data) // max(len(rows.values), 1)))
+            _write_at(
+                descriptor,
+                data,
+                places[name] + rows.first * (len(data) // max(len(rows.values), 1)),
+            )
     finally:
         os.close(descriptor)
 

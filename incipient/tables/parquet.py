@@ -14,4 +14,6 @@ def pyarrow(extra: str = "parquet") -> Any:
         import_module("pyarrow.parquet")
         return import_module("pyarrow")
     except ImportError as error:
-        raise MissingError(f"pyarrow cannot be used ({error}): pip install 'incipient[{extra}]'") from None
+        raise MissingError(
+            f"pyarrow cannot be used ({error}): pip install 'incipient[{extra}]'"
+        ) from None

@@ -81,12 +81,16 @@ class Numbered:
         self._received = np.empty_like(self._sent)
         comm.Alltoall(self._sent, self._received)
         numbers = np.asarray(numbers, dtype=np.int64)
-        self._places = self._exchanged(numbers[self._order], self._sent, self._received) - self._mine.start
+        self._places = (
+            self._exchanged(numbers[self._order], self._sent, self._received) - self._mine.start
+        )
 
     def dealt(self, values: NDArray[Any]) -> Rows:
         """Blocks of the rows (n, ...) of all ranks, in the order of their numbers; rows that no rank has are zero."""
         received = self._exchanged(values[self._order], self._sent, self._received)
-        found = np.zeros((self._mine.stop - self._mine.start, *values.shape[1:]), dtype=values.dtype)
+        found = np.zeros(
+            (self._mine.stop - self._mine.start, *values.shape[1:]), dtype=values.dtype
+        )
         found[self._places] = received
         return Rows(found, self._mine.start, self.total)
 
@@ -113,7 +117,9 @@ def exchanged(
     values = np.ascontiguousarray(values)
     found = np.empty((int(received.sum()), *values.shape[1:]), dtype=values.dtype)
     # One row is one thing to MPI, whose counts are short integers.
-    row = MPI.BYTE.Create_contiguous(values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=np.int64)))
+    row = MPI.BYTE.Create_contiguous(
+        values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=np.int64))
+    )
     row.Commit()
     comm.Alltoallv([values, _counted(sent), row], [found, _counted(received), row])
     row.Free()

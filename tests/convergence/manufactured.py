@@ -38,7 +38,9 @@ class Flow:
             x, t = ufl.variable(place), ufl.variable(time)
             v = ufl.as_vector(list(self.velocity(x, t, ufl)))
             gradient = ufl.diff(v, x)
-            stress = (gradient + gradient.T) / reynolds - self.pressure(x, t, ufl) * ufl.Identity(self.gdim)
+            stress = (gradient + gradient.T) / reynolds - self.pressure(x, t, ufl) * ufl.Identity(
+                self.gdim
+            )
             i, j = ufl.indices(2)
             divergence = ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
             return ufl.diff(v, t) + ufl.dot(gradient, v) - divergence
@@ -83,7 +85,9 @@ def fluid_of(
         return interpolated(flow.velocity, x if motion is None else motion.place(x, time), time)
 
     model = replace(model, reference_map=reference_map, body_force=flow.body_force(reynolds))
-    sides = [Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim] if name != open_side]
+    sides = [
+        Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim] if name != open_side
+    ]
     return Fluid(domain, model, sides if open_side is None else [Open(open_side), *sides], reynolds)
 
 

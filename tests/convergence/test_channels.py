@@ -59,7 +59,9 @@ def two_waves(measured, stations, wave_number):
     """
 
     def fitted(k):
-        columns = np.column_stack([np.exp(-1j * complex(*k) * stations), np.exp(1j * k[0] * stations)])
+        columns = np.column_stack(
+            [np.exp(-1j * complex(*k) * stations), np.exp(1j * k[0] * stations)]
+        )
         both = np.linalg.lstsq(columns, measured, rcond=None)[0]
         return both, columns @ both - measured
 
@@ -154,7 +156,11 @@ def test_stokes_wave_of_second_order(tmp_path):
     assert abs(back / onwards) < 0.005
     second = amplitudes(tmp_path, w, stations, 4, harmonic=2)
     own = fsolve(lambda q: q * np.tanh(q) - 4 * w**2, 4 * w**2)[0]
-    waves = [np.exp(-2j * found * stations), np.exp(-1j * own * stations), np.exp(1j * own * stations)]
+    waves = [
+        np.exp(-2j * found * stations),
+        np.exp(-1j * own * stations),
+        np.exp(1j * own * stations),
+    ]
     bound, free, returned = np.linalg.lstsq(np.column_stack(waves), second, rcond=None)[0]
     exact = a**2 * k * np.cosh(k) * (2 + np.cosh(2 * k)) / (4 * np.sinh(k) ** 3)
     assert bound / onwards**2 * a**2 == pytest.approx(exact, rel=0.03)
@@ -162,7 +168,9 @@ def test_stokes_wave_of_second_order(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "stream"), [("uniform", 0.2), ("uniform", 0.5), ("open-channel", 0.2)])
+@pytest.mark.parametrize(
+    ("kind", "stream"), [("uniform", 0.2), ("uniform", 0.5), ("open-channel", 0.2)]
+)
 def test_a_wave_maker_in_a_stream(tmp_path, kind, stream):
     """k H = 2, on half a parabola 1.8; without elevation and velocity across the stream 0.60 came in at 0.2.
 
@@ -200,7 +208,9 @@ def film_speeds(k, reynolds, weight, n=24):
     """
     y = 0.5 * (1 - np.cos(np.pi * np.arange(n) / (n - 1)))
     columns = [Chebyshev.basis(j, domain=[0, 1]) for j in range(n)]
-    P, D, D2, D3, D4 = (np.column_stack([c.deriv(m)(y) if m else c(y) for c in columns]) for m in range(5))
+    P, D, D2, D3, D4 = (
+        np.column_stack([c.deriv(m)(y) if m else c(y) for c in columns]) for m in range(5)
+    )
     A, B = np.zeros((2, n + 1, n + 1), complex)
     strength, vorticity = 1j * k * reynolds, D2 - k**2 * P
     flow = (1.5 * y * (2 - y))[:, None]
@@ -241,7 +251,9 @@ def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reynolds", [8.0, 2.0])
-def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below_it(tmp_path, reynolds):
+def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below_it(
+    tmp_path, reynolds
+):
     """From a discharge that oscillates a little, on a slope of 0.2, where (5/6) cot a is 4.17."""
     slope, w = np.arctan(0.2), 0.6
     exact, period = wave_on_film(w, reynolds, 15.0 / reynolds), 2 * np.pi / w
@@ -263,8 +275,12 @@ def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below
     )
     incipient.run(loads(scene), tmp_path)
     measured = amplitudes(tmp_path, w, stations, 2)
-    assert np.polyfit(stations, np.log(np.abs(measured)), 1)[0] == pytest.approx(-exact.imag, rel=0.05)
-    assert -np.polyfit(stations, np.unwrap(np.angle(measured)), 1)[0] == pytest.approx(exact.real, rel=0.02)
+    assert np.polyfit(stations, np.log(np.abs(measured)), 1)[0] == pytest.approx(
+        -exact.imag, rel=0.05
+    )
+    assert -np.polyfit(stations, np.unwrap(np.angle(measured)), 1)[0] == pytest.approx(
+        exact.real, rel=0.02
+    )
 
 
 @pytest.mark.slow

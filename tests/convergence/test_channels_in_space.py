@@ -38,7 +38,9 @@ ALONG = [0.0, 0.75, 1.5, 2.25, 3.0, 3.75, 4.5, 5.25, 6.0]
 
 def scene_of(tables, **sections):
     """The scene of tables in which some keys of sections are others."""
-    return loads(tomli_w.dumps(tables | {name: tables.get(name, {}) | new for name, new in sections.items()}))
+    return loads(
+        tomli_w.dumps(tables | {name: tables.get(name, {}) | new for name, new in sections.items()})
+    )
 
 
 def test_ridges_across_a_channel_give_the_surface_of_the_plane():
@@ -80,7 +82,10 @@ def test_the_stream_in_a_duct_has_the_friction_in_the_tables(aspect, friction):
     speeds = duct_speed(y, z, aspect, 1.0).reshape(30, 30)
     assert 0.25 * weights @ speeds @ weights == pytest.approx(1.0, abs=1e-6)
     assert (
-        np.abs(duct_speed(np.array([0.0, aspect, 0.3]), np.array([0.4, 0.4, 0.0]), aspect, 1.0)).max() < 1e-5
+        np.abs(
+            duct_speed(np.array([0.0, aspect, 0.3]), np.array([0.4, 0.4, 0.0]), aspect, 1.0)
+        ).max()
+        < 1e-5
     )
 
 
@@ -104,7 +109,10 @@ def test_a_channel_between_walls_has_the_stream_and_the_slope_of_half_a_duct(mes
         numerics={"mesh_size": mesh_size},
     )
     result = incipient.run(scene)
-    x, v = result.velocity.function_space.tabulate_dof_coordinates(), result.velocity.x.array.reshape(-1, 3)
+    x, v = (
+        result.velocity.function_space.tabulate_dof_coordinates(),
+        result.velocity.x.array.reshape(-1, 3),
+    )
     exact = np.zeros_like(v)
     exact[:, 0] = duct_speed(x[:, 1], np.maximum(x[:, 2], 0.0), width, 2.0)
     assert np.abs(v - exact).max() < error * exact.max()
@@ -118,9 +126,7 @@ def test_a_channel_between_walls_has_the_stream_and_the_slope_of_half_a_duct(mes
 # -- a film over a bump: slope 1/2, Reynolds number 1 ----------------------------------------------------------
 
 REYNOLDS, COT, LENGTH, WIDTH, CELL, HEIGHT = 1.0, 2.0, 9.0, 4.0, 0.5, 0.01
-DEGREE = (
-    14  # of the polynomials in the depth: 22 changes the response by less than 1e-9 for wave numbers up to 3
-)
+DEGREE = 14  # of the polynomials in the depth: 22 changes the response by less than 1e-9 for wave numbers up to 3
 
 
 def bump(mesh_size, place=(4.0, 2.0), **sections):
@@ -139,7 +145,9 @@ def bump(mesh_size, place=(4.0, 2.0), **sections):
             "slope": float(np.degrees(angle)),
         },
         "gravity": {"acceleration": float(3.0 / REYNOLDS / np.sin(angle))},
-        "surface": {"stations": [[s, t] for t in (0.0, 1.0, 2.0) for s in np.arange(1.5, 8.5, 0.5).tolist()]},
+        "surface": {
+            "stations": [[s, t] for t in (0.0, 1.0, 2.0) for s in np.arange(1.5, 8.5, 0.5).tolist()]
+        },
         "time": {"start": "steady", "end": 9.0, "step": 0.75},
         "numerics": {"mesh_size": mesh_size, "error_bars": False},
     }
@@ -152,13 +160,18 @@ def response(kx, ky):
     The Navier-Stokes equations linearised about the film: on the bed u = -U' and v = w = 0; on the surface
     w = i kx U h, no shear (u' + U'' h + i kx w = 0, v' + i ky w = 0) and p - 2 nu w' = g cos(a) h.
     """
-    n = DEGREE + 1  # of the velocities' polynomials; the pressure has two less, as continuity has places
+    n = (
+        DEGREE + 1
+    )  # of the velocities' polynomials; the pressure has two less, as continuity has places
     z, between = (
-        0.5 * (1 - np.cos(np.pi * t)) for t in (np.arange(n) / (n - 1), (np.arange(n - 2) + 0.5) / (n - 2))
+        0.5 * (1 - np.cos(np.pi * t))
+        for t in (np.arange(n) / (n - 1), (np.arange(n - 2) + 0.5) / (n - 2))
     )
     basis = [Chebyshev.basis(j, domain=[0, 1]) for j in range(n)]
     P, D, D2 = (np.column_stack([c.deriv(m)(z) if m else c(z) for c in basis]) for m in range(3))
-    Q, QD = (np.column_stack([c.deriv(m)(between) if m else c(between) for c in basis]) for m in range(2))
+    Q, QD = (
+        np.column_stack([c.deriv(m)(between) if m else c(between) for c in basis]) for m in range(2)
+    )
     speed, shear = 1.5 * z * (2 - z), 3 * (1 - z)
     carried = 1j * kx * speed[:, None] * P - (D2 - (kx**2 + ky**2) * P) / REYNOLDS
     inner, bed, top = slice(1, -1), slice(0, 1), slice(-1, None)

@@ -52,7 +52,11 @@ class Case:
         self.work += sum(taken.contacts.work)
 
     def run(
-        self, dt: float, end: float, gravity: Floats, until: Callable[[BodyState], bool] = lambda one: False
+        self,
+        dt: float,
+        end: float,
+        gravity: Floats,
+        until: Callable[[BodyState], bool] = lambda one: False,
     ) -> Case:
         """Steps to an end, or until something holds."""
         for _ in range(round(end / dt)):
@@ -81,10 +85,14 @@ def test_round_grains_roll_or_slide_down_an_incline(gdim: int, friction: float) 
     """a = g sin/(1 + k), k = 1/2 or 2/5, where friction is above tan k/(1 + k), else g (sin - friction cos)."""
     k, slope = {2: 0.5, 3: 0.4}[gdim], 0.3
     grain, bed = (Disc(0.5), Flat()) if gdim == 2 else (Sphere(0.5), Plane())
-    case = Case(grain, bed, Placement((0.0, 0.25) if gdim == 2 else (0.0, 0.0, 0.25)), ContactLaw(friction))
+    case = Case(
+        grain, bed, Placement((0.0, 0.25) if gdim == 2 else (0.0, 0.0, 0.25)), ContactLaw(friction)
+    )
     case.run(0.05, 0.5, down(gdim, slope))
     rolls = friction > np.tan(slope) * k / (1.0 + k)
-    exact = G * np.sin(slope) / (1.0 + k) if rolls else G * (np.sin(slope) - friction * np.cos(slope))
+    exact = (
+        G * np.sin(slope) / (1.0 + k) if rolls else G * (np.sin(slope) - friction * np.cos(slope))
+    )
     assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
     assert case.state.place[0] == pytest.approx(0.125 * exact, rel=0.05)
     spin = abs(float(case.state.spin[0] if gdim == 2 else case.state.spin[1]))
@@ -92,7 +100,9 @@ def test_round_grains_roll_or_slide_down_an_incline(gdim: int, friction: float) 
 
 
 @pytest.mark.parametrize("gdim", [2, 3])
-def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slopes(gdim: int) -> None:
+def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slopes(
+    gdim: int,
+) -> None:
     """a = g (sin - c cos)/(1 + k) down a slope, -g c/(1 + k) on the level until it rests; at rest where c >= tan.
 
     By the balances of momentum with a couple c R N against rolling. In space along any direction of the surface.
@@ -120,7 +130,9 @@ def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slope
     rolls = Case(grain, bed, placement, law, start)
     first = rolls.energy(down(gdim))
     rolls.run(0.01, 0.5, down(gdim))
-    assert np.linalg.norm(rolls.state.velocity) == pytest.approx(speed - 0.5 * G * c / (1.0 + k), rel=1e-9)
+    assert np.linalg.norm(rolls.state.velocity) == pytest.approx(
+        speed - 0.5 * G * c / (1.0 + k), rel=1e-9
+    )
     assert rolls.work == pytest.approx(rolls.energy(down(gdim)) - first, rel=1e-9)
     rolls.run(0.01, 1.0, down(gdim))
     assert np.abs(rolls.state.velocities).max() < 1e-9
@@ -141,7 +153,9 @@ def test_resistance_to_rolling_leaves_a_grain_that_slides_to_its_friction() -> N
 
 def test_a_block_slides_to_rest_where_friction_has_taken_its_energy() -> None:
     """The way is u^2/(2 friction g), for a step of 1/30 of the time to a thousandth; the work is the energy lost."""
-    case = Case(Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.3), np.array([1.0, 0, 0]))
+    case = Case(
+        Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.3), np.array([1.0, 0, 0])
+    )
     case.run(0.01, 0.5, down(2))
     assert case.state.place[0] == pytest.approx(1.0 / 6.0, rel=1e-3)
     assert np.abs(case.state.velocities).max() < 1e-9
@@ -151,7 +165,11 @@ def test_a_block_slides_to_rest_where_friction_has_taken_its_energy() -> None:
 def test_kinetic_friction_brakes_what_static_friction_would_hold() -> None:
     """Friction is that of sliding while a contact slides."""
     case = Case(
-        Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.6, 0.2), np.array([1.0, 0, 0])
+        Rectangle(1.0, 0.5),
+        Flat(),
+        Placement((0.0, 0.25)),
+        ContactLaw(0.6, 0.2),
+        np.array([1.0, 0, 0]),
     )
     case.run(0.01, 0.2, down(2))
     assert case.state.velocity[0] == pytest.approx(1.0 - 0.2 * 0.2 * G, rel=1e-6)
@@ -239,7 +257,9 @@ def test_impacts_give_back_what_restitution_says(restitution: float) -> None:
 
 def test_a_body_is_not_driven_through_its_bed_by_a_long_step() -> None:
     """Steps in which it would go many times its size end on the bed."""
-    case = Case(Disc(0.1), Flat(), Placement((0.0, 5.0)), ContactLaw(0.3), np.array([3.0, -50.0, 0.0]))
+    case = Case(
+        Disc(0.1), Flat(), Placement((0.0, 5.0)), ContactLaw(0.3), np.array([3.0, -50.0, 0.0])
+    )
     case.run(0.2, 1.0, down(2))
     assert case.state.place[1] == pytest.approx(0.05, abs=1e-8)
     assert abs(case.state.velocity[1]) < 1e-6
@@ -247,7 +267,10 @@ def test_a_body_is_not_driven_through_its_bed_by_a_long_step() -> None:
 
 POCKETS = ("plane", "triangular")
 STRENGTHS = (1.01, 1.05, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0, 1000.0)
-ROLLING = {"plane": 3.0 / 2.0, "triangular": 1.0 + 2.0 / 5.0 / 0.75}  # inertia over that without turning
+ROLLING = {
+    "plane": 3.0 / 2.0,
+    "triangular": 1.0 + 2.0 / 5.0 / 0.75,
+}  # inertia over that without turning
 
 
 @pytest.mark.slow
@@ -268,7 +291,9 @@ def test_gusts_that_roll_a_grain_out_of_its_pocket(pocket: str, strength: float)
 @pytest.mark.slow
 @pytest.mark.parametrize("pocket", POCKETS)
 @pytest.mark.parametrize("strength", [1.1, 2.0, 1000.0])
-def test_gusts_that_push_a_grain_out_of_its_pocket_without_friction(pocket: str, strength: float) -> None:
+def test_gusts_that_push_a_grain_out_of_its_pocket_without_friction(
+    pocket: str, strength: float
+) -> None:
     """It does not turn: kappa = 1 in the same equation, and all durations shorter by the root of kappa."""
     force, duration = _gust(pocket, strength)
     duration /= np.sqrt(ROLLING[pocket])
@@ -284,7 +309,9 @@ def test_the_impulse_of_short_gusts_is_that_of_the_height_of_the_saddle() -> Non
     for pocket, limit, dry in (("plane", 0.732051, 0.59772), ("triangular", 0.413370, 0.33383)):
         force, duration = _gust(pocket, 1000.0)
         assert force * duration == pytest.approx(limit, rel=1e-3)
-        assert limit / np.sqrt(ROLLING[pocket]) == pytest.approx(dry, abs=5e-6)  # the digits it is given with
+        assert limit / np.sqrt(ROLLING[pocket]) == pytest.approx(
+            dry, abs=5e-6
+        )  # the digits it is given with
         force, duration = _gust(pocket, 1.1)
         assert force * duration / limit == pytest.approx(
             {"plane": 2.49, "triangular": 2.58}[pocket], abs=0.01
@@ -350,7 +377,9 @@ def test_a_hexagon_keeps_of_its_spin_what_its_moment_about_the_next_corner_says(
     grain = Polygon(radius * np.column_stack([np.cos(angles), np.sin(angles)]))
     tilt, spin, dt = 0.01, -1.0, 1e-3  # turning about its right lower corner, onto its right side
     corner = radius * np.array([np.cos(-np.pi / 3), np.sin(-np.pi / 3)])
-    side = np.pi / 3 - tilt  # how far it has turned about that corner since it lay on the side before
+    side = (
+        np.pi / 3 - tilt
+    )  # how far it has turned about that corner since it lay on the side before
     turned = -side
     rotation = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
     centre = -rotation @ corner
@@ -367,7 +396,9 @@ def test_a_hexagon_keeps_of_its_spin_what_its_moment_about_the_next_corner_says(
     assert case.state.spin[0] / before == pytest.approx(11.0 / 17.0, rel=2e-2)
 
 
-def test_a_rod_that_slides_on_its_tip_finds_its_way_where_rigid_bodies_have_no_acceleration() -> None:
+def test_a_rod_that_slides_on_its_tip_finds_its_way_where_rigid_bodies_have_no_acceleration() -> (
+    None
+):
     """Painleve's rod: above a friction of 4/3 a sliding rod may have no accelerations; its steps have impulses.
 
     (Painleve 1895, C. R. Acad. Sci. 121, 112; Stewart 2000, SIAM Review 42, 3.) It jams, and loses energy only.
@@ -375,7 +406,9 @@ def test_a_rod_that_slides_on_its_tip_finds_its_way_where_rigid_bodies_have_no_a
     length, angle = 1.0, np.radians(50.0)
     rod = Rectangle(length, 0.01)
     centre = 0.5 * length * np.array([-np.cos(angle), np.sin(angle)]) + np.array([0.0, 0.0051])
-    case = Case(rod, Flat(), Placement(tuple(centre), -angle), ContactLaw(3.0), np.array([2.0, -0.2, 0.0]))
+    case = Case(
+        rod, Flat(), Placement(tuple(centre), -angle), ContactLaw(3.0), np.array([2.0, -0.2, 0.0])
+    )
     last, jammed = case.energy(down(2)), False
     for _ in range(150):
         speed = float(case.state.velocity[0])

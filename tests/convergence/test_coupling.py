@@ -62,7 +62,9 @@ def in_the_cavity(
     conditions = [top, *(no_slip(name) for name in ("left", "right", "bottom"))]
     domain = box_around(grain, placement, cell=0.08, far=0.15)
     mass, moment = ratio * grain.volume, ratio * grain.polar_moment
-    with floating(domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more) as found:
+    with floating(
+        domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more
+    ) as found:
         yield found
 
 
@@ -80,7 +82,9 @@ class Run:
 
 
 @cache  # several tests look at the same run
-def run(grain: Grain, ratio: float, count: int, free: tuple[bool, bool, bool] = (True, True, True)) -> Run:
+def run(
+    grain: Grain, ratio: float, count: int, free: tuple[bool, bool, bool] = (True, True, True)
+) -> Run:
     with in_the_cavity(grain, ratio, free) as found:
         steps, readings = found.march(END, END / count)
     unit = np.array([1.0, 1.0, 0.5 * grain.size])

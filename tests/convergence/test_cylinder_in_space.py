@@ -22,9 +22,7 @@ import dolfinx
 # Metres: benchmark 3D-1Z of Schaefer & Turek (1996), the height measured from the cylinder's axis.
 LENGTH, WIDTH, DIAMETER, BEHIND, BELOW, ABOVE = 2.5, 0.41, 0.1, 0.5, 0.2, 0.21
 HEIGHT, MEAN, VISCOSITY = BELOW + ABOVE, 0.2, 1e-3
-MIRRORED = (
-    0.1  # up to this distance from the axis cells above and below are mirror images, farther off nearly so
-)
+MIRRORED = 0.1  # up to this distance from the axis cells above and below are mirror images, farther off nearly so
 PLANES = {"inflow": (0, 0.0), "outflow": (0, LENGTH), "symmetry": (1, 0.0), "aside": (1, WIDTH / 2)}
 PLANES |= {"bottom": (2, -BELOW), "top": (2, ABOVE)}
 GROWTH, LARGEST = 0.2, 0.05
@@ -44,7 +42,9 @@ def upper_quarter(size: float) -> Iterator[Any]:
         model.addPhysicalGroup(3, [tag for _, tag in model.getEntities(3)])
         from_axis = f"sqrt((x-{BEHIND})*(x-{BEHIND})+z*z)"
         model.mesh.field.add("MathEval", 1)
-        model.mesh.field.setString(1, "F", f"min({LARGEST}, {size}+{GROWTH}*({from_axis}-{DIAMETER / 2}))")
+        model.mesh.field.setString(
+            1, "F", f"min({LARGEST}, {size}+{GROWTH}*({from_axis}-{DIAMETER / 2}))"
+        )
         model.mesh.field.setAsBackgroundMesh(1)
         for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
@@ -69,7 +69,10 @@ def mirrored_channel(size: float) -> Domain:
     number = np.arange(len(nodes))
     number[own] = len(nodes) + np.arange(own.sum())
     mesh = compat.create_mesh(
-        MPI.COMM_WORLD, np.vstack([cells, number[cells]]).astype(np.int64), np.vstack([nodes, below[own]]), 2
+        MPI.COMM_WORLD,
+        np.vstack([cells, number[cells]]).astype(np.int64),
+        np.vstack([nodes, below[own]]),
+        2,
     )
     return _named(mesh)
 
@@ -85,7 +88,9 @@ def _named(mesh: Any) -> Domain:
         tags[np.isin(facets, there)] = tag
     names = {name: tag for tag, name in enumerate((*PLANES, "body"), start=1)}
     order = np.argsort(facets)
-    return Domain(mesh, dolfinx.mesh.meshtags(mesh, 2, facets[order].astype(np.int32), tags[order]), names)
+    return Domain(
+        mesh, dolfinx.mesh.meshtags(mesh, 2, facets[order].astype(np.int32), tags[order]), names
+    )
 
 
 def coefficients(size: float, order: int = 2) -> tuple[float, float, int]:

@@ -46,11 +46,20 @@ class Eddying(Flow):
 
         def force(place: Any, time: Any) -> Any:
             x, t = ufl.variable(place), ufl.variable(time)
-            v, (k, epsilon) = ufl.as_vector(list(self.velocity(x, t, ufl))), self.logarithms(x, t, ufl)
+            v, (k, epsilon) = (
+                ufl.as_vector(list(self.velocity(x, t, ufl))),
+                self.logarithms(x, t, ufl),
+            )
             viscosity = 1 / reynolds + CONSTANTS[0] * ufl.exp(2 * k - epsilon)
             gradient, (i, j) = ufl.diff(v, x), ufl.indices(2)
-            stress = viscosity * (gradient + gradient.T) - self.pressure(x, t, ufl) * ufl.Identity(2)
-            return ufl.diff(v, t) + ufl.dot(gradient, v) - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+            stress = viscosity * (gradient + gradient.T) - self.pressure(x, t, ufl) * ufl.Identity(
+                2
+            )
+            return (
+                ufl.diff(v, t)
+                + ufl.dot(gradient, v)
+                - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+            )
 
         return force
 
@@ -124,6 +133,8 @@ def test_orders_in_time(order: int) -> None:
             for _ in range(steps):
                 transient.advance(END / steps)
             found.append(errors_with_eddies(fluid, fields, IN_TIME))
-    observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
+    observed = np.array(
+        [orders([1 / n for n in counts], column)[-1] for column in np.array(found).T]
+    )
     print(order, found[-1], observed)
     assert observed == pytest.approx(order, abs=0.1)

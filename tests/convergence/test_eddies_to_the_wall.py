@@ -52,7 +52,10 @@ class Eddying(Flow):
         k, omega = (ufl.exp(one) for one in self.logarithms(x, t, ufl))
         gradient = ufl.diff(v, x)
         square = ufl.inner(gradient + gradient.T, gradient)
-        turbulent, viscous = ufl.sqrt(k) / (0.09 * omega * DISTANCE), 500 * NU / (DISTANCE**2 * omega)
+        turbulent, viscous = (
+            ufl.sqrt(k) / (0.09 * omega * DISTANCE),
+            500 * NU / (DISTANCE**2 * omega),
+        )
         cross = 2 * 0.856 / omega * ufl.inner(ufl.diff(k, x), ufl.diff(omega, x))
         third = 4 * 0.856 * k / (ufl.max_value(cross, 1e-10) * DISTANCE**2)
         inner = ufl.tanh(ufl.min_value(ufl.max_value(turbulent, viscous), third) ** 4)
@@ -70,7 +73,11 @@ class Eddying(Flow):
             stress = (1 / reynolds + eddies) * (gradient + gradient.T) - self.pressure(
                 x, t, ufl
             ) * ufl.Identity(self.gdim)
-            return ufl.diff(v, t) + ufl.dot(gradient, v) - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+            return (
+                ufl.diff(v, t)
+                + ufl.dot(gradient, v)
+                - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+            )
 
         return force
 
@@ -185,14 +192,18 @@ def test_orders_in_time(order: int, moving: bool) -> None:
     """On a mesh that moves, too: its straight cells hold the solution wherever they are."""
     found, counts = [], [16 * order, 32 * order]
     for steps in counts:
-        fluid, fields = IN_TIME.joined(unit_box(2, 2), FlowModel(unsteady=True, moving_mesh=moving), 4)
+        fluid, fields = IN_TIME.joined(
+            unit_box(2, 2), FlowModel(unsteady=True, moving_mesh=moving), 4
+        )
         with fluid:
             interface = InTime(fluid, fields, moving=swaying(fluid) if moving else None)
             transient = Transient(fluid, order, 1e-9, interface=interface)
             for _ in range(steps):
                 transient.advance(END / steps)
             found.append(errors_with_eddies(fluid, fields, IN_TIME))
-    observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
+    observed = np.array(
+        [orders([1 / n for n in counts], column)[-1] for column in np.array(found).T]
+    )
     print(order, found[-1], observed)
     assert observed == pytest.approx(order, abs=0.1)
 
@@ -202,7 +213,9 @@ def test_orders_in_time_in_space(moving: bool) -> None:
     """Flow, k and omega of each step as one system; by turns on a mesh that moves."""
     found, counts = [], [8, 16]
     for steps in counts:
-        fluid, fields = IN_SPACE.joined(unit_box(3, 2), FlowModel(unsteady=True, moving_mesh=moving), 2)
+        fluid, fields = IN_SPACE.joined(
+            unit_box(3, 2), FlowModel(unsteady=True, moving_mesh=moving), 2
+        )
         with fluid:
             if moving:
                 interface = InTime(fluid, fields, moving=swaying(fluid))
@@ -212,6 +225,8 @@ def test_orders_in_time_in_space(moving: bool) -> None:
             for _ in range(steps):
                 assert transient.advance(END / steps).rejected == 0
             found.append(errors_with_eddies(fluid, fields, IN_SPACE))
-    observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
+    observed = np.array(
+        [orders([1 / n for n in counts], column)[-1] for column in np.array(found).T]
+    )
     print(found[-1], observed)
     assert observed == pytest.approx(2.0, abs=0.1)

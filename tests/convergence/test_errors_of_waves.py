@@ -69,7 +69,9 @@ FINE = ("time.step=0.025", "numerics.mesh_size=5.0", "numerics.order=3")
 SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize("viscosity", [0.01, pytest.param(0.05, marks=SLOW), pytest.param(0.001, marks=SLOW)])
+@pytest.mark.parametrize(
+    "viscosity", [0.01, pytest.param(0.05, marks=SLOW), pytest.param(0.001, marks=SLOW)]
+)
 @pytest.mark.parametrize(
     "how", [COARSE_CELLS, pytest.param(COARSE_STEPS, marks=SLOW), pytest.param(FINE, marks=SLOW)]
 )
@@ -90,11 +92,15 @@ def test_error_bars_of_a_wave_released_from_rest() -> None:
     assert bars is not None and bars.elevation is not None
     assert [part.name for part in bars.terms[0].parts] == ["time step", "mesh"]
     assert result.elevations is not None
-    true = true_error(result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi))
+    true = true_error(
+        result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi)
+    )
     assert 0.75 < bars.elevation.max() / AMPLITUDE / true < 3.0
     assert bars.level is not None
     assert f"within {bars.level[1]:.1e}, in the run {bars.elevation[1]:.1e}" in result.text()
-    assert bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["couple"] is None
+    assert (
+        bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["couple"] is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,7 +111,9 @@ def test_an_accuracy_of_elevations_is_reached(accuracy: float) -> None:
     assert result.adaptation is not None and result.adaptation.met
     assert result.adaptation.of == "elevation"
     assert result.elevations is not None
-    true = true_error(result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi))
+    true = true_error(
+        result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi)
+    )
     assert true < min(
         accuracy, result.adaptation.reached
     )  # at 0.1 it was 1.25 to 1.33 times what was estimated

@@ -59,7 +59,9 @@ def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, ord
 
     def first(x):
         second = (
-            amplitude**2 * second_order(0.0, lasting=True) * np.cos(2.0 * K * x[:, 0]) if lasting else 0.0
+            amplitude**2 * second_order(0.0, lasting=True) * np.cos(2.0 * K * x[:, 0])
+            if lasting
+            else 0.0
         )
         return amplitude * np.cos(K * x[:, 0]) + second
 
@@ -96,7 +98,9 @@ def test_the_frequency_of_a_standing_wave_of_finite_height():
     """That of third order, within a tenth of how far it is below the linear one, up to a height of 0.3 of the depth."""
 
     def wave(t, first, frequency, third, decay):
-        return np.exp(-decay * t) * (first * np.cos(frequency * t) + third * np.cos(3.0 * frequency * t))
+        return np.exp(-decay * t) * (
+            first * np.cos(frequency * t) + third * np.cos(3.0 * frequency * t)
+        )
 
     def frequency(a):
         t, h = elevations(a, lasting=True, steps=100, periods=2.0)

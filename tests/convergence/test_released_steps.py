@@ -65,7 +65,8 @@ class Came:
         with (directory / "history.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
         time, length, contacts, slip, x = (
-            np.array([float(row[name]) for row in rows]) for name in ("time", "step", "contacts", "slip", "x")
+            np.array([float(row[name]) for row in rows])
+            for name in ("time", "step", "contacts", "slip", "x")
         )
         return cls(float(time[contacts > 0][0]), float((slip * length).sum()), float(x[-1]))
 
@@ -81,7 +82,8 @@ def test_contact_slip_and_rest_converge_with_the_step(tmp_path: Path) -> None:
     assert half.touched - 1e-9 <= coarse.touched <= half.touched + 0.04 + 1e-9
     for name in ("slid", "rested"):
         before, after = (
-            abs(getattr(one, name) - getattr(other, name)) for one, other in ((coarse, half), (half, quarter))
+            abs(getattr(one, name) - getattr(other, name))
+            for one, other in ((coarse, half), (half, quarter))
         )
         assert after < 0.55 * before  # 0.51 and 0.50 when written
     assert (quarter.slid, quarter.rested) == pytest.approx((0.0394, 2.734), rel=2e-3)

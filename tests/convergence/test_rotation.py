@@ -45,13 +45,17 @@ def differentiation(n: int) -> tuple[Floats, Floats]:
     return matrix - np.diag(matrix.sum(axis=1)), x
 
 
-def exact_spins(inertia: float, spin: float, wall: Callable[[float], float], times: Floats) -> Floats:
+def exact_spins(
+    inertia: float, spin: float, wall: Callable[[float], float], times: Floats
+) -> Floats:
     """Spins of the disc, started in fluid at rest in an outer circle that turns with `wall(t)`."""
     n = 28
     derivative, x = differentiation(n)
     radius = INNER + (OUTER - INNER) * (1 + x) / 2
     derivative *= 2 / (OUTER - INNER)
-    viscous = VISCOSITY * (derivative @ derivative + (derivative - np.eye(n + 1) / radius) / radius[:, None])
+    viscous = VISCOSITY * (
+        derivative @ derivative + (derivative - np.eye(n + 1) / radius) / radius[:, None]
+    )
     couple = 2 * np.pi * INNER**2 * VISCOSITY * (derivative[n] - np.eye(n + 1)[n] / INNER)
 
     def profile(t: float, inside: Floats) -> Floats:

@@ -67,7 +67,10 @@ def period(ratio: float, half_width: float, step: float, directory: Path) -> flo
     """Time that a massless ellipse takes to turn once, through as many meshes as that needs."""
     scene = Scene(
         domain=Domain(
-            length=2 * half_width, height=2 * half_width, origin=(-half_width, -half_width), top="stream"
+            length=2 * half_width,
+            height=2 * half_width,
+            origin=(-half_width, -half_width),
+            top="stream",
         ),
         fluid=Fluid(reynolds=1e-8, scale="grain", inertia=False),
         flow=ExpressionFlow(components=("y", "0")),
@@ -103,5 +106,11 @@ def test_period_of_the_orbit(ratio: float, tmp_path: Path) -> None:
     widths = (10.0 * ratio, 20.0 * ratio)
     near, far = (period(ratio, width, 0.1, tmp_path / f"{width}") for width in widths)
     expected = 2 * np.pi * (ratio + 1 / ratio)
-    print(ratio, expected, near / expected - 1, far / expected - 1, (4 * far - near) / 3 / expected - 1)
+    print(
+        ratio,
+        expected,
+        near / expected - 1,
+        far / expected - 1,
+        (4 * far - near) / 3 / expected - 1,
+    )
     assert (4 * far - near) / 3 == pytest.approx(expected, rel=0.01)

@@ -43,7 +43,9 @@ SPATIAL = Flow(
 )
 
 # v = (F(y), x): with the map x = X + t g(Y) the velocity at fixed X is linear in time, so that no time step errs.
-PLANE_MOVING = Flow(2, lambda x, t, m: (m.sin(3 * x[1]), x[0]), lambda x, t, m: m.sin(2 * x[0] + x[1]))
+PLANE_MOVING = Flow(
+    2, lambda x, t, m: (m.sin(3 * x[1]), x[0]), lambda x, t, m: m.sin(2 * x[0] + x[1])
+)
 SPATIAL_MOVING = Flow(
     3,
     lambda x, t, m: (m.sin(2 * x[1]) * m.cos(2 * x[2]), x[0], -x[0]),
@@ -54,7 +56,10 @@ SPATIAL_MOVING = Flow(
 # From psi = (1 + (1 - x)^3) sin(2 y), so that p = 0 and dv/dx = 0 at x = 1: fluid may leave there freely.
 LEAVING = Flow(
     2,
-    lambda x, t, m: (2 * (1 + (1 - x[0]) ** 3) * m.cos(2 * x[1]), 3 * (1 - x[0]) ** 2 * m.sin(2 * x[1])),
+    lambda x, t, m: (
+        2 * (1 + (1 - x[0]) ** 3) * m.cos(2 * x[1]),
+        3 * (1 - x[0]) ** 2 * m.sin(2 * x[1]),
+    ),
     lambda x, t, m: 3 * m.sin(2 - 2 * x[0]) * m.cos(2 * x[1]),
 )
 
@@ -65,7 +70,11 @@ CURVED = {
         lambda x, t, m: (0 * x[0], 0 * x[0]),
     ),
     3: Motion(
-        lambda x, t, m: (0.1 * m.sin(2 * x[0] + 2 * x[1]), 0.1 * m.cos(2 * x[2]), 0.1 * m.sin(x[0] * x[1])),
+        lambda x, t, m: (
+            0.1 * m.sin(2 * x[0] + 2 * x[1]),
+            0.1 * m.cos(2 * x[2]),
+            0.1 * m.sin(x[0] * x[1]),
+        ),
         lambda x, t, m: (0 * x[0], 0 * x[0], 0 * x[0]),
     ),
 }

@@ -31,13 +31,18 @@ FLOW = Flow(
     lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
 )
 STRETCHING = Motion(
-    lambda x, t, m: (0.2 * m.sin(2 * t) * x[0] + 0.3 * t**2 * x[1], 0.2 * (m.cos(3 * t) - 1) * x[1]),
+    lambda x, t, m: (
+        0.2 * m.sin(2 * t) * x[0] + 0.3 * t**2 * x[1],
+        0.2 * (m.cos(3 * t) - 1) * x[1],
+    ),
     lambda x, t, m: (0.4 * m.cos(2 * t) * x[0] + 0.6 * t * x[1], -0.6 * m.sin(3 * t) * x[1]),
 )
 # At rest, then a burst about t = 0.5 that lasts a tenth.
 BURST = Flow(
     2,
-    lambda x, t, m: tuple((1.2 + m.tanh(20 * (t - 0.5))) * square for square in (x[1] ** 2, x[0] ** 2)),
+    lambda x, t, m: tuple(
+        (1.2 + m.tanh(20 * (t - 0.5))) * square for square in (x[1] ** 2, x[0] ** 2)
+    ),
     lambda x, t, m: x[0] - x[1],
 )
 
@@ -79,7 +84,9 @@ def alternating(n: int) -> list[float]:
 
 
 # Steps alike are a special case.
-lengths = pytest.mark.parametrize("steps", [pytest.param(constant, marks=pytest.mark.slow), alternating])
+lengths = pytest.mark.parametrize(
+    "steps", [pytest.param(constant, marks=pytest.mark.slow), alternating]
+)
 
 
 def errors_after(
@@ -130,9 +137,13 @@ def errors_on_a_moved_mesh(steps: Sequence[float], order: int, model: FlowModel)
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
 @lengths
 @pytest.mark.parametrize("order", [1, 2])
-def test_order_in_time_on_a_moved_mesh(order: int, steps: Any, convection: str, energy_stable: bool) -> None:
+def test_order_in_time_on_a_moved_mesh(
+    order: int, steps: Any, convection: str, energy_stable: bool
+) -> None:
     counts = [64, 128]
-    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable)
+    model = FlowModel(
+        unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable
+    )
     found = np.array([errors_on_a_moved_mesh(steps(n), order, model) for n in counts])
     observed = [orders([1 / n for n in counts], column) for column in found.T]
     print(order, steps.__name__, convection, energy_stable, found[-1], observed)
@@ -160,7 +171,9 @@ def test_error_follows_the_tolerance(order: int) -> None:
     found = [largest_error(BURST, order, tolerance, 0.1) for tolerance in tolerances]
     print(found, orders(tolerances, found))
     # Steps change by quarters and are few at loose tolerances: 0.720 and 0.647 of order two.
-    assert orders(tolerances, found) == pytest.approx([order / (order + 1)] * (len(found) - 1), abs=0.1)
+    assert orders(tolerances, found) == pytest.approx(
+        [order / (order + 1)] * (len(found) - 1), abs=0.1
+    )
     assert all(error < 10 * tolerance for error, tolerance in zip(found, tolerances, strict=True))
 
 

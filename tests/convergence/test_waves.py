@@ -71,7 +71,9 @@ def test_surface_tension():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("viscosity", "order", "n"), [(0.01, 3, 12), (0.001, 3, 20), (0.0001, 4, 16)])
+@pytest.mark.parametrize(
+    ("viscosity", "order", "n"), [(0.01, 3, 12), (0.001, 3, 20), (0.0001, 4, 16)]
+)
 def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
     from scipy.optimize import least_squares
 
@@ -93,7 +95,9 @@ def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
     def missed(p):
         return np.real((p[0] + 1j * p[1]) * np.exp((p[2] + 1j * p[3]) * t)) - h
 
-    found = least_squares(missed, [1, 0, mode.s.real, mode.s.imag], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    found = least_squares(
+        missed, [1, 0, mode.s.real, mode.s.imag], xtol=1e-14, ftol=1e-14, gtol=1e-14
+    ).x
     assert found[2] == pytest.approx(row["re_s"], rel=1e-3)
     assert found[3] == pytest.approx(row["im_s"], rel=1e-3)
 
@@ -117,7 +121,9 @@ def pinned_wave(tension, modes=100):
     shape, k = shapes[:, 0], k[0]
     rise = 2.0 * shape @ overlap  # of each cosine, per unit of time as of amplitude
     y = np.linspace(0.0, 1.0, 2001)
-    along = rise @ (np.sinh(np.minimum(np.outer(k, y), 300.0)) / np.sinh(np.minimum(k, 300.0))[:, None])
+    along = rise @ (
+        np.sinh(np.minimum(np.outer(k, y), 300.0)) / np.sinh(np.minimum(k, 300.0))[:, None]
+    )
     squares, w = rise**2 * 0.5 / (k * np.tanh(k)), float(np.sqrt(square[0]))
     at_ends = np.sqrt(w / 8.0) * 2.0 * trapezoid(along**2, y) / squares.sum()
     within = 2.0 * (k**2 * squares).sum() / squares.sum()
@@ -161,7 +167,9 @@ def error_in_space(n, steps):
     def shape(x):
         return np.cos(np.pi * x[:, 0]) * np.cos(np.pi * x[:, 1])
 
-    with tank(curved_box(3, n, 2), mode.nu, lambda x: amplitude * shape(x), gravity=(0.0, 0.0, -1.0)) as made:
+    with tank(
+        curved_box(3, n, 2), mode.nu, lambda x: amplitude * shape(x), gravity=(0.0, 0.0, -1.0)
+    ) as made:
 
         def velocity(x):
             along, upwards = mode.velocity(x[:, 0], x[:, 2])

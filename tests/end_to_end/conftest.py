@@ -43,7 +43,9 @@ Session = Callable[..., list[Outcome]]
 def command(tmp_path: Path, mpirun: Any) -> Command:
     """`command("run", scene, ranks=2)`: the command in tmp_path, with its exit code and what it said."""
 
-    def run(*arguments: object, ranks: int = 1, timeout: float = 60, **variables: str) -> Finished[str]:
+    def run(
+        *arguments: object, ranks: int = 1, timeout: float = 60, **variables: str
+    ) -> Finished[str]:
         if ranks > 1:
             return mpirun(ranks, COMMAND, *arguments, timeout=timeout)
         command = [sys.executable, "-m", "incipient", *arguments]
@@ -57,7 +59,10 @@ def session(mpirun: Any) -> Session:
     """`session(ranks, commands)`: commands one after the other in tmp_path, none of which may hang."""
 
     def run(
-        ranks: int, commands: Sequence[Sequence[object]], limit: int | None = None, timeout: float = 120
+        ranks: int,
+        commands: Sequence[Sequence[object]],
+        limit: int | None = None,
+        timeout: float = 120,
     ) -> list[Outcome]:
         plain = [[str(argument) for argument in command] for command in commands]
         done = mpirun(ranks, SESSION, json.dumps([limit, plain]), timeout=timeout)

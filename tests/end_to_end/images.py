@@ -17,5 +17,9 @@ def assert_is_a_picture(path, margin=True):
 
 def texts_of(figure):
     """Everything written on a figure, its legends and first axes included, titles excepted."""
-    written = [*figure.texts, *figure.axes[0].texts, *(t for key in figure.legends for t in key.texts)]
+    written = [
+        *figure.texts,
+        *figure.axes[0].texts,
+        *(t for key in figure.legends for t in key.texts),
+    ]
     return [text.get_text() for text in written]

@@ -89,7 +89,9 @@ def write_history(path: Path, times, remeshed=()) -> None:
         rows = csv.DictWriter(stream, COLUMNS, restval=0.0, lineterminator="\n")
         rows.writeheader()
         for time, moved in zip(times, course(times).tolist(), strict=True):
-            row = dict(zip(("x", "y", "angle", "velocity_x", "velocity_y", "spin"), moved, strict=True))
+            row = dict(
+                zip(("x", "y", "angle", "velocity_x", "velocity_y", "spin"), moved, strict=True)
+            )
             meshes = 1 + sum(time > made for made in remeshed)
             rows.writerow({"time": time, "step": 0.05, "error": "", "meshes": meshes, **row})
 
@@ -102,7 +104,10 @@ def write_texts(directory: Path) -> None:
 
 def vortex(x):
     """Velocity, pressure and vorticity of psi = -(sin(pi x/L) sin(pi y/H))^2, at rest on the walls, at (3, n)."""
-    (a, b), (p, q) = x[:2] * np.array([[np.pi / LENGTH], [np.pi / HEIGHT]]), (np.pi / LENGTH, np.pi / HEIGHT)
+    (a, b), (p, q) = (
+        x[:2] * np.array([[np.pi / LENGTH], [np.pi / HEIGHT]]),
+        (np.pi / LENGTH, np.pi / HEIGHT),
+    )
     u, v = -q * np.sin(a) ** 2 * np.sin(2 * b), p * np.sin(2 * a) * np.sin(b) ** 2
     curl = 2 * p**2 * np.cos(2 * a) * np.sin(b) ** 2 + 2 * q**2 * np.sin(a) ** 2 * np.cos(2 * b)
     return np.array([u, v]), 0.5 * np.cos(a) * np.cos(b), curl
@@ -147,7 +152,9 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
         mesh, body = domain.mesh, domain.facets_of("body")
         motion = MeshMotion(domain)
         displacement = RigidDisplacement(domain, "body", placement(part[0]), turning=True)
-        functions = [Function(compat.space(mesh, ("Lagrange", 2), shape)) for shape in ((2,), (), ())]
+        functions = [
+            Function(compat.space(mesh, ("Lagrange", 2), shape)) for shape in ((2,), (), ())
+        ]
         if fields is None:
             fields = FieldSeries(directory / "fields", mesh, mesh.comm)
             surface = FieldSeries(directory / "surface", mesh, mesh.comm, facets=body)
@@ -158,7 +165,9 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
             motion.move(displacement.at(placement(time)))
             for k, function in enumerate(functions):
                 function.interpolate(lambda x, k=k: vortex(x)[k])
-            fields.write(time, dict(zip(("velocity", "pressure", "vorticity"), functions, strict=True)))
+            fields.write(
+                time, dict(zip(("velocity", "pressure", "vorticity"), functions, strict=True))
+            )
             surface.write(time, {"traction": functions[0]})
     return [float(part[0]) for part in parts[1:]]
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
-GRAIN_ON_BED, CAVITY, CYLINDER = (SCENES / f"{name}.toml" for name in ("grain_on_bed", "cavity", "cylinder"))
+GRAIN_ON_BED, CAVITY, CYLINDER = (
+    SCENES / f"{name}.toml" for name in ("grain_on_bed", "cavity", "cylinder")
+)
 VORTEX_STREET = SCENES / "vortex_street.toml"
 
 Finished = subprocess.CompletedProcess

@@ -104,7 +104,9 @@ def on_bed(**numerics: Any) -> Scene:
 
 def in_pocket(gravity: float, **numerics: Any) -> Scene:
     """A disc between two half-discs; its safety factor is 0.581 times gravity."""
-    scene = changed(grain_on_bed(), numerics={**QUIET, **numerics}, gravity={"acceleration": gravity})
+    scene = changed(
+        grain_on_bed(), numerics={**QUIET, **numerics}, gravity={"acceleration": gravity}
+    )
     return Scene(**{**scene.model_dump(), "bed": POCKET})
 
 
@@ -131,7 +133,9 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
     result = run(scene(accuracy=accuracy))
     found, true = result.adaptation, error_of(result, reference)
     assert found is not None and found.met and found.reason == "reached"
-    assert found.trials[0].unknowns == first_mesh(scene(accuracy=accuracy)).unknowns, "as the plan says"
+    assert found.trials[0].unknowns == first_mesh(scene(accuracy=accuracy)).unknowns, (
+        "as the plan says"
+    )
     assert accuracy / 20.0 < true < accuracy
     # On a first, coarse mesh, which is enough for a hundredth, the estimate is a sixth below the error of a cylinder.
     assert found.reached == pytest.approx(true, rel=0.1 if accuracy < 0.01 else 0.25)
@@ -159,7 +163,9 @@ def test_safety_factor() -> None:
     assert result.adaptation is not None and result.adaptation.met
     assert finer.adaptation is not None and finer.adaptation.met
     # The interval goes both ways from the value.
-    assert result.verdict["safety_factor"] == pytest.approx(finer.verdict["safety_factor"], rel=0.002)
+    assert result.verdict["safety_factor"] == pytest.approx(
+        finer.verdict["safety_factor"], rel=0.002
+    )
     assert len(result.adaptation.trials) <= len(finer.adaptation.trials)
 
 
@@ -206,7 +212,9 @@ def test_verdict_acts_on_what_decides() -> None:
 def test_flow_in_time(tmp_path: Path) -> None:
     """A disc in a stream that starts: steps and mesh are made finer as each errs; the last run is recorded."""
     result = run(loads(STREAM + "accuracy=0.001\n"), tmp_path)
-    fine = run(loads(STREAM + "order=3\n", overrides=("time.step=0.0125", "numerics.mesh_size=1.0")))
+    fine = run(
+        loads(STREAM + "order=3\n", overrides=("time.step=0.0125", "numerics.mesh_size=1.0"))
+    )
     found = result.adaptation
     assert found is not None and found.met and found.reached is not None
     assert result.force is not None and fine.force is not None
@@ -214,7 +222,9 @@ def test_flow_in_time(tmp_path: Path) -> None:
     assert true < 0.001
     assert found.trials[0].unknowns == first_mesh(loads(STREAM + "accuracy=0.001\n")).unknowns
     for trial in found.trials:
-        assert trial.estimate is not None and trial.of_step is not None and trial.of_mesh is not None
+        assert (
+            trial.estimate is not None and trial.of_step is not None and trial.of_mesh is not None
+        )
         assert trial.estimate <= trial.of_step + trial.of_mesh
     history = (tmp_path / "history.csv").read_text().splitlines()
     assert found.trials[-1].step is not None
@@ -231,16 +241,22 @@ def test_a_disc_that_is_turned_in_fluid_at_rest(accuracy: float) -> None:
     result = run(loads(TURNED, overrides=(f"numerics.accuracy={accuracy}",)))
     exact = couple_on_a_turned_disc(4.0, viscosity=0.05, radius=0.5, frequency=2.0)
     found = result.adaptation
-    assert result.couple is not None and found is not None and found.met and found.reached is not None
+    assert (
+        result.couple is not None and found is not None and found.met and found.reached is not None
+    )
     error = abs(result.couple.flow[2] / exact - 1.0)
     assert error < accuracy
     assert 0.5 < found.reached / error < 3.0
     first, last = found.trials[0], found.trials[-1]
     assert first.step is not None and last.step is not None
-    assert last.step < 0.5 * first.step and last.cells < 2.0 * first.cells, "the time errs most by far"
+    assert last.step < 0.5 * first.step and last.cells < 2.0 * first.cells, (
+        "the time errs most by far"
+    )
 
 
-def couple_on_a_turned_disc(time: float, viscosity: float, radius: float, frequency: float) -> float:
+def couple_on_a_turned_disc(
+    time: float, viscosity: float, radius: float, frequency: float
+) -> float:
     """The couple on a disc that turns with spin sin(frequency t) in endless fluid, at rest at first.
 
     The flow is v(r) K1(l r)/K1(l R) around the disc in Laplace's space, l = sqrt(s/viscosity), also of the full
@@ -299,7 +315,9 @@ def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
     force, unknowns = json.loads(done.stdout.splitlines()[-1])
     alone = run(on_bed(accuracy=0.003))
     assert alone.adaptation is not None
-    assert unknowns == pytest.approx([trial.unknowns for trial in alone.adaptation.trials], rel=0.05)
+    assert unknowns == pytest.approx(
+        [trial.unknowns for trial in alone.adaptation.trials], rel=0.05
+    )
     assert np.linalg.norm(np.array(force[:2]) - ON_BED) / np.linalg.norm(ON_BED) < 0.003
 
 
@@ -322,13 +340,19 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(refinement, "loads_at", fail_at_first)
     found = run(on_bed(accuracy=0.01)).adaptation
     assert found is not None and found.met
-    assert [trial.note for trial in found.trials] == ["no steady flow found", "no steady flow found", ""]
+    assert [trial.note for trial in found.trials] == [
+        "no steady flow found",
+        "no steady flow found",
+        "",
+    ]
     failures[0] = 3
     with pytest.raises(ConvergenceError, match="no steady flow found"):
         run(on_bed(accuracy=0.01))
 
 
-def test_the_best_is_kept_where_a_later_mesh_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_best_is_kept_where_a_later_mesh_fails(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     solve, calls = refinement.loads_at, [0]
 
     def fail_at_second(of: Run, factor: float) -> Any:

@@ -46,7 +46,9 @@ def of_sphere(height: float) -> float:
     potential, along, across = own + image
     normal = along * z + across * rho
     scale = np.abs(normal).max(axis=1)
-    shares = np.linalg.lstsq((normal / scale[:, None] * weight).T, rho * weight, rcond=1e-13)[0] / scale
+    shares = (
+        np.linalg.lstsq((normal / scale[:, None] * weight).T, rho * weight, rcond=1e-13)[0] / scale
+    )
     moment = (shares @ potential * rho**2).sum() * math.pi / len(angle)
     return -0.75 * float(moment)
 
@@ -55,7 +57,9 @@ def _multipoles(orders: Floats, z: Floats, rho: Floats) -> Floats:
     """P_n^1(z/r)/r^(n+1) and its derivatives by z and rho, (3, n, points)."""
     r, n = np.hypot(z, rho), orders[:, None]
     c, s = z / r, rho / r
-    at, below = (np.array([lpmv(1, k - d, c) if k > d else 0.0 * c for k in orders]) for d in (0, 1))
+    at, below = (
+        np.array([lpmv(1, k - d, c) if k > d else 0.0 * c for k in orders]) for d in (0, 1)
+    )
     turned = -((n + 1) * below - n * c * at) / s  # derivative by the polar angle
     by_r, by_angle = -(n + 1) * at / r ** (n + 2), turned / r ** (n + 2)
     return np.array([at / r ** (n + 1), by_r * c - by_angle * s, by_r * s + by_angle * c])
@@ -81,13 +85,18 @@ def started(scene: Scene, turning: float, directory: Path) -> float:
     incipient.run(Scene(**plain), directory)
     with (directory / "history.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
-    assert row["mode"] == ("rolling" if turning else "pivoting and sliding") and float(row["contacts"]) == 1
+    assert (
+        row["mode"] == ("rolling" if turning else "pivoting and sliding")
+        and float(row["contacts"]) == 1
+    )
     force = (DENSITY - 1.0) * float(scene.gravity_vector[0])
     return force / (float(row["velocity_x"]) / STEP) - DENSITY * (1.0 + turning)
 
 
 @pytest.mark.parametrize("turning", [0.0, 0.5])
-def test_a_disc_starts_with_the_added_mass_of_a_cylinder_at_a_wall(turning: float, tmp_path: Path) -> None:
+def test_a_disc_starts_with_the_added_mass_of_a_cylinder_at_a_wall(
+    turning: float, tmp_path: Path
+) -> None:
     """1.943 at a gap of 1% of the diameter, whether it slides or rolls: 1.947 and 1.951 found when written.
 
     Extrapolated linearly from two sizes of cells, 1.994 and 1.971 sliding; a box of 48 diameters adds 0.003.

@@ -58,7 +58,9 @@ class Capsule(geometry.Grain):
 
     def _away(self, x: ArrayLike) -> Floats:
         points = rows(x)
-        return points - np.column_stack([np.clip(points[:, 0], -self.half, self.half), np.zeros(len(points))])
+        return points - np.column_stack(
+            [np.clip(points[:, 0], -self.half, self.half), np.zeros(len(points))]
+        )
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance."""
@@ -181,7 +183,9 @@ def test_a_grain_and_a_bed_that_are_registered_are_planned_meshed_solved_and_jud
     # It lies across the valley, its round ends on two slopes.
     placement = scene.placement
     assert placement is not None
-    assert placement.centre == pytest.approx((0.0, 0.3 / math.cos(slope) + 0.25 * math.tan(slope)), abs=1e-9)
+    assert placement.centre == pytest.approx(
+        (0.0, 0.3 / math.cos(slope) + 0.25 * math.tan(slope)), abs=1e-9
+    )
     result = incipient.run(scene)
     assert result.status == "complete"
     assert result.force is not None and result.couple is not None and result.verdict is not None
@@ -206,7 +210,9 @@ def test_what_is_wrong_in_them_is_said_like_of_all_others() -> None:
 
 @pytest.mark.usefixtures("added")
 def test_no_two_kinds_have_one_name() -> None:
-    with pytest.raises(SceneError, match=r'^Stadium: shape = "stadium" is used by another section; '):
+    with pytest.raises(
+        SceneError, match=r'^Stadium: shape = "stadium" is used by another section; '
+    ):
         register(Stadium)
 
 

@@ -44,7 +44,9 @@ class DrivingForce(Effect):
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the title says so."""
         there = "driven" in setup.scene.title
-        return Decision(self.name, there, f"f = {FORCE:g}" if there else "the title does not ask for it")
+        return Decision(
+            self.name, there, f"f = {FORCE:g}" if there else "the title does not ask for it"
+        )
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The force in the equation of momentum."""

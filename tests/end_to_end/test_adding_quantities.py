@@ -70,7 +70,9 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
     result = incipient.run(SCENE, tmp_path)
     flux = Setup(SCENE).base_flow.mean_speed * HEIGHT * LENGTH
     stored = json.loads((tmp_path / "result.json").read_text())
-    assert stored["flux"] == pytest.approx(flux, rel=1e-3)  # by the velocities at the nodes of the inflow
+    assert stored["flux"] == pytest.approx(
+        flux, rel=1e-3
+    )  # by the velocities at the nodes of the inflow
     with (tmp_path / "history.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) > 1 and float(rows[-1]["flux"]) == stored["flux"]

@@ -14,8 +14,19 @@ from incipient.pictures.verdict import threshold as pictures
 from incipient.scene import Shear
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/bead_on_substrate.toml"
-COARSE = ("numerics.order=2", "numerics.mesh_size=3.5", "numerics.error_bars=false", "contact.gap=0.03")
-SMALL = ("domain.length=8.0", "domain.width=8.0", "domain.height=4.0", "body.x=4.0", "bed.offset=[4.5, 4.5]")
+COARSE = (
+    "numerics.order=2",
+    "numerics.mesh_size=3.5",
+    "numerics.error_bars=false",
+    "contact.gap=0.03",
+)
+SMALL = (
+    "domain.length=8.0",
+    "domain.width=8.0",
+    "domain.height=4.0",
+    "body.x=4.0",
+    "bed.offset=[4.5, 4.5]",
+)
 
 
 def test_threshold_of_a_bead_on_four_spheres(tmp_path):
@@ -34,7 +45,9 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert found.shields == pytest.approx(stress / (1.65 * scene.gravity.acceleration), rel=1e-6)
     assert found.shields == pytest.approx(0.0379, rel=0.05)
     stored = json.loads((tmp_path / "threshold.json").read_text())
-    assert stored["shields"] == found.shields and "begins pivoting" in pictures.critical_sentence(stored)
+    assert stored["shields"] == found.shields and "begins pivoting" in pictures.critical_sentence(
+        stored
+    )
     assert_is_a_picture(*pictures.draw(tmp_path))
 
 

@@ -42,7 +42,9 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
     done = command("run", GRAIN_ON_BED, *COARSE, "--set", "fluid.reynolds=40", "--out", "deep/down")
     assert done.returncode == 0, done.stderr
     found = {path.name for path in (tmp_path / "deep/down").iterdir()}
-    series = {f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf")}
+    series = {
+        f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf")
+    }
     assert found == {"scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
     assert "verdict" in done.stdout and "deep/down/fields.xdmf" in done.stdout
@@ -53,7 +55,10 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
 def test_results_go_to_a_directory_named_like_the_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(CAVITY), *COARSE, *settings(output_fields=False)]) == 0
-    assert {path.name for path in (tmp_path / "results/cavity").iterdir()} == {"scene.toml", "result.json"}
+    assert {path.name for path in (tmp_path / "results/cavity").iterdir()} == {
+        "scene.toml",
+        "result.json",
+    }
 
 
 def test_the_levels_of_the_log(command):
@@ -70,13 +75,22 @@ def test_the_levels_of_the_log(command):
 
 def test_pictures_with_the_run_are_gone_with_the_next(tmp_path, capsys):
     coarse = [*COARSE, *settings(numerics_error_bars=False)]
-    asked = ["run", str(GRAIN_ON_BED), *coarse, *settings(output_pictures=True), "--out", str(tmp_path / "x")]
+    asked = [
+        "run",
+        str(GRAIN_ON_BED),
+        *coarse,
+        *settings(output_pictures=True),
+        "--out",
+        str(tmp_path / "x"),
+    ]
     assert main(asked) == 0
     drawn = sorted(path.name for path in (tmp_path / "x").glob("*.png"))
     said = capsys.readouterr().out
     assert "flow.png" in drawn and "traction.png" in drawn and all(name in said for name in drawn)
     assert main(["run", str(GRAIN_ON_BED), *coarse, "--out", str(tmp_path / "x")]) == 0
-    assert not list((tmp_path / "x").glob("*.png")), "pictures of the earlier run beside the new numbers"
+    assert not list((tmp_path / "x").glob("*.png")), (
+        "pictures of the earlier run beside the new numbers"
+    )
 
 
 def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys):
@@ -85,7 +99,12 @@ def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys
     code = main(["run", str(GRAIN_ON_BED), *options, "--out", str(tmp_path)])
     said = capsys.readouterr()
     assert code == 5
-    for line in ("verdict  ", f"verdict and numbers {tmp_path / 'result.json'}", "cost  ", "pictures  "):
+    for line in (
+        "verdict  ",
+        f"verdict and numbers {tmp_path / 'result.json'}",
+        "cost  ",
+        "pictures  ",
+    ):
         assert f"\n{line}" in said.out
     assert said.err.splitlines()[-1] == (
         "incipient: not drawn: the drawing ended with code 1; the rest is there, "
@@ -96,8 +115,19 @@ def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys
 
 def test_on_a_terminal_a_line_lives_and_goes(tmp_path):
     keyboard, terminal = pty.openpty()
-    arguments = [sys.executable, "-m", "incipient", "run", str(CAVITY), *COARSE, "--out", str(tmp_path)]
-    run = subprocess.Popen(arguments, env=environment() | {"TERM": "xterm"}, stderr=terminal, stdout=terminal)
+    arguments = [
+        sys.executable,
+        "-m",
+        "incipient",
+        "run",
+        str(CAVITY),
+        *COARSE,
+        "--out",
+        str(tmp_path),
+    ]
+    run = subprocess.Popen(
+        arguments, env=environment() | {"TERM": "xterm"}, stderr=terminal, stdout=terminal
+    )
     os.close(terminal)
     shown = b""
     while piece := _read(keyboard):
@@ -152,7 +182,10 @@ def test_the_schema_knows_every_section(command):
         (["--help"], "1"),
         pytest.param(["judge", BLOCK_ON_INCLINE], "", marks=pytest.mark.slow),
         (["plan", CYLINDER, "--log-level", "error"], "1"),  # starts gmsh
-        (["run", CAVITY, *COARSE, "--log-level", "error"], ""),  # and PETSc; both look after signals
+        (
+            ["run", CAVITY, *COARSE, "--log-level", "error"],
+            "",
+        ),  # and PETSc; both look after signals
         pytest.param(["run", CAVITY, *COARSE, "--log-level", "error"], "1", marks=pytest.mark.slow),
     ],
 )
@@ -182,8 +215,12 @@ def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
     done = command("threshold", GRAIN_ON_BED, *pocket, *COARSE, *SMALL)
     assert done.returncode == 0, done.stderr
     assert "times the flow of the scene; then the grain begins pivoting" in done.stdout
-    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")}
+    written = {
+        path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
+    }
+    assert written == {
+        f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")
+    }
 
 
 @pytest.mark.parametrize(("accuracy", "time"), [([], []), (ACCURATE, []), (ACCURATE, IN_TIME)])
@@ -274,17 +311,33 @@ BAD_SCENES = {
     "broken": (_changed(CAVITY, "[fluid]", "[fluid"), "line 9: expected ']'"),
 }
 BAD_COMMANDS = [
-    (["run", "nowhere.toml"], 2, "nowhere.toml: cannot be read (No such file or directory); give the name"),
+    (
+        ["run", "nowhere.toml"],
+        2,
+        "nowhere.toml: cannot be read (No such file or directory); give the name",
+    ),
     (["run", "."], 2, ".: cannot be read (Is a directory); give the name of a scene file"),
-    (["run", CAVITY, "--set", "fluid.reynolds"], 2, "--set fluid.reynolds: is not an assignment; write"),
+    (
+        ["run", CAVITY, "--set", "fluid.reynolds"],
+        2,
+        "--set fluid.reynolds: is not an assignment; write",
+    ),
     (
         ["run", CAVITY, "--set", "fluid.reynolds=no"],
         2,
         '--set fluid.reynolds=no: fluid.reynolds: is "no"; give',
     ),
     (["plan", "nowhere.toml"], 2, "nowhere.toml: cannot be read"),
-    (["show", "nowhere"], 2, "nowhere: there is no such directory; give the directory that a run was"),
-    (["show", "."], 2, ".: is not the directory of a run; give the directory that a run was written to"),
+    (
+        ["show", "nowhere"],
+        2,
+        "nowhere: there is no such directory; give the directory that a run was",
+    ),
+    (
+        ["show", "."],
+        2,
+        ".: is not the directory of a run; give the directory that a run was written to",
+    ),
     (
         ["show", CAVITY],
         2,
@@ -292,12 +345,32 @@ BAD_COMMANDS = [
     ),
     (["new", ""], 2, '"" is no name of a scene; give one'),
     (["new", "made/.toml"], 2, '"made/.toml" is no name of a scene; give one'),
-    (["resume", "."], 2, ".: is not the directory of a run; give the directory that a run was written to"),
-    (["run", CAVITY, "--out", ""], 2, "argument --out: the name is empty; give the name of a directory"),
+    (
+        ["resume", "."],
+        2,
+        ".: is not the directory of a run; give the directory that a run was written to",
+    ),
+    (
+        ["run", CAVITY, "--out", ""],
+        2,
+        "argument --out: the name is empty; give the name of a directory",
+    ),
     (["judge", "x.toml", "--out", " "], 2, "argument --out: the name is empty; give the name of"),
-    (["run", CAVITY, "--out", "taken"], 5, "taken: cannot be written: file exists; a file stands where"),
-    (["run", CAVITY, "--out", "taken/x"], 5, "taken/x: cannot be written: not a directory; a file stands"),
-    (["run", CAVITY, "--out", "/proc/x"], 5, "/proc/x: cannot be written: no such file or directory"),
+    (
+        ["run", CAVITY, "--out", "taken"],
+        5,
+        "taken: cannot be written: file exists; a file stands where",
+    ),
+    (
+        ["run", CAVITY, "--out", "taken/x"],
+        5,
+        "taken/x: cannot be written: not a directory; a file stands",
+    ),
+    (
+        ["run", CAVITY, "--out", "/proc/x"],
+        5,
+        "/proc/x: cannot be written: no such file or directory",
+    ),
     (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
     (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
     (["run", CAVITY, "--log-level", "loud"], 2, "argument --log-level: invalid choice: 'loud'"),
@@ -309,7 +382,9 @@ def test_bad_input_is_refused_in_one_line(session, tmp_path, ranks):
     (tmp_path / "taken").touch()
     for name, (text, _) in BAD_SCENES.items():
         (tmp_path / f"{name}.toml").write_text(text)
-    cases = [(["run", f"{name}.toml"], 2, f"{name}.toml: {why}") for name, (_, why) in BAD_SCENES.items()]
+    cases = [
+        (["run", f"{name}.toml"], 2, f"{name}.toml: {why}") for name, (_, why) in BAD_SCENES.items()
+    ]
     cases += BAD_COMMANDS
     outcomes = session(ranks, [arguments for arguments, _, _ in cases])
     for (_, code, why), outcome in zip(cases, outcomes, strict=True):
@@ -337,7 +412,14 @@ def test_a_run_imports_only_what_it_needs(tmp_path):
         "try: main()\n"
         "finally: print([m for m in ('scipy.optimize', 'scipy.spatial', 'matplotlib') if m in sys.modules])"
     )
-    coarse = ["--set", "numerics.mesh_size=4", "--set", "numerics.order=2", "--out", str(tmp_path / "x")]
+    coarse = [
+        "--set",
+        "numerics.mesh_size=4",
+        "--set",
+        "numerics.order=2",
+        "--out",
+        str(tmp_path / "x"),
+    ]
     asked = [sys.executable, "-c", code, "run", str(CYLINDER), *coarse]
     done = subprocess.run(asked, capture_output=True, text=True, check=True)
     assert done.stdout.strip().splitlines()[-1] == "[]"

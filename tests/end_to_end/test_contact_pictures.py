@@ -30,7 +30,11 @@ from incipient.scene import load, save
 
 DEMOS = Path(__file__).parents[2] / "demos"
 POCKET = ["bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0"]
-FLOW, COUPLE, WEIGHT = np.array([1.0, 0.5, 0.0]), np.array([0.0, 0.0, -0.15]), np.array([0.0, -13.0, 0.0])
+FLOW, COUPLE, WEIGHT = (
+    np.array([1.0, 0.5, 0.0]),
+    np.array([0.0, 0.0, -0.15]),
+    np.array([0.0, -13.0, 0.0]),
+)
 MASS_AND_INERTIA = 1.0, 0.1 * np.eye(3)
 BOX = np.array([[-0.5, -0.4, 0.0], [0.5, -0.4, 0.0], [0.5, 0.4, 0.0], [-0.5, 0.4, 0.0]])
 
@@ -40,7 +44,9 @@ def found(directory, overrides, flow=FLOW, factor=None):
     scene = load(DEMOS / "scenes" / "grain_on_bed.toml", overrides)
     contacts = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
     centre = np.array([*scene.placement.centre, 0.0])
-    safety = equilibrium.safety_factor(Load(flow, COUPLE, WEIGHT, centre), contacts, scene.contact.friction)
+    safety = equilibrium.safety_factor(
+        Load(flow, COUPLE, WEIGHT, centre), contacts, scene.contact.friction
+    )
     share = safety.value if np.isfinite(safety.value) and safety.value > 0.0 else 1.0
     critical = Load(share * flow, share * COUPLE, WEIGHT, centre)
     verdict = judge(critical, contacts, scene.contact.friction, (2.0, np.eye(3)))
@@ -55,7 +61,11 @@ def found(directory, overrides, flow=FLOW, factor=None):
         "mode": "pivoting",
         "verdict": verdict.to_dict(),
         "load": asdict(critical),
-        "contacts": {"points": contacts.points, "normals": contacts.normals, "areas": contacts.areas},
+        "contacts": {
+            "points": contacts.points,
+            "normals": contacts.normals,
+            "areas": contacts.areas,
+        },
         "trials": [{"factor": 1.0, "safety_factor": safety.value}],
     }
     save(scene, directory / "scene.toml")
@@ -75,7 +85,9 @@ def judged_case(directory, name, *overrides, shaped=True):
 
 def box_on_a_plane(pushed, inert=MASS_AND_INERTIA):
     contacts = Contacts(BOX, np.tile([0.0, 0.0, -1.0], (4, 1)), np.full(4, 0.2))
-    acting = Load(np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3]))
+    acting = Load(
+        np.array(pushed), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 0.3])
+    )
     verdict = judge(acting, contacts, 0.5, inert).to_dict()
     return judged(plain(verdict), Path("judgement.json"))
 
@@ -96,7 +108,9 @@ def test_a_threshold_in_a_pocket_is_drawn(tmp_path):
 
 def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
     """At the threshold the grain is held by one of its two contacts alone."""
-    case = judged(json.loads((found(tmp_path, POCKET) / "threshold.json").read_text())["verdict"], tmp_path)
+    case = judged(
+        json.loads((found(tmp_path, POCKET) / "threshold.json").read_text())["verdict"], tmp_path
+    )
     assert case.states[0] == "UNLOADED" and set(case.states) <= STATES.keys()
 
 
@@ -104,17 +118,24 @@ def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
     ("overrides", "flow", "said"),
     [
         ([], FLOW, "however weak this flow is"),  # a disc on a plane rolls
-        ([*POCKET, "contact.friction=5.0"], FLOW, "no strength of this flow"),  # the pocket wedges it
+        (
+            [*POCKET, "contact.friction=5.0"],
+            FLOW,
+            "no strength of this flow",
+        ),  # the pocket wedges it
     ],
 )
 def test_why_there_is_no_threshold_is_said(tmp_path, overrides, flow, said):
     directory = found(tmp_path, overrides, flow)
     assert_is_a_picture(*threshold.draw(directory))
-    assert said in threshold.critical_sentence(json.loads((directory / "threshold.json").read_text()))
+    assert said in threshold.critical_sentence(
+        json.loads((directory / "threshold.json").read_text())
+    )
 
 
 @pytest.mark.parametrize(
-    "missing", ["factor", "errors", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"]
+    "missing",
+    ["factor", "errors", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"],
 )
 def test_an_incomplete_threshold_is_named(tmp_path, missing):
     path = found(tmp_path, POCKET) / "threshold.json"
@@ -130,7 +151,9 @@ def test_a_search_that_ended_without_a_threshold_says_how_far_it_went(tmp_path):
     stored = json.loads(path.read_text()) | {"held_to": 12.0, "reason": "the grain is held"}
     path.write_text(json.dumps(stored))
     assert_is_a_picture(*threshold.draw(tmp_path))
-    assert threshold.critical_sentence(stored).startswith("No threshold up to 12 times the flow of the scene")
+    assert threshold.critical_sentence(stored).startswith(
+        "No threshold up to 12 times the flow of the scene"
+    )
 
 
 def test_a_threshold_without_its_scene_is_an_error(tmp_path):
@@ -185,7 +208,9 @@ def test_an_incomplete_judgement_is_named(tmp_path):
     with pytest.raises(OutputError, match=r"judgement\.json: holds no verdict"):
         draw(tmp_path)
     path.write_text(json.dumps(stored | {"case": {"load": 3}}))
-    with pytest.raises(OutputError, match=r"judgement\.json: .*cannot be understood|holds no safety"):
+    with pytest.raises(
+        OutputError, match=r"judgement\.json: .*cannot be understood|holds no safety"
+    ):
         draw(tmp_path)
 
 
@@ -204,7 +229,9 @@ def test_forces_of_a_grain_that_rests_balance_its_load_inside_their_cones():
 
 def test_a_grain_that_slides_is_shown_sliding_with_forces_on_the_edge():
     case = box_on_a_plane([0.6, 0.0, 0.0])  # more than friction 0.5 holds of weight 1
-    assert case.motion is not None and np.allclose(case.motion.acceleration, [0.1, 0.0, 0.0], atol=1e-6)
+    assert case.motion is not None and np.allclose(
+        case.motion.acceleration, [0.1, 0.0, 0.0], atol=1e-6
+    )
     assert set(case.states) == {"SLIDE"}
     assert np.isclose(np.tan(case.cone_angle), 0.5)
 
@@ -212,7 +239,9 @@ def test_a_grain_that_slides_is_shown_sliding_with_forces_on_the_edge():
 def test_without_mass_forces_are_shown_at_the_safety_factor():
     case = box_on_a_plane([0.6, 0.0, 0.0], inert=None)
     assert case.motion is None and case.share == case.safety_factor
-    assert np.isclose(case.share, 0.5 / 0.6, rtol=1e-6)  # friction 0.5 holds half of the weight of 1
+    assert np.isclose(
+        case.share, 0.5 / 0.6, rtol=1e-6
+    )  # friction 0.5 holds half of the weight of 1
     assert case.occasion.startswith("contact force that balances 0.8333 times")
     assert np.allclose(case.forces.sum(axis=0), [-0.5, 0.0, 1.0], atol=1e-6)
 

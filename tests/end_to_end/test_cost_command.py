@@ -23,7 +23,9 @@ from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
 from incipient.cli import main
 from incipient.scene import load, save
 
-COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05, domain_length=12.0, domain_height=6.0, body_x=4.0)
+COARSE = settings(
+    numerics_mesh_size=2.5, contact_gap=0.05, domain_length=12.0, domain_height=6.0, body_x=4.0
+)
 
 
 def calibrated_in(directory: Path) -> dict[str, str]:
@@ -64,7 +66,9 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, predicted: Any, tmp_path:
     assert done.returncode == 0, done.stderr
     assert "each further digit" in done.stdout or "too few" in done.stdout
 
-    assert (out / "cost.csv").read_text().startswith(first), "what was made before the interruption is kept"
+    assert (out / "cost.csv").read_text().startswith(first), (
+        "what was made before the interruption is kept"
+    )
     rows = list(csv.DictReader((out / "cost.csv").open()))
     assert [(row["order"], row["failed"]) for row in rows] == [(o, "") for o in "22334"]
     stored = json.loads((out / "cost.json").read_text())
@@ -74,7 +78,9 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, predicted: Any, tmp_path:
     assert all(run["peak_mib"] > 50 and run["cpu"] > 0 for run in stored["runs"])
     assert (out / "cost.png").read_bytes().startswith(b"\x89PNG")
     # Whether these few runs suffice for a law hangs on the times measured.
-    assert ("| accuracy |" in (out / "cost.md").read_text()) == ("each further digit" in done.stdout)
+    assert ("| accuracy |" in (out / "cost.md").read_text()) == (
+        "each further digit" in done.stdout
+    )
 
     plan = predicted(GRAIN_ON_BED, variables, *COARSE)
     assert plan["own"] and plan["factor"] == 1.4
@@ -91,7 +97,9 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, predicted: Any, tmp_path:
 
     # Another algebra changes nothing that counts: in one run more beside one that is there, as its reference is.
     rung = ("--orders", 3, "--sizes", repr(2**0.5), "--solvers", "chords")
-    by_chords = command("cost", GRAIN_ON_BED, *rung, "--out", out, *COARSE, timeout=100, **variables)
+    by_chords = command(
+        "cost", GRAIN_ON_BED, *rung, "--out", out, *COARSE, timeout=100, **variables
+    )
     assert by_chords.returncode == 0, by_chords.stderr
     rows = list(csv.DictReader((out / "cost.csv").open()))
     assert [row["failed"] for row in rows if row["solver"] == "chords"] == [""]
@@ -102,7 +110,11 @@ def interrupted(arguments: tuple[object, ...], out: Path, variables: dict[str, s
     """Stop the command after the first of its runs; no run goes on without it."""
     words = [sys.executable, "-m", "incipient", *map(str, arguments)]
     process = subprocess.Popen(
-        words, env=environment() | variables, stderr=subprocess.PIPE, text=True, start_new_session=True
+        words,
+        env=environment() | variables,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     rows, began = out / "cost.csv", time.monotonic()
     while not rows.exists() and process.poll() is None and time.monotonic() - began < 100:
@@ -152,7 +164,9 @@ def test_ways_to_solve_in_time(command: Any, tmp_path: Path) -> None:
     done = command("cost", scene, *ladder, "--out", out, timeout=200, **calibrated_in(tmp_path))
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader((out / "cost.csv").open()))
-    assert [(row["solver"], row["failed"]) for row in rows] == [(way, "") for way in ("", *ways, "")]
+    assert [(row["solver"], row["failed"]) for row in rows] == [
+        (way, "") for way in ("", *ways, "")
+    ]
     assert_ways_are_told(ways, out, done.stdout, 0.05)
 
 
@@ -176,7 +190,10 @@ def assert_ways_are_told(ways: tuple[str, ...], out: Path, said: str, small: flo
             ["--solvers", "magic"],
             "--solvers: magic is not known; give some of: own, chords, loose, umfpack, ",
         ),
-        (["--solvers", "bdf1"], "--solvers: bdf1 changes nothing in this scene; give some of: own, chords, "),
+        (
+            ["--solvers", "bdf1"],
+            "--solvers: bdf1 changes nothing in this scene; give some of: own, chords, ",
+        ),
         (["--sizes", "0"], "--sizes: give positive numbers, such as 2 1.4 1"),
         (["--sizes", "x"], "argument --sizes: invalid float value: 'x'; see incipient cost --help"),
         (["--set", "fluid.reynolds=-1"], "--set fluid.reynolds=-1: fluid.reynolds: "),
@@ -218,7 +235,9 @@ DEMOS = {
 
 
 @pytest.mark.slow
-def test_plan_predicts_the_demos_within_a_factor_two(command: Any, predicted: Any, tmp_path: Path) -> None:
+def test_plan_predicts_the_demos_within_a_factor_two(
+    command: Any, predicted: Any, tmp_path: Path
+) -> None:
     """From the built-in calibration alone, which none of the demos but the grain on a bed is part of."""
     variables = calibrated_in(tmp_path)
     done = command("calibrate", timeout=900, **variables)

@@ -121,7 +121,8 @@ def shields(shift: float = 0.0, spacing: float = 1.2, *overrides: str) -> float:
 def test_where_the_inflow_cuts_the_bed_does_not_matter() -> None:
     """What is left is how far the grain is from the inflow: 0.6% on this mesh."""
     found = [
-        shields(shift, 1.2, "numerics.mesh_size=3.0", "fluid.inertia=false") for shift in (0.0, 0.3, 0.8)
+        shields(shift, 1.2, "numerics.mesh_size=3.0", "fluid.inertia=false")
+        for shift in (0.0, 0.3, 0.8)
     ]
     assert np.ptp(found) < 0.01 * min(found)
 
@@ -129,7 +130,9 @@ def test_where_the_inflow_cuts_the_bed_does_not_matter() -> None:
 def test_shields_against_spacing_has_no_jumps() -> None:
     """The wider the pocket the safer the grain; a parabola fits the logarithm to 1%."""
     spacings = np.array([1.0, 1.12, 1.25, 1.37, 1.5])
-    found = np.log([shields(0.0, s, "numerics.mesh_size=3.0", "fluid.inertia=false") for s in spacings])
+    found = np.log(
+        [shields(0.0, s, "numerics.mesh_size=3.0", "fluid.inertia=false") for s in spacings]
+    )
     assert (np.diff(found) > 0.05).all()
     assert np.abs(np.polyval(np.polyfit(spacings, found, 2), spacings) - found).max() < 0.01
 
@@ -142,8 +145,12 @@ CHANNELS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("flow", "bound"), [("shear", 0.02), ("open-channel", 0.02), ("mean", 0.025)])
-def test_where_the_inflow_cuts_the_bed_does_not_matter_over_a_spacing(flow: str, bound: float) -> None:
+@pytest.mark.parametrize(
+    ("flow", "bound"), [("shear", 0.02), ("open-channel", 0.02), ("mean", 0.025)]
+)
+def test_where_the_inflow_cuts_the_bed_does_not_matter_over_a_spacing(
+    flow: str, bound: float
+) -> None:
     """Most of it is the distance to the inflow, which on a flat bed matters more."""
     shifts = np.linspace(0.0, 1.2, 7)
     found = [shields(shift, 1.2, "numerics.mesh_size=1.5", *CHANNELS[flow]) for shift in shifts]
@@ -229,7 +236,9 @@ def test_none_is_said_as_far_as_was_looked() -> None:
 def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     """A finer mesh, a gap nearly closed and a larger domain change the threshold as much as the terms say."""
     kept: list[Threshold] = []
-    coarse = find_threshold(on_bed(*STOKES, "numerics.correction=false"), MPI.COMM_SELF, keep=kept.append)
+    coarse = find_threshold(
+        on_bed(*STOKES, "numerics.correction=false"), MPI.COMM_SELF, keep=kept.append
+    )
     assert kept[0].factor == coarse.factor and "was stopped" in kept[0].text()
     assert coarse.bars is not None and set(coarse.bars.terms) == {"discretisation", "gap", "domain"}
     plain = (*SHAPE, "fluid.inertia=false", ALONE)
@@ -278,7 +287,9 @@ def assert_told(threshold: Threshold, directory: Path) -> None:
     bars, stored = threshold.bars, parsed_json(directory / "threshold.json")
     assert bars is not None
     assert stored["error_bars"]["factor"]["terms"] == pytest.approx(bars.terms)
-    assert stored["errors"]["shields"] == pytest.approx(bars.error / threshold.factor * threshold.shields)
+    assert stored["errors"]["shields"] == pytest.approx(
+        bars.error / threshold.factor * threshold.shields
+    )
     assert {term["name"] for term in stored["error_bars"]["load"]["terms"]} == set(bars.terms)
     text = threshold.text()
     assert text.count(" +- ") == 4

@@ -41,8 +41,12 @@ def test_gusts_rise_in_the_share_of_their_duration_that_the_scene_has() -> None:
 
 def test_gusts_of_a_turbulent_flow_are_refused_at_once() -> None:
     plain = scene().model_dump(exclude_unset=True)
-    turbulent = Scene(**{**plain, "effects": {"turbulence": True}, "flow": {"kind": "open-channel"}})
-    with pytest.raises(SceneError, match=r"effects\.turbulence: gusts are found in laminar flow only"):
+    turbulent = Scene(
+        **{**plain, "effects": {"turbulence": True}, "flow": {"kind": "open-channel"}}
+    )
+    with pytest.raises(
+        SceneError, match=r"effects\.turbulence: gusts are found in laminar flow only"
+    ):
         GustSearch(turbulent, world())
 
 
@@ -67,7 +71,10 @@ def test_the_search_brackets_what_it_is_after() -> None:
 
 
 REFUSED = (
-    ({"body": {"motion": "fixed"}, "time": {}}, "body.motion: gusts are found for a grain that rests"),
+    (
+        {"body": {"motion": "fixed"}, "time": {}},
+        "body.motion: gusts are found for a grain that rests",
+    ),
     ({"bed": {"kind": "flat"}}, "bed.kind: a flat bed has no pocket"),
     (
         {"flow": {"gust": {"shape": "points", "points": [[0, 1], [1, 2]]}}},
@@ -121,7 +128,9 @@ def threshold() -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "leaves"), [(0.98, False), (1.02, True)])
-def test_a_gust_without_end_moves_the_grain_from_its_threshold_on(share: float, leaves: bool) -> None:
+def test_a_gust_without_end_moves_the_grain_from_its_threshold_on(
+    share: float, leaves: bool
+) -> None:
     """The strength is a share of the critical flow of the same grain held in a steady flow, 1.601 when written.
 
     Once it moves, the disc leaves: beside the bed the flow has more of a hold on it. In the plane the film that opens
@@ -153,7 +162,9 @@ def in_sweep(tmp_path: Path, do: str, over: dict[str, object]) -> list[dict[str,
 
 def test_a_sweep_varies_gusts_and_says_which_moved_the_grain_out(tmp_path: Path) -> None:
     """Columns of strength and duration, of when the grain moved and left, and of what ended the runs."""
-    weak, strong = in_sweep(tmp_path, "run", {"flow.gust.strength": [1.2, 6.0], "flow.gust.duration": [2.0]})
+    weak, strong = in_sweep(
+        tmp_path, "run", {"flow.gust.strength": [1.2, 6.0], "flow.gust.duration": [2.0]}
+    )
     assert (weak["flow.gust.strength"], strong["flow.gust.strength"]) == (1.2, 6.0)
     assert weak["flow.gust.duration"] == 2.0
     assert weak["ended"] == "in-pocket" and weak["does"] == "rest" and "left_pocket" not in weak

@@ -80,7 +80,11 @@ DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settli
     ("script", "ranks"),
     [
         *DEFAULT,
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in product(RUNS, (2,)) if one not in DEFAULT),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in product(RUNS, (2,))
+            if one not in DEFAULT
+        ),
     ],
 )
 def test_demo_gives_its_numbers(script, ranks, tmp_path):

@@ -16,7 +16,11 @@ from incipient.scene import Domain, Fluid, Lid, Numerics, Scene
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "cube_albensoeder_kuhlmann_2005.csv"
 # Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.
-BOTELLA_PEYRET = {"minimum of v1": -0.3885698, "maximum of v2": 0.3769447, "minimum of v2": -0.5270771}
+BOTELLA_PEYRET = {
+    "minimum of v1": -0.3885698,
+    "maximum of v2": 0.3769447,
+    "minimum of v2": -0.5270771,
+}
 
 
 def cube(reynolds: float, **numerics) -> Scene:
@@ -31,7 +35,9 @@ def cube(reynolds: float, **numerics) -> Scene:
 def spectral(line: str) -> np.ndarray:
     with REFERENCE.open(newline="") as file:
         rows = csv.DictReader(row for row in file if not row.startswith("#"))
-        return np.array([(float(r["position"]), float(r["value"])) for r in rows if r["line"] == line]).T
+        return np.array(
+            [(float(r["position"]), float(r["value"])) for r in rows if r["line"] == line]
+        ).T
 
 
 @pytest.mark.parametrize("mesh_size", [1.0, 2.0])
@@ -62,7 +68,9 @@ def test_a_cube_on_its_default_cells_against_a_spectral_solution():
         places, values = spectral(line)
         points = np.full((len(places), 3), 0.5)
         points[:, axis] = places
-        assert sample(result.velocity, points)[:, component] == pytest.approx(values, abs=0.02), line
+        assert sample(result.velocity, points)[:, component] == pytest.approx(values, abs=0.02), (
+            line
+        )
 
 
 def test_without_coarser_cells_there_is_no_error_bar_and_the_run_says_why():

@@ -10,7 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from absent import OF_CHECKPOINTS, OF_CONTACT, OF_ESTIMATES, OF_FREE_BODY, OF_FREE_SURFACE, OF_MOVING_MESH
+from absent import (
+    OF_CHECKPOINTS,
+    OF_CONTACT,
+    OF_ESTIMATES,
+    OF_FREE_BODY,
+    OF_FREE_SURFACE,
+    OF_MOVING_MESH,
+)
 
 import incipient
 from incipient.scene import (
@@ -110,7 +117,9 @@ def used(tmp_path_factory):
 
 def test_an_absent_effect_costs_nothing(used):
     there, taken_out = used("there"), used("taken-out")
-    assert there["calls"] == pytest.approx(taken_out["calls"], rel=0.01)  # 32,806 and 32,810 when written
+    assert there["calls"] == pytest.approx(
+        taken_out["calls"], rel=0.01
+    )  # 32,806 and 32,810 when written
     assert there["forms"] == taken_out["forms"]
     assert there["number_of_forms"] == taken_out["number_of_forms"]
     assert there["modules"] == taken_out["modules"]
@@ -125,9 +134,16 @@ def test_an_absent_effect_costs_nothing(used):
 def test_an_absent_effect_costs_no_instruction(used, tmp_path):
     def instructions(state, **changes):
         path = tmp_path / f"{state}{len(changes)}"
-        tool = ["valgrind", "--tool=callgrind", "--instr-atstart=no", f"--callgrind-out-file={path}"]
+        tool = [
+            "valgrind",
+            "--tool=callgrind",
+            "--instr-atstart=no",
+            f"--callgrind-out-file={path}",
+        ]
         used(state, tool, "instructions", **changes)
-        return sum(int(n.replace(",", "")) for n, of in functions(path) if not re.search(WAITING, of))
+        return sum(
+            int(n.replace(",", "")) for n, of in functions(path) if not re.search(WAITING, of)
+        )
 
     def functions(path):
         command = ["callgrind_annotate", "--threshold=100", path]
@@ -188,7 +204,9 @@ def test_the_cost_by_effect_adds_up():
     result = incipient.run(Scene(**GRAIN_ON_BED, fluid=Fluid(reynolds=20, scale="grain")))
     cost, effects = result.cost, result.cost["effects"]
     stages = {name: taken for name, taken in cost["wall_time"].items() if name != "total"}
-    assert sum(e["wall_time"] for e in effects.values()) == pytest.approx(sum(stages.values()), rel=1e-3)
+    assert sum(e["wall_time"] for e in effects.values()) == pytest.approx(
+        sum(stages.values()), rel=1e-3
+    )
     assert {"flow", "inertia", "contact", "traction"} <= set(effects)
     assert effects["inertia"]["wall_time"] > 0 and effects["inertia"]["unknowns"] == 0
     assert effects["contact"]["unknowns"] == 2
@@ -216,7 +234,8 @@ def test_what_inertia_would_have_changed(reynolds):
 
 
 @pytest.mark.parametrize(
-    ("reynolds", "flagged"), [(0.01, False), (1.0, True), pytest.param(5.0, True, marks=pytest.mark.slow)]
+    ("reynolds", "flagged"),
+    [(0.01, False), (1.0, True), pytest.param(5.0, True, marks=pytest.mark.slow)],
 )
 def test_inertia_is_flagged_where_it_matters(reynolds, flagged):
     scene = {**GRAIN_ON_BED, "numerics": COARSE, "fluid": Fluid(reynolds=reynolds, scale="grain")}
@@ -264,7 +283,9 @@ def test_what_the_rate_of_change_would_have_changed():
     assert quasi_steady.cost["iterations"]["factorisations"] <= 2
     found = left_out(quasi_steady, "unsteadiness")
     assert not found.exceeds
-    assert change(found) == pytest.approx(load_of(unsteady) - load_of(quasi_steady), rel=0.05, abs=1e-4)
+    assert change(found) == pytest.approx(
+        load_of(unsteady) - load_of(quasi_steady), rel=0.05, abs=1e-4
+    )
 
 
 def test_gravity_and_contact_left_out():
@@ -281,7 +302,10 @@ def test_gravity_and_contact_left_out():
 
 
 def test_a_grain_held_in_time_that_would_have_moved():
-    fast = {"fluid": Fluid(reynolds=20, scale="grain"), "time": Time(end=0.2, step=0.1, start="steady")}
+    fast = {
+        "fluid": Fluid(reynolds=20, scale="grain"),
+        "time": Time(end=0.2, step=0.1, start="steady"),
+    }
     result = incipient.run(Scene(**{**GRAIN_ON_BED, **fast}))
     assert result.verdict["moves"]
     assert "the grain moves from t = 0.1 on, but was held" in left_out(result, "free body").how

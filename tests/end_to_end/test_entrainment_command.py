@@ -47,7 +47,12 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     options = ("--gusts", "gusts", "--data", "flume.csv", "--strengths", "0.5", "1", "2")
     done = command("entrainment", scene, "--out", "out", *options)
     assert done.returncode == 0, done.stderr
-    for said in ("steady flow         moves the grain", "of them long enough", "Rice 1945", "added mass"):
+    for said in (
+        "steady flow         moves the grain",
+        "of them long enough",
+        "Rice 1945",
+        "added mass",
+    ):
         assert said in done.stdout
     out = scene.parent / "out"
     stored = json.loads((out / "entrainment.json").read_text())
@@ -85,7 +90,10 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
         (("--set", "gusts.intensity=-1"), "gusts.intensity"),
         (("--probabilities", "2"), "probabilities: give one or more, each between 0 and 1"),
         (("--strengths", "0"), "strengths: give numbers from 1e-06 to 1e+06"),
-        (("--data", "percent.csv"), "percent.csv has the Shields number 0.003 with the probability 50"),
+        (
+            ("--data", "percent.csv"),
+            "percent.csv has the Shields number 0.003 with the probability 50",
+        ),
         (("--gusts", "nowhere"), "--gusts: nowhere/gusts.json cannot be read; give the directory"),
         (("--data", "nowhere.csv"), "nowhere.csv cannot be read"),
         (("--set", 'gusts.intensity="model"'), 'gusts.intensity: "model" needs a turbulence model'),

@@ -33,7 +33,14 @@ OVER = {"contacts.friction": f"lin:0.1:0.9:{NUMBER}"}
 ENDLESS = LONG.replace("samples = 40", "samples = 1000000")
 # As docs/howto/cluster.md starts them: a worker ends with its scheduler, and is started again.
 WORKER = "while true; do {} -m distributed.cli.dask_worker {} --nthreads 1 --no-dashboard; sleep 0.3; done"
-SCHEDULER = ("-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", "127.0.0.1", "--port")
+SCHEDULER = (
+    "-m",
+    "distributed.cli.dask_scheduler",
+    "--no-dashboard",
+    "--host",
+    "127.0.0.1",
+    "--port",
+)
 
 
 class Counted(Watcher):
@@ -79,7 +86,8 @@ def swept(
     assert set(rows(file, "status, reason")) == {("done", "")}
     logs = [log for (log,) in rows(file, "log")]
     assert all(
-        f"host {socket.gethostname()}, process " in log and "ranks 1, threads 1" in log for log in logs
+        f"host {socket.gethostname()}, process " in log and "ranks 1, threads 1" in log
+        for log in logs
     )
     return file
 
@@ -88,7 +96,9 @@ def swept(
 def cluster() -> Iterator[Any]:
     """A real cluster of two workers of one thread."""
     distributed = pytest.importorskip("distributed", reason="needs pip install 'incipient[dask]'")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as found:
         yield found
 
 
@@ -113,7 +123,11 @@ def test_a_killed_process_loses_no_case(tmp_path: Path, times: int) -> None:
     """Of the two processes of this machine; the case that it was at is begun once more, and it alone."""
     for seed in range(times):
         before = set(children(os.getpid()))
-        file = swept(tmp_path, QUICK, seed, lambda: sorted({*children(os.getpid())} - before), jobs=2)  # noqa: B023
+
+        def workers(before: set[int] = before) -> list[int]:
+            return sorted({*children(os.getpid())} - before)
+
+        file = swept(tmp_path, QUICK, seed, workers, jobs=2)
         assert sum(tries for (tries,) in rows(file, "tries")) <= NUMBER + 1
 
 
@@ -168,10 +182,19 @@ def test_a_scheduler_that_goes_away_and_comes_back_loses_no_case(tmp_path: Path)
             end(worker)
 
 
-def test_a_scheduler_that_is_not_there_is_named(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+def test_a_scheduler_that_is_not_there_is_named(
+    tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
     pytest.importorskip("distributed", reason="needs pip install 'incipient[dask]'")
     monkeypatch.setattr(executors, "START", 0.5)
-    order = ["sweep", str(written(tmp_path, QUICK)), "--do", "judge", "--over", "contacts.friction=0.1,0.2"]
+    order = [
+        "sweep",
+        str(written(tmp_path, QUICK)),
+        "--do",
+        "judge",
+        "--over",
+        "contacts.friction=0.1,0.2",
+    ]
     for where in (f"dask://{tmp_path}/none.json", "dask://127.0.0.1:9"):
         assert cli.main([*order, "--out", str(tmp_path / "sweep.sqlite"), "--executor", where]) == 5
         complaint = capsys.readouterr().err
@@ -190,7 +213,9 @@ def test_any_executor_of_python_computes_a_sweep(tmp_path: Path) -> None:
     assert kept and len(kept) < NUMBER
     with concurrent.futures.ThreadPoolExecutor(2) as executor:
         scene = written(tmp_path, QUICK)
-        progress = incipient.sweep.run(scene, tmp_path / "0.sqlite", OVER, do="judge", executor=executor)
+        progress = incipient.sweep.run(
+            scene, tmp_path / "0.sqlite", OVER, do="judge", executor=executor
+        )
     assert (progress.known, progress.done) == (len(kept), NUMBER - len(kept))
     assert set(kept) <= set(rows(tmp_path / "0.sqlite", "id, finished"))
 
@@ -226,9 +251,13 @@ def test_a_pool_of_ranks_computes_a_sweep(tmp_path: Path, mpirun: Any) -> None:
 def test_a_case_that_never_ends_fails_with_its_reason(tmp_path: Path) -> None:
     file = tmp_path / "sweep.sqlite"
     how: dict[str, Any] = {"do": "judge", "jobs": 1, "tries": 2, "limit": "1s"}
-    progress = incipient.sweep.run(written(tmp_path, ENDLESS), file, {"contacts.friction": [0.1]}, **how)
+    progress = incipient.sweep.run(
+        written(tmp_path, ENDLESS), file, {"contacts.friction": [0.1]}, **how
+    )
     assert progress.failed == 1
-    assert rows(file, "tries, reason") == [(2, "was ended: it took longer than 1 s (tried 2 times)")]
+    assert rows(file, "tries, reason") == [
+        (2, "was ended: it took longer than 1 s (tried 2 times)")
+    ]
 
 
 @pytest.mark.slow
@@ -259,8 +288,17 @@ def test_a_case_that_takes_too_much_memory_fails_with_its_reason(tmp_path: Path)
     assert "MiB of memory, more than 120" in reason
 
 
-def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
-    order = ["sweep", str(written(tmp_path, QUICK)), "--do", "judge", "--over", "contacts.friction=0.1,0.2"]
+def test_what_cannot_be_is_refused_in_one_line(
+    tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
+    order = [
+        "sweep",
+        str(written(tmp_path, QUICK)),
+        "--do",
+        "judge",
+        "--over",
+        "contacts.friction=0.1,0.2",
+    ]
     order += ["--out", str(tmp_path / "sweep.sqlite")]
     many = 1 + len(os.sched_getaffinity(0))
     for more, said in (
@@ -274,13 +312,17 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path, capsys: Any, monk
         assert complaint.count("\n") == 1 and said in complaint
     assert cli.main([*order, "--executor", "dask://HOST:9", "--dry-run"]) == 0
     said = capsys.readouterr().out
-    assert "2 to compute, by the workers of the executor" in said and "up to 150 MiB a case\n" in said
+    assert (
+        "2 to compute, by the workers of the executor" in said and "up to 150 MiB a case\n" in said
+    )
     scene = tmp_path / "case.toml"
     with (
         concurrent.futures.ThreadPoolExecutor(1) as executor,
         pytest.raises(SceneError, match="fewer ranks, or start"),
     ):
-        incipient.sweep.run(scene, tmp_path / "few.sqlite", OVER, do="judge", executor=executor, ranks=many)
+        incipient.sweep.run(
+            scene, tmp_path / "few.sqlite", OVER, do="judge", executor=executor, ranks=many
+        )
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert cli.main([*order, "--executor", "dask://127.0.0.1:9"]) == 6
     complaint = capsys.readouterr().err

@@ -33,7 +33,9 @@ STEP = 0.005
 LONG = [
     "run",
     str(VORTEX_STREET),
-    *settings(numerics_order=2, numerics_mesh_size=3, time_step=STEP, time_end=100.0, output_every=1),
+    *settings(
+        numerics_order=2, numerics_mesh_size=3, time_step=STEP, time_end=100.0, output_every=1
+    ),
 ]
 HANGING = 60.0  # seconds after which a run counts as hanging
 
@@ -124,9 +126,9 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
     assert assert_all_kept(tmp_path) >= 5
     # mpirun kills its ranks a second after it has passed the signal on, whatever they are doing.
     assert ranks == 2 or not list(tmp_path.glob("*.part"))
-    assert ranks == 2 or read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(
-        tmp_path
-    )
+    assert ranks == 2 or read(
+        tmp_path / "checkpoint.h5", MPI.COMM_SELF
+    ).progress.number == assert_all_kept(tmp_path)
 
 
 def test_a_signal_to_one_rank_ends_both(started, tmp_path):
@@ -136,7 +138,9 @@ def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     _, said = run.communicate(timeout=HANGING)
     assert run.returncode == 130 and "Traceback" not in said
     assert f"; resume with: incipient resume {tmp_path}\n" in said
-    assert read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(tmp_path)
+    assert read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(
+        tmp_path
+    )
 
 
 def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
@@ -150,7 +154,9 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
     ):
         assert main([*arguments, str(tmp_path), "--log-level", "error"]) == 5
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith(f"incipient: {tmp_path}: another run is using it (process {run.pid} on ")
+        assert line.startswith(
+            f"incipient: {tmp_path}: another run is using it (process {run.pid} on "
+        )
     rows = assert_all_kept_so_far(tmp_path)
     wait_until(has_rows(tmp_path, rows + 1), run)
     run.kill()
@@ -194,7 +200,9 @@ def test_an_interrupt_while_forms_compile_does_not_harm_later_runs(started, comm
     assert ended(run).codes == [130]
     again = command(*scene, **cache)
     assert again.returncode == 0, again.stderr
-    assert "gcc" not in again.stderr and "running build" not in again.stderr, "the compiler's own talk"
+    assert "gcc" not in again.stderr and "running build" not in again.stderr, (
+        "the compiler's own talk"
+    )
 
 
 # -- error bars that are not computed --------------------------------------------------------------------------
@@ -220,7 +228,9 @@ def is_provisional(directory):
         pytest.param(DECIDING, 2, signal.SIGINT, marks=pytest.mark.slow),
     ],
 )
-def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ranks, number, options):
+def test_an_interrupt_in_the_error_bars_keeps_the_verdict(
+    started, tmp_path, ranks, number, options
+):
     run = started(ranks, "run", GRAIN_ON_BED, *options, "--out", tmp_path)
     wait_until(is_provisional(tmp_path), run)
     os.killpg(run.pid, number)
@@ -239,7 +249,10 @@ def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ran
     result = result_of(tmp_path)
     assert result["status"] == "complete" and result["verdict"]["sentence"]
     assert result["error_bars"] is None
-    assert result["without_error_bars"] == "not computed: the run has not finished, or was stopped before"
+    assert (
+        result["without_error_bars"]
+        == "not computed: the run has not finished, or was stopped before"
+    )
     assert times_of(tmp_path / "fields") == [0.0]
 
 
@@ -264,7 +277,9 @@ def test_a_budget_spent_before_the_error_bars_keeps_the_verdict(tmp_path):
     assert result["error_bars"]["failed"] == {"gap": spent, "domain": spent}
     assert [term["name"] for term in result["error_bars"]["terms"]] == ["discretisation"]
     assert result["verdict"]["moves"] and not result["adaptation"]["met"]
-    assert result["adaptation"]["reason"].startswith("undecided: certain but for errors that are not known")
+    assert result["adaptation"]["reason"].startswith(
+        "undecided: certain but for errors that are not known"
+    )
 
 
 # -- no mesh, no convergence -----------------------------------------------------------------------------------
@@ -285,7 +300,8 @@ def _hugged(gap: float) -> tuple[str, str]:
 
 def test_a_run_without_a_mesh_leaves_the_earlier_one(tmp_path):
     incipient.run(
-        incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=6", "numerics.error_bars=false"]), tmp_path
+        incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=6", "numerics.error_bars=false"]),
+        tmp_path,
     )
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(MeshError):
@@ -298,7 +314,9 @@ def test_meshes_that_cannot_be_made_and_flows_that_are_not_found(session: Sessio
     scene, bowl = _hugged(0.02)
     (tmp_path / "hugged.toml").write_text(scene)
     (tmp_path / "bowl.csv").write_text(bowl)
-    hard = settings(fluid_reynolds=1000.0, numerics_order=2, numerics_mesh_size=8, numerics_max_iterations=1)
+    hard = settings(
+        fluid_reynolds=1000.0, numerics_order=2, numerics_mesh_size=8, numerics_max_iterations=1
+    )
     fine, folded, touching, closed, lost = session(
         ranks,
         [
@@ -311,7 +329,9 @@ def test_meshes_that_cannot_be_made_and_flows_that_are_not_found(session: Sessio
     )
     assert fine.codes == [0] * ranks, fine.lines
     assert folded.codes == touching.codes == closed.codes == [3] * ranks
-    assert folded.complaint.startswith("cells of order 3 fold over on a curved boundary: use a smaller")
+    assert folded.complaint.startswith(
+        "cells of order 3 fold over on a curved boundary: use a smaller"
+    )
     assert touching.complaint.startswith("the geometry could not be meshed: ")
     assert closed.complaint.startswith("the geometry could not be meshed: ")
     assert lost.codes == [4] * ranks
@@ -332,7 +352,9 @@ def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
     arguments = ["run", VORTEX_STREET, *steps, "--out", "x"]
     (outcome,) = session(ranks, [arguments], limit=250_000)
     assert outcome.codes == [5] * ranks
-    assert outcome.complaint.startswith("x/fields.h5: cannot be written: file too large; raise the limit")
+    assert outcome.complaint.startswith(
+        "x/fields.h5: cannot be written: file too large; raise the limit"
+    )
     assert assert_all_kept(tmp_path / "x") in range(3, 60)
     result = result_of(tmp_path / "x")
     assert result["status"] == "failed" and result["error"] == outcome.complaint
@@ -388,7 +410,9 @@ print(found)
 
 def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
     """In a fresh process: libraries that take interrupts for themselves are then loaded in the thread, too."""
-    ended = subprocess.run([sys.executable, "-c", IN_A_THREAD], capture_output=True, text=True, timeout=120)
+    ended = subprocess.run(
+        [sys.executable, "-c", IN_A_THREAD], capture_output=True, text=True, timeout=120
+    )
     assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr
 
 

@@ -57,12 +57,16 @@ def assert_same_numbers(one: Any, other: Any) -> None:
     mine, theirs = numbers(one), numbers(other)
     assert mine.keys() == theirs.keys()
     size = max(map(abs, theirs.values()))
-    assert {key: value for key, value in mine.items() if abs(value - theirs[key]) > SAME * size} == {}
+    assert {
+        key: value for key, value in mine.items() if abs(value - theirs[key]) > SAME * size
+    } == {}
 
 
 def assert_same_sweep(file: Path, whole: Path) -> None:
     """The same cases, all done, with the same results."""
-    one, other = ({row[0]: row[1:] for row in rows(path, "id, status, result")} for path in (file, whole))
+    one, other = (
+        {row[0]: row[1:] for row in rows(path, "id, status, result")} for path in (file, whole)
+    )
     assert one.keys() == other.keys()
     for identity, (status, result) in one.items():
         assert status == "done"
@@ -78,13 +82,29 @@ def is_complete(directory: Path) -> bool:
 def test_a_refined_sweep_killed_at_random_goes_on_to_the_same_cases(
     tmp_path: Path, started: Any, command: Any
 ) -> None:
-    scene, whole, file = written(tmp_path, LONG), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
-    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(4), "--refine", 0.02, "--jobs", 2)
+    scene, whole, file = (
+        written(tmp_path, LONG),
+        tmp_path / "whole.sqlite",
+        tmp_path / "sweep.sqlite",
+    )
+    order = (
+        "sweep",
+        scene,
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(4),
+        "--refine",
+        0.02,
+        "--jobs",
+        2,
+    )
     began = time.monotonic()
     assert command(*order, "--out", whole, timeout=120).returncode == 0
     length, rng = time.monotonic() - began, np.random.default_rng(7)
     cut = sum(
-        killed(lambda: started(1, *order, "--out", file), rng.uniform(0.0, length)) for _ in range(TIMES)
+        killed(lambda: started(1, *order, "--out", file), rng.uniform(0.0, length))
+        for _ in range(TIMES)
     )
     assert cut > 0
     assert command(*order, "--out", file, timeout=120).returncode == 0
@@ -92,15 +112,23 @@ def test_a_refined_sweep_killed_at_random_goes_on_to_the_same_cases(
 
 
 @pytest.mark.slow
-def test_two_sweeps_on_one_file_killed_at_random(tmp_path: Path, started: Any, command: Any) -> None:
-    scene, whole, file = written(tmp_path, LONG), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
+def test_two_sweeps_on_one_file_killed_at_random(
+    tmp_path: Path, started: Any, command: Any
+) -> None:
+    scene, whole, file = (
+        written(tmp_path, LONG),
+        tmp_path / "whole.sqlite",
+        tmp_path / "sweep.sqlite",
+    )
     order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(12), "--jobs", 1)
     began = time.monotonic()
     assert command(*order, "--out", whole, timeout=120).returncode == 0
     length, rng = time.monotonic() - began, np.random.default_rng(8)
     for _ in range(TIMES // 2):
         both = [started(1, *order, "--out", file) for _ in range(2)]
-        for moment, process in zip(np.diff([0.0, *np.sort(rng.uniform(0.0, length, 2))]), both, strict=True):
+        for moment, process in zip(
+            np.diff([0.0, *np.sort(rng.uniform(0.0, length, 2))]), both, strict=True
+        ):
             killed(lambda process=process: process, moment)  # type: ignore[misc]
     assert command(*order, "--out", file, timeout=120).returncode == 0
     assert_same_sweep(file, whole)
@@ -109,8 +137,21 @@ def test_two_sweeps_on_one_file_killed_at_random(tmp_path: Path, started: Any, c
 
 @pytest.mark.slow
 def test_a_sweep_of_flows_killed_at_random(tmp_path: Path, started: Any, command: Any) -> None:
-    scene, whole, file = written(tmp_path, COARSE), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
-    order = ("sweep", scene, "--over", "body.diameter=0.8,1.0,1.2", "--do", "threshold", "--jobs", 1)
+    scene, whole, file = (
+        written(tmp_path, COARSE),
+        tmp_path / "whole.sqlite",
+        tmp_path / "sweep.sqlite",
+    )
+    order = (
+        "sweep",
+        scene,
+        "--over",
+        "body.diameter=0.8,1.0,1.2",
+        "--do",
+        "threshold",
+        "--jobs",
+        1,
+    )
     began = time.monotonic()
     assert command(*order, "--out", whole, timeout=120).returncode == 0
     length, rng = time.monotonic() - began, np.random.default_rng(9)
@@ -134,7 +175,9 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
     length, rng = time.monotonic() - began, np.random.default_rng(10)
 
     def further() -> tuple[object, ...]:
-        return ("resume", target) if (target / "checkpoint.h5").exists() else (*order, "--out", target)
+        return (
+            ("resume", target) if (target / "checkpoint.h5").exists() else (*order, "--out", target)
+        )
 
     resumed = 0
     for _ in range(TIMES):
@@ -158,43 +201,72 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(tmp_path: Path, command: Any) -> None:
+def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(
+    tmp_path: Path, command: Any
+) -> None:
     """A limit on the size of files stands for the disk; the file has room for some of the results."""
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
-    order = ["sweep", scene, "--do", "judge", "--over", FRICTION.format(12), "--out", file, "--jobs", 1]
+    order = [
+        "sweep",
+        scene,
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(12),
+        "--out",
+        file,
+        "--jobs",
+        1,
+    ]
     if "MPICH" in MPI.Get_library_version():
         pytest.skip("the memory that MPICH's ranks share is a file, which the limit holds for, too")
     full = finished([sys.executable, "-c", FULL, *order], 120, env=environment(), cwd=tmp_path)
     assert full.returncode == 5 and full.stderr.count("incipient: ") == 1
-    assert f"{file}: " in full.stderr and "free some space" in full.stderr and "Traceback" not in full.stderr
+    assert (
+        f"{file}: " in full.stderr
+        and "free some space" in full.stderr
+        and "Traceback" not in full.stderr
+    )
     done = rows(file, "id, result", "status = 'done'")
     assert 0 < len(done) < 12
     again = command(*order)
     assert again.returncode == 0, again.stderr
-    assert set(done) <= set(rows(file, "id, result")) and len(rows(file, where="status = 'done'")) == 12
+    assert (
+        set(done) <= set(rows(file, "id, result"))
+        and len(rows(file, where="status = 'done'")) == 12
+    )
 
 
-def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(tmp_path: Path, monkeypatch: Any) -> None:
+def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
     """What cannot even load its libraries, for which a script stands here, says nothing of a case."""
     scene, file, broken = written(tmp_path, QUICK), tmp_path / "sweep.sqlite", tmp_path / "python"
     broken.write_text("#!/bin/sh\necho no room left >&2\nexit 1\n")
     broken.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(broken))
     with pytest.raises(
-        OutputError, match=r"no worker process starts: .* with code 1: no room left; remove the cause"
+        OutputError,
+        match=r"no worker process starts: .* with code 1: no room left; remove the cause",
     ):
         incipient.sweep.run(scene, file, {"contacts.friction": [0.1, 0.2]}, do="judge", jobs=1)
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
 
 
-def test_what_mpirun_says_of_the_end_of_a_rank_is_no_answer(tmp_path: Path, monkeypatch: Any) -> None:
+def test_what_mpirun_says_of_the_end_of_a_rank_is_no_answer(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
     """MPICH's writes a banner to the output of the rank that has ended, for which a script stands here."""
     scene, file, ended = written(tmp_path, QUICK), tmp_path / "sweep.sqlite", tmp_path / "python"
     banner = "= BAD TERMINATION OF ONE OF YOUR APPLICATION PROCESSES"
-    ended.write_text(f"#!/bin/sh\nprintf '{READY.strip()}\\n'\nread case\nprintf '\\n{banner}\\n'\nexit 9\n")
+    ended.write_text(
+        f"#!/bin/sh\nprintf '{READY.strip()}\\n'\nread case\nprintf '\\n{banner}\\n'\nexit 9\n"
+    )
     ended.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(ended))
-    progress = incipient.sweep.run(scene, file, {"contacts.friction": [0.1]}, do="judge", jobs=1, tries=1)
+    progress = incipient.sweep.run(
+        scene, file, {"contacts.friction": [0.1]}, do="judge", jobs=1, tries=1
+    )
     assert (progress.failed, progress.done) == (1, 0)
     assert rows(file, "reason") == [("its process ended with code 9",)]
 
@@ -242,7 +314,9 @@ def test_a_first_run_killed_at_random_does_not_block_the_next(
         time.sleep(random.uniform(0.8, 4.0))
         os.killpg(run.pid, (signal.SIGKILL, signal.SIGHUP)[number % 2])
         said = run.communicate()[1]
-        assert run.returncode in (0, -signal.SIGKILL, -signal.SIGHUP) and "PETSC ERROR" not in said, said
+        assert (
+            run.returncode in (0, -signal.SIGKILL, -signal.SIGHUP) and "PETSC ERROR" not in said
+        ), said
     again = command(*scene, **cache)
     assert again.returncode == 0 and "timed out" not in again.stderr, again.stderr
     left = [path for path in (tmp_path / "cache/fenics/incipient").iterdir() if "." in path.name]
@@ -251,10 +325,14 @@ def test_a_first_run_killed_at_random_does_not_block_the_next(
 
 def test_two_first_runs_at_once_are_right(tmp_path: Path, started: Any) -> None:
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    both = [started(1, "run", CAVITY, *FEW_FORMS, "--out", tmp_path / name, **cache) for name in "xy"]
+    both = [
+        started(1, "run", CAVITY, *FEW_FORMS, "--out", tmp_path / name, **cache) for name in "xy"
+    ]
     said = [run.communicate(timeout=120)[1] for run in both]
     assert [run.returncode for run in both] == [0, 0], said
-    assert_same_numbers(result_of(tmp_path / "x")["centrelines"], result_of(tmp_path / "y")["centrelines"])
+    assert_same_numbers(
+        result_of(tmp_path / "x")["centrelines"], result_of(tmp_path / "y")["centrelines"]
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

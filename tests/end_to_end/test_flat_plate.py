@@ -33,7 +33,9 @@ BLASIUS = 0.664
 def plate(mesh_size, **changes):
     """The scene of the demo, without error bars."""
     numerics = Numerics(mesh_size=mesh_size, order=2, error_bars=False)
-    return load(SCENE).model_copy(update={"numerics": numerics, "output": Output(fields=False)} | changes)
+    return load(SCENE).model_copy(
+        update={"numerics": numerics, "output": Output(fields=False)} | changes
+    )
 
 
 def friction(result, places):
@@ -83,7 +85,10 @@ def test_a_plate_is_that_of_two_programs():
             {"bed": Sinusoidal(amplitude=0.01, wavelength=1.0)},
             'bed.kind: "sinusoidal" below a uniform turbulent',
         ),
-        ({"bed": Flat(leading_edge=3.0)}, "bed.leading_edge: is 3, not within the domain from -0.333 to 2"),
+        (
+            {"bed": Flat(leading_edge=3.0)},
+            "bed.leading_edge: is 3, not within the domain from -0.333 to 2",
+        ),
         (
             {"body": Disc(diameter=0.1, centre=(1.0, 1.0))},
             "bed: below a grain in a uniform turbulent stream is not",

@@ -43,7 +43,9 @@ WITH_GRAIN = (
 
 
 def history_of(directory):
-    return np.genfromtxt(directory / "history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    return np.genfromtxt(
+        directory / "history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
 
 
 def bars_of(directory):
@@ -68,7 +70,10 @@ def test_a_surface_whose_ends_are_pinned(tmp_path):
     text = WAVE.replace('bottom = "slip"', 'bottom = "slip"\nends = "no-slip"').replace(
         "end = 0.4", "end = 0.15"
     )
-    assert "the fluid sticks to left and right, where its elevation stays" in make_plan(loads(text)).text()
+    assert (
+        "the fluid sticks to left and right, where its elevation stays"
+        in make_plan(loads(text)).text()
+    )
     incipient.run(loads(text), tmp_path)
     history = history_of(tmp_path)
     assert history["elevation_1"] == pytest.approx(0.01, abs=1e-15)
@@ -110,7 +115,9 @@ def test_what_seeps_in_at_a_place_is_in_the_volume(tmp_path, space):
     # The integral over the length by the error function; cells of a sixth to a quarter of the length.
     whole = 0.1 / 6 * np.sqrt(np.pi) * (erf(1.8) + erf(1.2)) * (0.5 if space else 1.0)
     assert history["seepage"] == pytest.approx(whole, rel=0.05)
-    assert history["volume_above_level"] == pytest.approx(history["seepage"] * history["time"], abs=1e-14)
+    assert history["volume_above_level"] == pytest.approx(
+        history["seepage"] * history["time"], abs=1e-14
+    )
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +187,9 @@ def test_an_accuracy_is_sought_below_a_wave(accuracy):
     text = WITH_GRAIN.replace("mesh_size = 4.0\nerror_bars = false", f"accuracy = {accuracy}")
     text = text.replace("end = 0.4\nstep = 0.05", "end = 0.8\nstep = 0.02")
     found = incipient.run(loads(text))
-    fine = text.replace(f"accuracy = {accuracy}", "order = 4\nerror_bars = false").replace("0.02", "0.01")
+    fine = text.replace(f"accuracy = {accuracy}", "order = 4\nerror_bars = false").replace(
+        "0.02", "0.01"
+    )
     exact = incipient.run(loads(fine)).force.flow
     assert found.adaptation.met
     assert np.linalg.norm(found.force.flow - exact) < accuracy * np.linalg.norm(exact)
@@ -223,15 +232,21 @@ def test_still_water_on_a_slope_stays_for_a_thousand_steps(tmp_path):
 
 def test_a_wave_that_would_break_stops_by_name(tmp_path):
     """From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952)."""
-    high = WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)").replace("reynolds = 100.0", "reynolds = 1000.0")
-    with pytest.raises(ConvergenceError, match=r"ceases to be a graph: .*; t = .* is kept: incipient resume"):
+    high = WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)").replace(
+        "reynolds = 100.0", "reynolds = 1000.0"
+    )
+    with pytest.raises(
+        ConvergenceError, match=r"ceases to be a graph: .*; t = .* is kept: incipient resume"
+    ):
         incipient.run(loads(high.replace("end = 0.4", "end = 8.0")), tmp_path)
     assert (tmp_path / "checkpoint.h5").exists()
 
 
 def test_a_surface_that_has_come_down_to_the_bed_stops_by_name(tmp_path):
     low = WAVE.replace("0.01*cos(pi*x)", "-0.985")
-    with pytest.raises(ConvergenceError, match="the free surface touches the bottom: end before it does"):
+    with pytest.raises(
+        ConvergenceError, match="the free surface touches the bottom: end before it does"
+    ):
         incipient.run(loads(low), tmp_path)
 
 
@@ -287,13 +302,17 @@ def test_a_free_grain_and_the_surface_keep_volume_and_energy(floating):
     # What the grain's weight less that of the fluid in its place loses in height, and waves and both motions get.
     lift = (0.5 - 1.0) * np.pi / 4 * 4.0 * history["y"]
     energy = lift + history["energy_body"] + history["energy_fluid"] + history["energy_potential"]
-    spent = (history["dissipation"][1:] + history["dissipation"][:-1]) / 2 * np.diff(history["time"])
+    spent = (
+        (history["dissipation"][1:] + history["dissipation"][:-1]) / 2 * np.diff(history["time"])
+    )
     scale = np.ptp(history["energy_fluid"])
     assert np.diff(energy).sum() == pytest.approx(-spent.sum(), abs=0.05 * scale)
 
 
 def test_a_resumed_float_is_the_whole_one(floating, tmp_path):
-    incipient.run(changed(FLOATING, time=loads(FLOATING).time.model_copy(update={"end": 0.4})), tmp_path)
+    incipient.run(
+        changed(FLOATING, time=loads(FLOATING).time.model_copy(update={"end": 0.4})), tmp_path
+    )
     incipient.resume(tmp_path, ["time.end=0.6"])
     whole, resumed = history_of(floating), history_of(tmp_path)
     for name in ("y", "velocity_y", "elevation_1", "energy_fluid", "meshes"):
@@ -325,12 +344,17 @@ def test_new_meshes_above_the_still_level(tmp_path):
         "mesh_size = 5.0", "mesh_size = 3.0"
     )
     incipient.run(loads(up), tmp_path / "whole")
-    history, result = history_of(tmp_path / "whole"), json.loads((tmp_path / "whole/result.json").read_text())
+    history, result = (
+        history_of(tmp_path / "whole"),
+        json.loads((tmp_path / "whole/result.json").read_text()),
+    )
     made = [one["time"] for one in result["trajectory"]["remeshings"]]
     assert np.interp(made, history["time"], history["y"]).max() + 0.5 > 3.05
     assert np.ptp(history["volume_above_level"]) < 1e-14
     assert history["interface"].max() <= 5
-    incipient.run(changed(up, time=loads(up).time.model_copy(update={"end": 0.4})), tmp_path / "part")
+    incipient.run(
+        changed(up, time=loads(up).time.model_copy(update={"end": 0.4})), tmp_path / "part"
+    )
     incipient.resume(tmp_path / "part", ["time.end=0.6"])
     resumed = history_of(tmp_path / "part")
     for name in ("elevation_1", "energy_fluid", "force_y", "meshes"):
@@ -355,7 +379,11 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             "",
             "domain.top: gravity is what keeps a free surface level; add",
         ),
-        ("stations = [0.0, 0.3, 1.0]", "stations = [1.5]", "stations[0]: x = 1.5 is outside the domain"),
+        (
+            "stations = [0.0, 0.3, 1.0]",
+            "stations = [1.5]",
+            "stations[0]: x = 1.5 is outside the domain",
+        ),
         (
             "stations = [0.0, 0.3, 1.0]",
             "stations = [[0.5, 0.5]]",
@@ -363,7 +391,11 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         ),
         ("0.01*cos(pi*x)", "-2*x", "surface.elevation: brings the surface down to the bed at x = "),
         ("0.01*cos(pi*x)", "1/x", 'surface.elevation: "1/x" is inf at'),
-        ("0.01*cos(pi*x)", "0.1*y", "surface.elevation: depends on y but the scene lies in the plane"),
+        (
+            "0.01*cos(pi*x)",
+            "0.1*y",
+            "surface.elevation: depends on y but the scene lies in the plane",
+        ),
         (
             'bottom = "slip"',
             'ends = "pinned"',
@@ -384,14 +416,26 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             'seepage = "0.1"\n[time]',
             "surface.seepage: enters straight up, which a bottom that slips",
         ),
-        ('bottom = "slip"', 'seepage = "y"', "surface.seepage: depends on y but the scene lies in the plane"),
+        (
+            'bottom = "slip"',
+            'seepage = "y"',
+            "surface.seepage: depends on y but the scene lies in the plane",
+        ),
         (
             "end = 0.4",
             'end = 0.4\nstart = "steady"',
             "time.start: below a free surface the fluid of a box starts",
         ),
-        ("[numerics]", "[effects]\nfree_surface = false\n[numerics]", "effects.free_surface: is false but"),
-        ("[numerics]", "[effects]\nmoving_mesh = false\n[numerics]", "effects.moving_mesh: is false but the"),
+        (
+            "[numerics]",
+            "[effects]\nfree_surface = false\n[numerics]",
+            "effects.free_surface: is false but",
+        ),
+        (
+            "[numerics]",
+            "[effects]\nmoving_mesh = false\n[numerics]",
+            "effects.moving_mesh: is false but the",
+        ),
     ],
 )
 def test_what_contradicts_a_free_surface_is_refused(old, new, why):
@@ -477,7 +521,9 @@ def test_error_bars_below_a_wave_in_space(tmp_path):
     """The force of a run of order three in steps of a quarter lies within them."""
     text = IN_SPACE.replace("error_bars = false\n", "").replace('sides = "wall"\n', "")
     found = incipient.run(loads(text))
-    fine = text.replace("order = 2\nmesh_size = 4.0", "order = 3\nmesh_size = 3.0\nerror_bars = false")
+    fine = text.replace(
+        "order = 2\nmesh_size = 4.0", "order = 3\nmesh_size = 3.0\nerror_bars = false"
+    )
     exact = incipient.run(loads(fine.replace("step = 0.05", "step = 0.0125")))
     assert "discretisation" not in found.error_bars.failed
     error = np.abs(exact.force.flow - found.force.flow)

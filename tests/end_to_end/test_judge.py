@@ -67,7 +67,9 @@ def test_beyond_the_threshold_the_disc_pivots(capsys):
 
 def test_probability_with_standard_errors(tmp_path, capsys):
     path = CASES / "disc_in_pocket.toml"
-    _, said, _ = judged(path, capsys, "--set", "errors.samples=200", "--out", str(tmp_path / "a" / "b"))
+    _, said, _ = judged(
+        path, capsys, "--set", "errors.samples=200", "--out", str(tmp_path / "a" / "b")
+    )
     chances = json.loads((tmp_path / "a" / "b" / "judgement.json").read_text())["probabilities"]
     assert chances["samples"] == 200
     assert sum(chance["value"] for chance in chances["equilibrium"].values()) == pytest.approx(1.0)
@@ -79,7 +81,11 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
     case = tmp_path / "block.toml"
     case.write_text((CASES / "block_on_incline.toml").read_text())
     assert judged(case, capsys, "--out")[0] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"block.toml", "judgement.json", "judgement.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "block.toml",
+        "judgement.json",
+        "judgement.png",
+    }
 
 
 @pytest.mark.parametrize(
@@ -92,7 +98,9 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
 )
 def test_bad_input_is_one_line_and_writes_nothing(override, message, tmp_path, capsys):
     out = tmp_path / "results"
-    code, said, error = judged(CASES / "block_on_incline.toml", capsys, "--set", override, "--out", str(out))
+    code, said, error = judged(
+        CASES / "block_on_incline.toml", capsys, "--set", override, "--out", str(out)
+    )
     assert not out.exists()
     assert (code, said) == (2, "")
     assert error.startswith(f"incipient: --set {override}: {message}")
@@ -134,7 +142,11 @@ def test_both_judges_in_the_result_of_a_scene(tmp_path):
     # Contact forces shown balance the weight and that multiple of the flow's force.
     safety = verdict["judges"]["equilibrium"]["safety"]
     stored = json.loads((tmp_path / "result.json").read_text())["force"]
-    acting = np.array(stored["weight"]) + np.array(stored["buoyancy"]) + factor * np.array(stored["flow"])
+    acting = (
+        np.array(stored["weight"])
+        + np.array(stored["buoyancy"])
+        + factor * np.array(stored["flow"])
+    )
     assert np.sum(safety["contact_forces"], axis=0) == pytest.approx(-acting, abs=1e-8)
     lines = result.text().splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("verdict "))

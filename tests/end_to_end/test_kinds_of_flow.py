@@ -31,7 +31,8 @@ def flow_in(kind: str, domain: str, gdim: int) -> Scene:
 
 @pytest.mark.parametrize("gdim", [2, 3])
 @pytest.mark.parametrize(
-    ("kind", "domain"), [(kind, d) for kind in FLOWS for d in ("box", "channel") if (kind, d) not in REFUSED]
+    ("kind", "domain"),
+    [(kind, d) for kind in FLOWS for d in ("box", "channel") if (kind, d) not in REFUSED],
 )
 def test_a_flow_runs_to_its_end_and_its_fields_are_whole(kind, domain, gdim, tmp_path):
     result = incipient.run(flow_in(kind, domain, gdim), tmp_path)

@@ -119,11 +119,19 @@ def test_error_bars_of_a_stone():
     """Mesh, gap and domain are estimated; the mesh's term covers what cells half as large change."""
     bars = incipient.run(stone(numerics=Numerics(mesh_size=4.0, order=2)))
     finer = incipient.run(stone(mesh_size=2.0))
-    assert [term.name for term in bars.error_bars.terms] == ["discretisation", "gap", "domain", "pocket"]
+    assert [term.name for term in bars.error_bars.terms] == [
+        "discretisation",
+        "gap",
+        "domain",
+        "pocket",
+    ]
     change = np.abs(bars.force.flow - finer.force.flow)[:2]
     assert "turbulence model" in bars.error_bars.left_out
     assert "NOT certain: " in bars.text()
-    assert "reduce the error of the turbulence model at grains, which no finer mesh reduces" in bars.text()
+    assert (
+        "reduce the error of the turbulence model at grains, which no finer mesh reduces"
+        in bars.text()
+    )
     assert (change <= bars.error_bars.terms[0].force[:2]).all()
 
 
@@ -143,7 +151,9 @@ def test_a_stream_set_off_at_once_needs_no_short_first_step(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bed, x", [(Sinusoidal(amplitude=0.02, wavelength=0.25), 1.9375), (Flat(), 2.0)])
+@pytest.mark.parametrize(
+    "bed, x", [(Sinusoidal(amplitude=0.02, wavelength=0.25), 1.9375), (Flat(), 2.0)]
+)
 def test_how_far_contacts_are_closed_does_not_matter(bed, x):
     """The fluid in a wedge hardly moves: loads tend to a limit, and the gap's term holds what is left of the way.
 
@@ -152,7 +162,9 @@ def test_how_far_contacts_are_closed_does_not_matter(bed, x):
     """
     body = Disc(diameter=0.2, x=x, density=2.65)
     wide, narrow = (
-        incipient.run(stone(bed=bed, body=body, mesh_size=2.0, contact=Contact(friction=0.6, gap=gap)))
+        incipient.run(
+            stone(bed=bed, body=body, mesh_size=2.0, contact=Contact(friction=0.6, gap=gap))
+        )
         for gap in (0.04, 0.005)
     )
     assert narrow.gap.closed and "closed where it is narrower than 0.001" in narrow.text()
@@ -193,7 +205,8 @@ def test_a_stone_on_two_ranks_and_resumed(mpirun, tmp_path):
     loads = []
     for ranks in (1, 2):
         done = mpirun(
-            ranks, textwrap.dedent(script).replace("sys.argv[1]", repr(str(tmp_path / "scene.toml")))
+            ranks,
+            textwrap.dedent(script).replace("sys.argv[1]", repr(str(tmp_path / "scene.toml"))),
         )
         assert done.returncode == 0, done.stderr
         loads.append([float(word) for word in done.stdout.split()])

@@ -113,7 +113,10 @@ def test_ridges_across_the_stream_are_the_plane_s():
 
     There it scatters by 1%: 0.05354, 0.05404, 0.05381, 0.05354 at the sizes 4, 2, 1.4 and 1; here it is 0.05414.
     """
-    shape, finer = {"amplitude": 0.05, "wavelength": 1.0}, Numerics(mesh_size=2.0, order=2, error_bars=False)
+    shape, finer = (
+        {"amplitude": 0.05, "wavelength": 1.0},
+        Numerics(mesh_size=2.0, order=2, error_bars=False),
+    )
     plane = incipient.run(channel(bed=Sinusoidal(**shape), numerics=finer)).turbulence
     space = incipient.run(channel(width=0.2, bed=RidgeBed(**shape))).turbulence
     assert space.applicable and not space.plane
@@ -299,7 +302,11 @@ def test_a_bead_leaves_its_pocket_at_the_measured_speed():
         fluid=Fluid(reynolds=1300.0, scale="grain"),
         body=Sphere(diameter=1.0, x=4.0, density=2.5),
         bed=SphereBed(
-            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.0 + 12.0**-0.5, 3.0)
+            radius=0.5,
+            spacing=1.0,
+            arrangement="triangular",
+            angle=90.0,
+            offset=(4.0 + 12.0**-0.5, 3.0),
         ),
         gravity=Gravity(acceleration=9.81 * 0.008 / speed**2),
         contact=Contact(friction=0.5, gap=0.05),

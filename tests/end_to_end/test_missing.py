@@ -94,7 +94,9 @@ def assert_one_line(done: Finished[str], what: str, remedy: str) -> None:
 
 def test_a_missing_library_is_named() -> None:
     with (
-        pytest.raises(MissingError, match=r"libNone\.so\.7 is not installed: .*apt-get install libglu1-mesa"),
+        pytest.raises(
+            MissingError, match=r"libNone\.so\.7 is not installed: .*apt-get install libglu1-mesa"
+        ),
         required(),
     ):
         ctypes.CDLL("libNone.so.7")

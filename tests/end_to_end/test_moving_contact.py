@@ -12,7 +12,18 @@ from test_moving_grain import history_of
 
 import incipient
 from incipient.errors import SceneError
-from incipient.scene import Contact, Domain, Ellipse, Fluid, Gravity, Numerics, Output, Scene, Still, Time
+from incipient.scene import (
+    Contact,
+    Domain,
+    Ellipse,
+    Fluid,
+    Gravity,
+    Numerics,
+    Output,
+    Scene,
+    Still,
+    Time,
+)
 
 DENSITY, SEMI_AXES, GRAVITY, STEP = 3.0, (0.5, 0.35), 10.0, 0.04
 AREA = np.pi * SEMI_AXES[0] * SEMI_AXES[1]
@@ -25,11 +36,15 @@ def sinking(end: float, **body: Any) -> Scene:
         domain=Domain(kind="box", length=4.0, height=4.0),
         fluid=Fluid(reynolds=10.0, scale="grain"),
         flow=Still(),
-        body=Ellipse(semi_axes=SEMI_AXES, centre=centre, angle=20, density=DENSITY, motion="free", **body),
+        body=Ellipse(
+            semi_axes=SEMI_AXES, centre=centre, angle=20, density=DENSITY, motion="free", **body
+        ),
         gravity=Gravity(acceleration=GRAVITY),
         contact=Contact(friction=0.5, gap=0.05),
         time=Time(end=end, step=STEP),
-        numerics=Numerics(mesh_size=3.0, error_bars=False, tolerance=1e-9, interface_tolerance=1e-9),
+        numerics=Numerics(
+            mesh_size=3.0, error_bars=False, tolerance=1e-9, interface_tolerance=1e-9
+        ),
         output=Output(fields=False),
     )
 
@@ -46,12 +61,16 @@ def test_momentum_is_balanced_with_the_force_of_repulsion(tmp_path: Path) -> Non
     names = ("velocity_x", "velocity_y", "spin")
     velocities = np.array([np.r_[0.0, found[name]] for name in names])
     now, before, earlier = velocities[:, 2:], velocities[:, 1:-1], velocities[:, :-2]
-    rates = np.array([[mass], [mass], [inertia]]) * (1.5 * now - 2.0 * before + 0.5 * earlier) / STEP
+    rates = (
+        np.array([[mass], [mass], [inertia]]) * (1.5 * now - 2.0 * before + 0.5 * earlier) / STEP
+    )
     missed, scale = np.abs(rates - loads[:, 1:]).max(axis=1), np.abs(loads).max()
     print(missed / scale)
     assert missed.max() < 1e-7 * scale  # 3e-9 when written; the flow is solved to 1e-9 of the load
     # It was repelled, by about as much as the rest of the load, and the result says so.
-    assert found["repulsion_y"].max() > 0.5 * scale and np.abs(found["repulsion_couple"]).max() > 0.0
+    assert (
+        found["repulsion_y"].max() > 0.5 * scale and np.abs(found["repulsion_couple"]).max() > 0.0
+    )
     stored = result_of(tmp_path)
     last = [found[name][-1] for name in ("repulsion_x", "repulsion_y")]
     assert stored["force"]["repulsion"][:2] == pytest.approx(last)
@@ -66,7 +85,9 @@ def test_contact_with_the_bottom_is_judged_and_the_run_resumed_from_it(tmp_path:
     ended, verdict = stored["trajectory"]["ended"], stored["verdict"]
     assert (ended["by"], ended["nearest"], ended["without_verdict"]) == ("contact", "bottom", "")
     (contact,) = stored["contacts"]
-    assert contact["point"][1] == pytest.approx(0.05) and contact["normal"] == pytest.approx([0, -1, 0])
+    assert contact["point"][1] == pytest.approx(0.05) and contact["normal"] == pytest.approx(
+        [0, -1, 0]
+    )
     # One contact beside the centre: at rest there the weight alone would tip the ellipse over.
     assert verdict["moves"] and verdict["safety_factor"] == 0.0
     assert "at rest where it met the bottom" in result.text() and verdict["note"] in result.text()
@@ -82,5 +103,8 @@ def test_contact_with_the_bottom_is_judged_and_the_run_resumed_from_it(tmp_path:
         after["time"][-1] == pytest.approx(0.5)
         and after["y"][: len(rows["y"])].tolist() == rows["y"].tolist()
     )
-    assert after["repulsion_y"][len(rows["y"])] > 0.0 and after["velocity_y"][-1] > rows["velocity_y"][-1]
+    assert (
+        after["repulsion_y"][len(rows["y"])] > 0.0
+        and after["velocity_y"][-1] > rows["velocity_y"][-1]
+    )
     assert not (tmp_path / "checkpoint.h5").exists()

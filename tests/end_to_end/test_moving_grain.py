@@ -142,20 +142,26 @@ def test_published_fall_in_a_box(tmp_path: Path) -> None:
     found = history(scene, tmp_path)
     fastest = 1.25 * 0.25 / 0.1 * -found["velocity_y"].min()
     print(fastest, found["y"][-1])
-    assert GLOWINSKI["lowest"] < fastest < GLOWINSKI["highest"]  # 17.45; on a finer mesh, too, when written
+    assert (
+        GLOWINSKI["lowest"] < fastest < GLOWINSKI["highest"]
+    )  # 17.45; on a finer mesh, too, when written
     # It comes to the bottom within the gap that counts as contact.
     result = result_of(tmp_path)
     assert result["trajectory"]["ended"]["by"] == "contact"
     assert found["y"][-1] == pytest.approx(0.125 + 0.0025, abs=1e-5)
 
 
-def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(tmp_path: Path) -> None:
+def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(
+    tmp_path: Path,
+) -> None:
     """In a fluid at rest, which on the new mesh is at rest, too; the path is that without new meshes."""
 
     def thrown(remesh_below: float) -> Columns:
         scene = settling(
             2.0,
-            body=Disc(diameter=1.0, centre=(2.0, 8.0), density=2.0, motion="free", velocity=(0.3, 0.2)),
+            body=Disc(
+                diameter=1.0, centre=(2.0, 8.0), density=2.0, motion="free", velocity=(0.3, 0.2)
+            ),
             time=Time(end=0.45, step=0.15),
             numerics=Numerics(mesh_size=3.0, error_bars=False, remesh_below=remesh_below),
         )
@@ -242,7 +248,10 @@ def farthest(points: Any, curve: Any) -> float:
 def test_a_neutrally_buoyant_disc_ends_on_its_limit_cycle(tmp_path: Path) -> None:
     """Wherever it starts. Known of particles in cavities at these Reynolds numbers: Wu, Romanò & Kuhlmann,
     J. Fluid Mech. 955 (2023) A16, find neutrally buoyant spheres strongly attracted to closed orbits at Re = 100."""
-    one, other = orbit((0.5, 0.6), 100.0, tmp_path / "one"), orbit((0.58, 0.72), 35.0, tmp_path / "other")
+    one, other = (
+        orbit((0.5, 0.6), 100.0, tmp_path / "one"),
+        orbit((0.58, 0.72), 35.0, tmp_path / "other"),
+    )
     early, late = farthest(one[100:300], other[-100:]), farthest(one[-200:], other[-100:])
     print(early, late, np.ptp(one[-200:], axis=0), np.ptp(other[-100:], axis=0))
     # The orbit, once round in about ten units of time, is 0.24 wide and 0.18 high.
@@ -265,7 +274,9 @@ def test_two_ranks_carry_the_grain_as_one_does(session: Any, tmp_path: Path) -> 
     for ranks in (1, 2):
         command = ["run", "scene.toml", *settings(time_end=0.08), "--out", f"on{ranks}"]
         if ranks == 1:
-            incipient.run(incipient.load(tmp_path / "scene.toml", ["time.end=0.08"]), tmp_path / "on1")
+            incipient.run(
+                incipient.load(tmp_path / "scene.toml", ["time.end=0.08"]), tmp_path / "on1"
+            )
         else:
             (outcome,) = session(ranks, [command])
             assert outcome.codes == [0] * ranks, outcome.lines

@@ -88,7 +88,9 @@ def jeffery(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return (RATIO**2 * np.cos(angle) ** 2 + np.sin(angle) ** 2) / (RATIO**2 + 1.0)
 
 
-def assert_same_path(one: Path, other: Path, tolerance: float, of_forces: float | None = None) -> None:
+def assert_same_path(
+    one: Path, other: Path, tolerance: float, of_forces: float | None = None
+) -> None:
     first, second = history_of(one), history_of(other)
     assert len(first) == len(second) and first["meshes"].max() > 1
     for name in (
@@ -117,7 +119,16 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     incipient.run(scene, tmp_path / "whole")
     whole = history_of(tmp_path / "whole")
     assert np.abs(whole["spin_y"] - jeffery(angles(whole))).max() < 0.08 * 0.8
-    for name in ("y", "velocity_y", "spin_x", "spin_z", "force_y", "couple_x", "couple_z", "quaternion_x"):
+    for name in (
+        "y",
+        "velocity_y",
+        "spin_x",
+        "spin_z",
+        "force_y",
+        "couple_x",
+        "couple_z",
+        "quaternion_x",
+    ):
         assert np.abs(whole[name]).max() == 0.0, name
 
     shutil.copytree(tmp_path / "whole", tmp_path / "resumed")
@@ -142,9 +153,7 @@ def assert_shows(path: Path, frames: int) -> None:
 
 def turned(directory: Path) -> Path:
     """The turntable of a run with three frames only, made in a process of its own as always."""
-    code = (
-        "import sys, pathlib; from incipient.pictures.motion import turntable as t; t._Turntable.count = 3; "
-    )
+    code = "import sys, pathlib; from incipient.pictures.motion import turntable as t; t._Turntable.count = 3; "
     code += "print(t.turn(pathlib.Path(sys.argv[1])))"
     done = subprocess.run(
         [sys.executable, "-c", code, directory], capture_output=True, text=True, check=False
@@ -199,7 +208,9 @@ def test_mass_and_moments_follow_the_grain() -> None:
     def in_box(**keys: Any) -> Scene:
         body = Ellipsoid(semi_axes=(0.5, 0.3, 0.2), density=3, motion="free", **keys)
         box = Domain(kind="box", length=4, width=4, height=4)
-        return Scene(domain=box, fluid=SLOW, flow=Still(velocity=1.0), body=body, time=Time(end=1, step=1))
+        return Scene(
+            domain=box, fluid=SLOW, flow=Still(velocity=1.0), body=body, time=Time(end=1, step=1)
+        )
 
     found = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")).body)
     mass = 3 * 4 / 3 * np.pi * 0.5 * 0.3 * 0.2
@@ -208,7 +219,14 @@ def test_mass_and_moments_follow_the_grain() -> None:
     assert found.mask.tolist() == [False, True, True, True, False, True]
     halved = in_box(centre=(2, 2, 2))
     assert Setup(halved).symmetric
-    assert rigid_body(halved.body, symmetric=True).mask.tolist() == [True, False, True, False, True, False]
+    assert rigid_body(halved.body, symmetric=True).mask.tolist() == [
+        True,
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]
 
 
 def test_orientation_is_told_as_it_is_given() -> None:
@@ -260,5 +278,7 @@ def test_a_sphere_falls_on_a_plane_and_is_judged(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "result.json").read_text())
     ended, place = stored["trajectory"]["ended"], stored["trajectory"]["place"]
     assert ended["by"] == "contact" and ended["nearest"] == "bed"
-    assert ended["clearance"] == pytest.approx(0.03, abs=1e-5) and place[2] == pytest.approx(0.53, abs=1e-5)
+    assert ended["clearance"] == pytest.approx(0.03, abs=1e-5) and place[2] == pytest.approx(
+        0.53, abs=1e-5
+    )
     assert len(stored["contacts"]) == 1 and "body.orientation = [" in stored["verdict"]["note"]

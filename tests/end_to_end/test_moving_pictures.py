@@ -36,8 +36,16 @@ STEPS = 10
 def run(tmp_path_factory):
     """The directory of a run with a series of fields."""
     directory = tmp_path_factory.mktemp("moving")
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, str(Path(__file__).with_name("moving_run.py")), str(directory), str(STEPS)]
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parents[1]),
+        "OMP_NUM_THREADS": "1",
+    }
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("moving_run.py")),
+        str(directory),
+        str(STEPS),
+    ]
     process = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert process.returncode == 0, process.stderr
     return directory
@@ -231,13 +239,17 @@ def test_the_grain_is_where_its_mesh_is(run):
     for number in (0, STEPS // 2, STEPS - 1):
         film.show(number)
         (axes, *_) = film.figure.axes
-        body = min((p for p in axes.patches if isinstance(p, Polygon)), key=lambda p: np.ptp(p.get_xy()))
+        body = min(
+            (p for p in axes.patches if isinstance(p, Polygon)), key=lambda p: np.ptp(p.get_xy())
+        )
         expected = course([moments[number]])[0]
         middle = (body.get_xy().max(axis=0) + body.get_xy().min(axis=0)) / 2
         assert np.allclose(middle, expected[:2], atol=5e-3)
         way, _, spoke = axes.lines
         assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
-        assert np.allclose(np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2)
+        assert np.allclose(
+            np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2
+        )
         assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")
 
 
@@ -292,7 +304,11 @@ def test_show_animates(run, command, tmp_path):
 def test_a_turntable_of_a_run_in_the_plane_is_refused(run, command):
     done = command("show", run, "--turntable")
     why = f"{run}: a turntable shows a grain in space; this run has none: use --animate"
-    assert (done.returncode, done.stdout, done.stderr) == (5, "", f"incipient: no animation: {why}\n")
+    assert (done.returncode, done.stdout, done.stderr) == (
+        5,
+        "",
+        f"incipient: no animation: {why}\n",
+    )
 
 
 def test_the_directory_may_come_after_the_options(run, command):
@@ -308,10 +324,16 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         made.mkdir()
     write_series(single, [1.0])
     cases = {
-        (single, None): "fields.h5: holds a single step; run the scene with [time] and --set output.every=1",
+        (
+            single,
+            None,
+        ): "fields.h5: holds a single step; run the scene with [time] and --set output.every=1",
         (tmp_path, None): "fields.h5: no such file; run the scene with output.fields = true",
         (run, "x.avi"): "x.avi: is not a name for an animation; let it end in .gif or .mp4",
-        (run, "x.mp4"): "x.mp4: MP4 needs ffmpeg, which is not installed; install it or write a .gif",
+        (
+            run,
+            "x.mp4",
+        ): "x.mp4: MP4 needs ffmpeg, which is not installed; install it or write a .gif",
         (
             run,
             "absent/x.gif",
@@ -340,7 +362,9 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )
-def test_show_says_what_is_wrong_in_one_line(options, code, complaint, capsys, monkeypatch, tmp_path):
+def test_show_says_what_is_wrong_in_one_line(
+    options, code, complaint, capsys, monkeypatch, tmp_path
+):
     (tmp_path / "nothing").mkdir()
     (tmp_path / "nothing" / "result.json").write_text("{}")
     monkeypatch.chdir(tmp_path)

@@ -36,7 +36,9 @@ from incipient.simulation.build import prepared
 COURSE = ("0.8*(1-exp(-t/0.02))", "0.2*(1-exp(-t/0.02))", "0.3")
 
 
-def moving(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size=2.8, width=None, **body):
+def moving(
+    end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size=2.8, width=None, **body
+):
     """A disc over a wavy bed four diameters deep, with a width a sphere over a level one, on a course by default."""
     in_space = width is not None
     place = (3.0, 0.5 * width, 1.2) if in_space else (3.0, 1.2)
@@ -55,7 +57,9 @@ def moving(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size
         effects=Effects(turbulence=True),
         turbulence={"model": "k-omega-sst"},
         time=Time(end=end, step=step, start=start),
-        numerics=Numerics(order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below),
+        numerics=Numerics(
+            order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below
+        ),
         output=Output(fields=False, checkpoint=checkpoint),
     )
 
@@ -66,7 +70,9 @@ BOTH = pytest.mark.parametrize("size", [{}, IN_SPACE], ids=["plane", "space"])
 
 def still(motion, start, **size):
     """A grain that is held, or goes along a course of no way."""
-    return incipient.run(moving(0.1, 0.05, start, motion=motion, course=("0",) * (6 if size else 3), **size))
+    return incipient.run(
+        moving(0.1, 0.05, start, motion=motion, course=("0",) * (6 if size else 3), **size)
+    )
 
 
 def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
@@ -97,7 +103,10 @@ def test_a_run_with_new_meshes_goes_on_where_it_was_kept(size, tmp_path):
     names, body = ("x", "couple", "y_plus_max", "mesh_quality"), {}
     start, below = "rest", 0.9995
     if size:
-        names, body = ("x", "couple_y", "y_plus_max", "mesh_quality"), {"motion": "free", "density": 0.5}
+        names, body = (
+            ("x", "couple_y", "y_plus_max", "mesh_quality"),
+            {"motion": "free", "density": 0.5},
+        )
         start, below = "steady", 0.99995
     resumed, whole = resumed_and_whole(
         lambda end: moving(end, 0.02, start, below, 3, **size, **body), (0.06, 0.1), tmp_path, names
@@ -135,7 +144,9 @@ def test_new_meshes_leave_the_load_as_it_is(width, cells, often, tmp_path):
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     assert meshes[-1] > 3
     for both in (slice(0, 2), slice(2, 4)):
-        changed, wrong = (np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine))
+        changed, wrong = (
+            np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine)
+        )
         print(meshes[-1], changed, 2.0 * wrong)
         assert changed < 2.0 * wrong
 
@@ -147,7 +158,8 @@ def test_a_run_ends_where_the_bed_about_the_start_does(tmp_path):
     given = moving(1.0, 0.1, course=course, **IN_SPACE).model_dump()
     given["bed"], given["numerics"]["meshed_bed"] = RidgeBed(amplitude=0.05, wavelength=1.0), 0.3
     with pytest.raises(
-        ConvergenceError, match=r"level ground takes the bed's place: use a larger numerics.meshed_bed"
+        ConvergenceError,
+        match=r"level ground takes the bed's place: use a larger numerics.meshed_bed",
     ):
         incipient.run(Scene.model_validate(given), tmp_path)
     times = column(tmp_path, "time")
@@ -185,7 +197,9 @@ def test_sand_let_go_begins_with_the_load_on_it_when_held(first, size, displaced
         for density in (0.3, 2.65)
     }
     along = [0, held.gdim - 1]
-    velocities = {density: np.array(one.trajectory["velocity"])[along] for density, one in found.items()}
+    velocities = {
+        density: np.array(one.trajectory["velocity"])[along] for density, one in found.items()
+    }
     gained = {density: one / first for density, one in velocities.items()}
     weight = np.array([0.0, -0.2 * displaced])
     for density, one in found.items():
@@ -254,7 +268,9 @@ def test_on_a_new_mesh_k_is_at_least_what_is_not_destroyed():
             part.around(None)
         least = np.log(1e-3 * Setup(scene).resolved_walls.shear_velocity ** 2)
         values = before.fields.state.x.array.copy()
-        values[0::2] = np.where(before.fields.space.tabulate_dof_coordinates()[:, 0] < 3.0, -40.0, -5.0)
+        values[0::2] = np.where(
+            before.fields.space.tabulate_dof_coordinates()[:, 0] < 3.0, -40.0, -5.0
+        )
         before.in_time.past = [values, values]
         after.carry_over(before)
         state = after.fields.state.x.array

@@ -13,7 +13,17 @@ from turbulent import column, ends_on_ranks, resumed_and_whole
 import incipient
 from incipient.geometry.placement import Placement
 from incipient.planning.flow_setup import Setup
-from incipient.scene import Disc, Domain, Gravity, Numerics, Output, Poiseuille, RidgeBed, Sphere, Time
+from incipient.scene import (
+    Disc,
+    Domain,
+    Gravity,
+    Numerics,
+    Output,
+    Poiseuille,
+    RidgeBed,
+    Sphere,
+    Time,
+)
 from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.march import March
@@ -25,7 +35,9 @@ def moving(end, step, density=2.65, remesh_below=0.35, output=None, mesh_size=4.
         "body": Disc(diameter=0.2, centre=(1.9375, 0.25), motion="free", density=density),
         "gravity": Gravity(acceleration=1.0),
         "time": Time(end=end, step=step),
-        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False, remesh_below=remesh_below),
+        "numerics": Numerics(
+            mesh_size=mesh_size, order=2, error_bars=False, remesh_below=remesh_below
+        ),
         "output": output or Output(fields=False),
     }
     return stone(**{**sections, **changes})
@@ -37,7 +49,14 @@ def ball(end, step, **changes):
     numerics = Numerics(mesh_size=7.0, error_bars=False, remesh_below=0.9999)
     time, gravity = Time(end=end, step=step), Gravity(acceleration=1.0)
     return solid_stone(
-        **{"body": sphere, "contact": None, "gravity": gravity, "time": time, "numerics": numerics, **changes}
+        **{
+            "body": sphere,
+            "contact": None,
+            "gravity": gravity,
+            "time": time,
+            "numerics": numerics,
+            **changes,
+        }
     )
 
 
@@ -52,7 +71,8 @@ def balances(scene):
         past = grain.part.past
         v, _ = ufl.split(fluid.state)
         rate = sum(
-            a * ufl.split(one)[0][0] for a, one in zip(fluid.rate, [fluid.state, *fluid.history], strict=True)
+            a * ufl.split(one)[0][0]
+            for a, one in zip(fluid.rate, [fluid.state, *fluid.history], strict=True)
         )
         inertia = rate + ufl.dot(ufl.grad(v), fluid.carrier(v))[0]
         reaction = fluid.residual()[fluid.space.velocity_map[::gdim]].sum()
@@ -60,10 +80,14 @@ def balances(scene):
         turned = ufl.dot(ufl.grad(v).T, n)[0] - ufl.div(v) * n[0]
         leaving = integral(domain, fluid.viscosity * turned * domain.measure("outflow"))
         x = ufl.as_vector([1.0, *[0.0] * (gdim - 1)])
-        borne = [integral(domain, fluid.walls.power(fluid.state, x, name)) for name in ("body", "bed")]
+        borne = [
+            integral(domain, fluid.walls.power(fluid.state, x, name)) for name in ("body", "bed")
+        ]
         load, state = grain.part.end.flow_load[:gdim], past[0]
         mass = grain.body.inertia.mass
-        gained = mass * sum(float(a.value) * one.velocity for a, one in zip(fluid.rate, past, strict=True))
+        gained = mass * sum(
+            float(a.value) * one.velocity for a, one in zip(fluid.rate, past, strict=True)
+        )
         weight = (mass - scene.grain.volume) * np.array(scene.gravity_vector)
         carried = integral(domain, inertia * fluid.quadrature())
     assert len(steps) == 2 and steps[-1].report.residuals[-1] < 1e-5
@@ -71,7 +95,9 @@ def balances(scene):
     return gained, load, weight, np.array(borne), reaction - carried + leaving
 
 
-@pytest.mark.parametrize(("made", "share"), [(moving, 1.0), pytest.param(ball, 2.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("made", "share"), [(moving, 1.0), pytest.param(ball, 2.0, marks=pytest.mark.slow)]
+)
 def test_a_stone_and_the_stream_exchange_momentum(made, share):
     """Mass times acceleration is flow and weight, by the flow's own differences; what grain and bed bear it loses."""
     gained, load, weight, borne, lost = balances(made(4e-3, 2e-3))
@@ -120,7 +146,9 @@ def test_new_meshes_leave_the_load_as_it_is(tmp_path):
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     assert meshes[-1] > 7
     for both in (slice(0, 2), slice(2, 4)):
-        changed, wrong = (np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine))
+        changed, wrong = (
+            np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine)
+        )
         print(changed, 2.0 * wrong)
         assert changed < 2.0 * wrong
 
@@ -168,7 +196,9 @@ def test_a_stone_let_go_begins_with_the_load_on_it_when_held():
     area, weight = 0.01 * np.pi, np.array([0.0, -0.01 * np.pi])
     first = 1e-3
     found = {density: released(density, first, first) for density in (0.3, 2.65)}
-    gained = {density: np.array(one.trajectory["velocity"]) / first for density, one in found.items()}
+    gained = {
+        density: np.array(one.trajectory["velocity"]) / first for density, one in found.items()
+    }
     for density, one in found.items():
         balance = density * area * gained[density] - (density - 1.0) * weight
         assert balance == pytest.approx(one.force.flow[:2], rel=1e-5)
@@ -189,7 +219,9 @@ def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
     incipient.run(moving(0.1, 0.01, body=disc, gravity=gravity, time=time), tmp_path)
     load = np.array([column(tmp_path, name) for name in ("force_x", "force_y", "couple")])
     buoyancy = 0.2 * 0.01 * np.pi
-    assert load == pytest.approx(np.outer([0.0, -1.0, 0.0], np.full(10, buoyancy)), abs=1e-3 * buoyancy)
+    assert load == pytest.approx(
+        np.outer([0.0, -1.0, 0.0], np.full(10, buoyancy)), abs=1e-3 * buoyancy
+    )
     assert column(tmp_path, "interface").max() <= 6
     for name in ("velocity_x", "velocity_y"):
         gained = np.diff(column(tmp_path, name))

@@ -167,7 +167,9 @@ def test_a_resumed_channel_is_the_whole_one_and_two_ranks_are_as_one(tmp_path, s
     whole = history_of(tmp_path / "whole")
     for name in ("elevation_1", "elevation_2", "inflow", "volume_above_level", "energy_fluid"):
         for other in ("half", "ranks"):
-            assert history_of(tmp_path / other)[name] == pytest.approx(whole[name], rel=1e-8, abs=1e-12), name
+            assert history_of(tmp_path / other)[name] == pytest.approx(
+                whole[name], rel=1e-8, abs=1e-12
+            ), name
 
 
 def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
@@ -194,7 +196,9 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
 @pytest.mark.slow
 def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
     """Beside a run in steps of a quarter in elements of order four, and one in a channel twice as long."""
-    scene = SHORT.replace("error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "order = 2")
+    scene = SHORT.replace(
+        "error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "order = 2"
+    )
     scene = scene.replace("checkpoint = 4", "")
     found = incipient.run(loads(scene))
     bars = found.error_bars
@@ -213,11 +217,16 @@ def test_an_accuracy_is_sought_in_a_channel():
     scene = (
         level('kind = "still"')
         .replace("reynolds = 1.0", "reynolds = 1e4")
-        .replace('elevation = "0"', 'wave = {amplitude = 0.005, period = 7.2}\nsponge = 9.0\nbottom = "slip"')
+        .replace(
+            'elevation = "0"',
+            'wave = {amplitude = 0.005, period = 7.2}\nsponge = 9.0\nbottom = "slip"',
+        )
         .replace("length = 3.0", "length = 20.0")
         .replace("[0.0, 1.5, 3.0]", "[2.0, 3.5, 5.0]")
         .replace('end = 5.0\nstep = 0.5\nstart = "steady"', "end = 22.0\nstep = 0.2")
-        .replace("error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "accuracy = 0.1")
+        .replace(
+            "error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "accuracy = 0.1"
+        )
     )
     result, wave = incipient.run(loads(scene)), wave_of(Setup(loads(scene)))
     assert result.adaptation.met and result.adaptation.of == "elevation"
@@ -240,9 +249,17 @@ def test_the_plan_tells_of_the_ends():
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('kind = "open-channel"', 'kind = "shear"', 'flow.kind: "shear" is no flow below a free surface'),
+        (
+            'kind = "open-channel"',
+            'kind = "shear"',
+            'flow.kind: "shear" is no flow below a free surface',
+        ),
         ('elevation = "0"', 'inflow = "x"', 'surface.inflow: "x" depends on x; use t, y, z only'),
-        ('elevation = "0"', 'inflow = "z"', "surface.inflow: depends on z but the scene lies in the plane"),
+        (
+            'elevation = "0"',
+            'inflow = "z"',
+            "surface.inflow: depends on z but the scene lies in the plane",
+        ),
         (
             'elevation = "0"',
             'outflow = "wall"',
@@ -267,7 +284,9 @@ def test_the_plan_tells_of_the_ends():
 )
 def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
     scene = (
-        FILM.replace(old, new).replace("velocity = 0.25", "") if "shear" in new else FILM.replace(old, new)
+        FILM.replace(old, new).replace("velocity = 0.25", "")
+        if "shear" in new
+        else FILM.replace(old, new)
     )
     with pytest.raises(SceneError) as refused:
         loads(scene)
@@ -278,8 +297,16 @@ def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('elevation = "0"', 'inflow = "sin(t)"', "is for a steady flow but surface.inflow depends on t"),
-        ('elevation = "0"', "wave = {amplitude = 0.01, period = 4.0}", "but surface.wave lets waves in"),
+        (
+            'elevation = "0"',
+            'inflow = "sin(t)"',
+            "is for a steady flow but surface.inflow depends on t",
+        ),
+        (
+            'elevation = "0"',
+            "wave = {amplitude = 0.01, period = 4.0}",
+            "but surface.wave lets waves in",
+        ),
         (f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"', "but the fluid is still"),
     ],
 )
@@ -305,8 +332,13 @@ def test_a_box_has_no_inflow():
 def test_a_stream_near_the_critical_one_is_warned_of(froude, warned):
     """Of unit gravity and depth; across the bed it is the cosine of the slope."""
     speed = froude * np.sqrt(np.cos(np.radians(SLOPE)))
-    warnings = make_plan(loads(SHORT.replace(f"velocity = {SPEED}", f"velocity = {float(speed)!r}"))).warnings
-    assert any(f"the Froude number, {froude:g}, is between 0.95 and 1.3" in one for one in warnings) == warned
+    warnings = make_plan(
+        loads(SHORT.replace(f"velocity = {SPEED}", f"velocity = {float(speed)!r}"))
+    ).warnings
+    assert (
+        any(f"the Froude number, {froude:g}, is between 0.95 and 1.3" in one for one in warnings)
+        == warned
+    )
     assert len(warnings) == warned
 
 

@@ -28,10 +28,15 @@ PERIOD, STRENGTH, BESIDE = 1.0, 2.0, 0.5  # BESIDE: of the centre from those of 
 def scene(motion: str, gravity: float) -> Scene:
     """The disc, held or released, in a shear that is a sine of time."""
     points = [
-        [t, STRENGTH * math.sin(2.0 * math.pi * t / PERIOD)] for t in np.linspace(0.0, 2.0, 161).tolist()
+        [t, STRENGTH * math.sin(2.0 * math.pi * t / PERIOD)]
+        for t in np.linspace(0.0, 2.0, 161).tolist()
     ]
     plain = loads(POCKET.format(gravity=gravity)).model_dump(exclude_unset=True)
-    plain["fluid"]["reynolds"], plain["contact"]["friction"], plain["numerics"]["mesh_size"] = 4.0, 1.0, 2.0
+    plain["fluid"]["reynolds"], plain["contact"]["friction"], plain["numerics"]["mesh_size"] = (
+        4.0,
+        1.0,
+        2.0,
+    )
     plain["body"] |= {"density": 2.0, "motion": motion}
     plain["flow"]["gust"] = {"shape": "points", "points": points}
     return Scene(**plain, time={"end": 1.25, "step": 0.025})
@@ -55,13 +60,16 @@ def threshold() -> tuple[float, float]:
     held = scene("fixed", 10.0)
     _, found = history(held)
     time, along, up, couple = (
-        np.array([float(one) for one in found[name]]) for name in ("time", "force_x", "force_y", "couple")
+        np.array([float(one) for one in found[name]])
+        for name in ("time", "force_x", "force_y", "couple")
     )
     placement = Setup(held).geometry.stance.placement
     assert placement is not None
     reach = math.hypot(BESIDE, placement.centre[1])
     sine, cosine = BESIDE / reach, placement.centre[1] / reach
-    turning = [(way * along * cosine + up * sine - way * couple / 0.5) / sine for way in (1.0, -1.0)]
+    turning = [
+        (way * along * cosine + up * sine - way * couple / 0.5) / sine for way in (1.0, -1.0)
+    ]
     whole, submerged = np.maximum(*turning), math.pi / 4.0
     return float(whole.max()) / submerged, float(time[int(np.argmax(whole))])
 
@@ -73,7 +81,9 @@ def test_the_torques_are_largest_before_the_velocity_is() -> None:
 
 
 @pytest.mark.parametrize(("share", "moves"), [(1.03, False), (0.97, True)])
-def test_a_disc_in_a_flow_to_and_fro_rolls_from_where_the_torques_say(share: float, moves: bool) -> None:
+def test_a_disc_in_a_flow_to_and_fro_rolls_from_where_the_torques_say(
+    share: float, moves: bool
+) -> None:
     """It rolls to and fro at its contact, without slip."""
     gravity, when = threshold()
     result, found = history(scene("released", share * gravity))

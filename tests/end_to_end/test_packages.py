@@ -47,7 +47,9 @@ def built(kind: str, source: Path, target: Path) -> Path:
     """The package that a build makes of a source, by the interface that pip uses."""
     code = BUILD.format(kind=kind, target=str(target))
     command = [sys.executable, "-W", "error::DeprecationWarning:setuptools", "-c", code]
-    done = subprocess.run(command, cwd=source, env=environment(), capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        command, cwd=source, env=environment(), capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     assert "Deprecated" not in done.stderr
     (package,) = target.iterdir()
@@ -85,7 +87,11 @@ def metadata_of(wheel: Path) -> Message:
 
 def files_below(directory: Path) -> set[str]:
     """Relative paths of what is kept in a directory, links followed."""
-    found = (Path(where) / name for where, _, names in os.walk(directory, followlinks=True) for name in names)
+    found = (
+        Path(where) / name
+        for where, _, names in os.walk(directory, followlinks=True)
+        for name in names
+    )
     relative = {path.relative_to(directory) for path in found}
     left_out = {"__pycache__", *(["results"] if directory.name != "incipient" else [])}
     return {path.as_posix() for path in relative if not left_out & set(path.parts)}
@@ -117,12 +123,21 @@ def test_the_source_package_has_the_whole_directory(unpacked_sdist: Path, direct
 
 
 def test_the_source_package_can_be_set_up(unpacked_sdist: Path) -> None:
-    for name in ("Makefile", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "pyproject.toml"):
+    for name in (
+        "Makefile",
+        "LICENSE",
+        "README.md",
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "pyproject.toml",
+    ):
         assert (unpacked_sdist / name).read_bytes() == (ROOT / name).read_bytes()
     assert os.access(unpacked_sdist / "setup.sh", os.X_OK)
 
 
-def test_the_source_package_makes_the_same_wheel(unpacked_sdist: Path, wheel: Path, tmp_path: Path) -> None:
+def test_the_source_package_makes_the_same_wheel(
+    unpacked_sdist: Path, wheel: Path, tmp_path: Path
+) -> None:
     again = built("wheel", copied(unpacked_sdist, tmp_path / "source"), tmp_path / "made")
     assert contents_of(again) == contents_of(wheel)
     assert metadata_of(again).as_string() == metadata_of(wheel).as_string()
@@ -133,7 +148,9 @@ def test_the_licence_is_an_expression(wheel: Path) -> None:
 
 
 @pytest.mark.parametrize("repository", ["", LINKED])
-def test_links_of_the_readme_are_absolute_where_the_address_is_known(repository: str, tmp_path: Path) -> None:
+def test_links_of_the_readme_are_absolute_where_the_address_is_known(
+    repository: str, tmp_path: Path
+) -> None:
     """A package index shows no picture that is named by a path."""
     source = copied(ROOT, tmp_path / "source")
     settings = (source / "pyproject.toml").read_text().replace("[project.urls]", "[project.other]")

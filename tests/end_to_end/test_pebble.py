@@ -21,7 +21,9 @@ SCENE = DEMOS / "scenes/pebble.toml"
 @pytest.fixture(scope="module")
 def scan():
     """What writes a scan of the pebble."""
-    spec = importlib.util.spec_from_file_location("scanned_pebble", DEMOS / "scenes/scanned_pebble.py")
+    spec = importlib.util.spec_from_file_location(
+        "scanned_pebble", DEMOS / "scenes/scanned_pebble.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.scan
@@ -29,7 +31,9 @@ def scan():
 
 def test_the_pebble_in_the_repository_is_what_the_script_writes(scan, tmp_path):
     scan(tmp_path / "pebble.stl", 1280)
-    made, kept = (Triangulated.from_file(place / "pebble.stl") for place in (tmp_path, SCENE.parent))
+    made, kept = (
+        Triangulated.from_file(place / "pebble.stl") for place in (tmp_path, SCENE.parent)
+    )
     assert len(kept.triangles) == 1280
     assert made.vertices == pytest.approx(kept.vertices, abs=1e-6)  # files are of single precision
 
@@ -57,7 +61,10 @@ def test_a_given_load_on_several_scans(scan, tmp_path):
         scene = incipient.load(SCENE, [scan(tmp_path / "pebble.stl", facets, turn)])
         weight = (scene.body.density - 1.0) * scene.grain.volume * scene.gravity.acceleration
         load = Load(
-            0.5 * weight * np.eye(3)[0], np.zeros(3), -weight * np.eye(3)[2], np.array(scene.placement.centre)
+            0.5 * weight * np.eye(3)[0],
+            np.zeros(3),
+            -weight * np.eye(3)[2],
+            np.array(scene.placement.centre),
         )
         verdict = judge(load, find_contacts(scene), scene.contact.friction).to_dict()
         found.append(verdict["safety_factor"])
@@ -73,6 +80,8 @@ def test_the_demo_on_two_ranks(tmp_path):
     command = [*on_ranks(2), sys.executable, DEMOS / "pebble.py", "320", "1280", *settings]
     done = finished(command, 600, env=environment(), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    first, second, last = (line for line in done.stdout.splitlines() if "facets: " in line or "agree" in line)
+    first, second, last = (
+        line for line in done.stdout.splitlines() if "facets: " in line or "agree" in line
+    )
     assert first.startswith("320 facets: ") and second.startswith("1280 facets: ")
     assert last == "all agree" or last.startswith("they do not agree, by ")

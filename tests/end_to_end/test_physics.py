@@ -49,7 +49,11 @@ DFG_2D_1 = {"drag": 5.57953523384, "lift": 0.010618948146, "pressure difference"
 DFG_2D_2 = {"drag": 3.227, "lift": 0.987, "strouhal": 0.301}
 
 # Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.
-BOTELLA_PEYRET = {"minimum of v1": -0.3885698, "maximum of v2": 0.3769447, "minimum of v2": -0.5270771}
+BOTELLA_PEYRET = {
+    "minimum of v1": -0.3885698,
+    "maximum of v2": 0.3769447,
+    "minimum of v2": -0.5270771,
+}
 
 # How far Ghia, Ghia & Shin's own grids (129^2, 257^2) are off: at Re = 1000, where Botella & Peyret tell, 0.011 in
 # the minimum of v2; more the thinner the layers. Not the error of the program: see `test_cavity_is_converged`.
@@ -65,7 +69,9 @@ def dot(**values):
 
 
 def dfg_2d_1(order):
-    result = incipient.run(incipient.load(CYLINDER, dot(numerics_order=order, numerics_error_bars=False)))
+    result = incipient.run(
+        incipient.load(CYLINDER, dot(numerics_order=order, numerics_error_bars=False))
+    )
     front, back = sample(result.pressure, np.array([[0.15, 0.2], [0.25, 0.2]]))[:, 0]
     found = {
         "drag": result.coefficients.drag,
@@ -79,7 +85,9 @@ def test_cylinder_at_order_three():
     error = dfg_2d_1(3)
     assert error["drag"] < 1e-5  # 1.2e-6 when written
     assert error["lift"] < 1e-2  # 1.3e-3 when written
-    assert error["pressure difference"] < 5e-3  # a value at two points converges more slowly; 1.9e-3
+    assert (
+        error["pressure difference"] < 5e-3
+    )  # a value at two points converges more slowly; 1.9e-3
 
 
 @pytest.mark.slow
@@ -110,7 +118,12 @@ def ghia(line, reynolds):
 
 @pytest.mark.parametrize(
     "reynolds",
-    [100, 400, pytest.param(1000, marks=pytest.mark.slow), pytest.param(3200, marks=pytest.mark.slow)],
+    [
+        100,
+        400,
+        pytest.param(1000, marks=pytest.mark.slow),
+        pytest.param(3200, marks=pytest.mark.slow),
+    ],
 )
 def test_profiles_in_the_cavity(reynolds):
     velocity = cavity(reynolds).velocity
@@ -138,7 +151,10 @@ def test_cavity_is_converged():
 def test_vortex_street(tmp_path):
     incipient.run(incipient.load(VORTEX_STREET, dot(output_fields=False)), tmp_path)
     with (tmp_path / "history.csv").open(newline="") as file:
-        rows = [(float(row["time"]), float(row["drag"]), float(row["lift"])) for row in csv.DictReader(file)]
+        rows = [
+            (float(row["time"]), float(row["drag"]), float(row["lift"]))
+            for row in csv.DictReader(file)
+        ]
     time, drag, lift = np.array(rows).T
     late = time > time[-1] - 1.0  # three periods
     time, drag, lift = time[late], drag[late], lift[late]
@@ -146,7 +162,9 @@ def test_vortex_street(tmp_path):
     crossings = time[rising] - lift[rising] * (time[rising + 1] - time[rising]) / (
         lift[rising + 1] - lift[rising]
     )
-    strouhal = 0.1 * (len(crossings) - 1) / (crossings[-1] - crossings[0])  # diameter over mean velocity 1
+    strouhal = (
+        0.1 * (len(crossings) - 1) / (crossings[-1] - crossings[0])
+    )  # diameter over mean velocity 1
     for name, value in {"drag": drag.max(), "lift": lift.max(), "strouhal": strouhal}.items():
         assert value == pytest.approx(DFG_2D_2[name], rel=5e-3), name
 
@@ -196,7 +214,9 @@ def test_a_turbulent_stream_keeps_its_mean_profile(extents, bound):
     )  # half of a domain in space is computed
     high = list(scene.domain.extents)
     points = np.random.default_rng(1).uniform(low, high, (60, scene.gdim))
-    expected = Setup(scene).base_flow.velocity(np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0)
+    expected = Setup(scene).base_flow.velocity(
+        np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0
+    )
     assert sample(result.velocity, points) == pytest.approx(expected.T, abs=bound * expected.max())
     assert any("gusts" in one.how for one in result.omitted)
 
@@ -270,7 +290,9 @@ def test_a_stream_does_not_lift_a_disc_in_its_middle():
         )
     )
     assert result.coefficients.drag > 2
-    assert abs(result.coefficients.lift) < 1e-6  # 1e-7 when written, on a mesh that is not symmetric
+    assert (
+        abs(result.coefficients.lift) < 1e-6
+    )  # 1e-7 when written, on a mesh that is not symmetric
     assert abs(result.coefficients.moment) < 1e-6
 
 
@@ -330,12 +352,16 @@ def test_loads_converge_as_the_gap_closes():
         return np.array([*result.force.flow[:2], result.couple.flow[2]])
 
     wide, middle, narrow = (loads(gap) for gap in (0.04, 0.02, 0.01))
-    assert np.all(np.abs(narrow - middle) < 0.6 * np.abs(middle - wide))  # about half: first order in the gap
+    assert np.all(
+        np.abs(narrow - middle) < 0.6 * np.abs(middle - wide)
+    )  # about half: first order in the gap
     assert narrow == pytest.approx(middle, rel=0.03)
 
 
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(command, tmp_path, ranks):
+def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(
+    command, tmp_path, ranks
+):
     """Loads, and error bars, which are runs of the same kind."""
     small = settings(domain_length=12.0, domain_height=6.0, body_x=4.0, numerics_mesh_size=5)
     asked = ["run", str(GRAIN_ON_BED), *small, "--out"]

@@ -45,7 +45,10 @@ def quadratic_grid(place, columns, rows, closed=False):
     for j in range(0, 2 * rows, 2):
         for i in range(0, 2 * columns, 2):
             a, b, c, d = (i, j), (i + 2, j), (i + 2, j + 2), (i, j + 2)
-            for corners in ((a, b, c), (c, a, d)):  # the second runs the other way round, as dolfinx's may
+            for corners in (
+                (a, b, c),
+                (c, a, d),
+            ):  # the second runs the other way round, as dolfinx's may
                 ring = [*corners, corners[0]]
                 mids = [tuple((np.array(p) + q) // 2) for p, q in pairwise(ring)]
                 cells.append([node(*p) for p in (*corners, *mids)])
@@ -71,7 +74,11 @@ def past_disc(points):
 
 def rotation(points):
     x, y = points.T - 0.5
-    return {"velocity": np.column_stack([-y, x, 0 * x]), "pressure": x**2 + y**2, "vorticity": 2 + 0 * x}
+    return {
+        "velocity": np.column_stack([-y, x, 0 * x]),
+        "pressure": x**2 + y**2,
+        "vorticity": 2 + 0 * x,
+    }
 
 
 def write_run(directory, mesh, fields, scene, result, surface=None):
@@ -91,7 +98,10 @@ def write_run(directory, mesh, fields, scene, result, surface=None):
 
 
 FLOW, COUPLE, WEIGHT = [np.pi, 0.5, 0.0], [0.0, 0.0, -0.3], [0.0, -2.0, 0.0]
-POINTS = [[-0.5, -np.sqrt(0.75), 0.0], [0.5, -np.sqrt(0.75), 0.0]]  # on the unit circle, so also normals
+POINTS = [
+    [-0.5, -np.sqrt(0.75), 0.0],
+    [0.5, -np.sqrt(0.75), 0.0],
+]  # on the unit circle, so also normals
 
 
 def verdict_on(flow):
@@ -215,7 +225,9 @@ def test_still_fluid_is_drawn(grain_run):
     file.add_mesh(cells)
     file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
     nothing = np.zeros(len(points))
-    file.add_step(0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing})
+    file.add_step(
+        0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing}
+    )
     for name, make in zip(FLOW_PICTURES, (flow.speed, flow.pressure, flow.vorticity), strict=True):
         with style.applied():
             make(read(grain_run)).savefig(grain_run / name, dpi=style.DOTS_PER_INCH)
@@ -243,7 +255,9 @@ def test_damaged_files_are_named(grain_run):
         draw(grain_run)
     (grain_run / "result.json").write_text("{}")
     (grain_run / "fields.h5").write_bytes(b"nothing")
-    with pytest.raises(OutputError, match=r"fields\.h5: cannot be read: it is damaged or incomplete; run"):
+    with pytest.raises(
+        OutputError, match=r"fields\.h5: cannot be read: it is damaged or incomplete; run"
+    ):
         draw(grain_run)
 
 
@@ -270,7 +284,9 @@ def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, mon
         "incipient.pictures.verdict.judgement.draw", lambda directory: [directory / "judgement.png"]
     )
     announced = []
-    with pytest.raises(OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"):
+    with pytest.raises(
+        OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"
+    ):
         draw(tmp_path, announced.append)
     assert announced == [tmp_path / "judgement.png"]
 
@@ -279,7 +295,9 @@ def test_boundary_of_a_mesh_with_a_hole():
     mesh = QuadraticMesh(*quadratic_grid(around_disc, 24, 12, closed=True))
     outer, hole = mesh.loops
     assert np.isclose(enclosed_area(mesh.points, outer), SIDE**2)
-    assert np.isclose(enclosed_area(mesh.points, hole), -np.pi * RADIUS**2, rtol=1e-2)  # clockwise polygon
+    assert np.isclose(
+        enclosed_area(mesh.points, hole), -np.pi * RADIUS**2, rtol=1e-2
+    )  # clockwise polygon
 
 
 def test_quadratic_fields_are_evaluated_exactly():
@@ -320,7 +338,9 @@ def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
     assert np.allclose(surface.normals, surface.points / RADIUS, atol=3e-3)
     turn = np.diff(np.unwrap(np.arctan2(*surface.points.T[::-1])))
     assert np.allclose(turn, 2 * np.pi / len(surface.points))
-    assert np.allclose(surface.normal_part, surface.points[:, 0], atol=1e-2)  # -p = x on the unit circle
+    assert np.allclose(
+        surface.normal_part, surface.points[:, 0], atol=1e-2
+    )  # -p = x on the unit circle
     assert np.allclose(surface.tangential_part, 0, atol=1e-2)
     assert len(surface.spaced(16)) == 16
 

@@ -52,4 +52,6 @@ def test_tractions_add_up_to_the_force(found: Result) -> None:
 def test_a_result_is_one_short_line(found: Result) -> None:
     line = repr(found)
     assert "\n" not in line and len(line) < 300
-    assert line.startswith("<Result: ") and found.verdict["mode"] in line and "safety factor" in line
+    assert (
+        line.startswith("<Result: ") and found.verdict["mode"] in line and "safety factor" in line
+    )

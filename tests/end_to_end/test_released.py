@@ -140,7 +140,11 @@ def test_a_wet_disc_slips_where_a_dry_one_still_rolls(tmp_path: Path) -> None:
     modes = {}
     for share in (0.45, 0.55):
         scene = incline(
-            length=24.0, height=10.0, friction=share * math.tan(math.radians(30.0)), end=0.5, step=0.05
+            length=24.0,
+            height=10.0,
+            friction=share * math.tan(math.radians(30.0)),
+            end=0.5,
+            step=0.05,
         )
         result = incipient.run(scene, tmp_path / f"{share}")
         modes[share] = result.trajectory["on_bed"]["mode"]  # type: ignore[index]
@@ -160,7 +164,9 @@ def test_contact_shortens_no_step_of_a_body_light_or_heavy(
     assert found["step"] == pytest.approx(0.01)
     assert np.abs(found["slip"]).max() < 1e-9 * abs(found["velocity_x"][-1])
     if share:
-        assert found["velocity_x"][-1] == pytest.approx(share * scene.gravity_vector[0] * 0.1, rel=2e-3)
+        assert found["velocity_x"][-1] == pytest.approx(
+            share * scene.gravity_vector[0] * 0.1, rel=2e-3
+        )
 
 
 def test_a_grain_stays_where_the_judge_says_so_and_else_moves(tmp_path: Path) -> None:
@@ -172,10 +178,13 @@ def test_a_grain_stays_where_the_judge_says_so_and_else_moves(tmp_path: Path) ->
     factor = incipient.run(held).verdict["safety_factor"]  # type: ignore[index]
     assert factor == pytest.approx(1.0126, rel=2e-3)
     stays, moves = (
-        incipient.run(pocket(9.55 * change / factor), tmp_path / f"{change}") for change in (1.02, 0.98)
+        incipient.run(pocket(9.55 * change / factor), tmp_path / f"{change}")
+        for change in (1.02, 0.98)
     )
     assert stays.trajectory["on_bed"]["mode"] == "rest"  # type: ignore[index]
-    assert stays.verdict is not None and stays.verdict["safety_factor"] == pytest.approx(1.02, rel=0.015)
+    assert stays.verdict is not None and stays.verdict["safety_factor"] == pytest.approx(
+        1.02, rel=0.015
+    )
     assert stays.verdict["touching_factor"] == pytest.approx(1.02, rel=2e-3)
     assert moves.trajectory["on_bed"]["first_motion"] == 0.0  # type: ignore[index]
     assert moves.verdict is None and "rolling" in moves.trajectory["ended"]["without_verdict"]  # type: ignore[index]
@@ -205,7 +214,9 @@ def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> Non
 
 def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
     """Kinetic energy is the work of flow, weight and contact, to what the iteration of fluid and grain leaves."""
-    incipient.run(pocket(1.0, end=1.5, contact__friction=0.1, contact__kinetic_friction=0.05), tmp_path)
+    incipient.run(
+        pocket(1.0, end=1.5, contact__friction=0.1, contact__kinetic_friction=0.05), tmp_path
+    )
     found = history_of(tmp_path)
     works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
     assert np.abs(works - found["energy_body"]).max() < 1e-3 * found["energy_body"].max()
@@ -273,7 +284,10 @@ CASES = (
     ({"contact": None}, "contact.friction: is missing"),
     ({"time": None}, "body.motion: a grain moves in time"),
     ({"body__locked": ("x",)}, "body.locked"),
-    ({"body__centre": (3.5, 2.0), "body__x": None}, "body.centre: a released grain starts from its rest"),
+    (
+        {"body__centre": (3.5, 2.0), "body__x": None},
+        "body.centre: a released grain starts from its rest",
+    ),
     (
         {"contact__kinetic_friction": 0.7},
         "contact.kinetic_friction: is 0.7, more than contact.friction = 0.6",
@@ -291,7 +305,9 @@ CASES = (
 
 
 @pytest.mark.parametrize(("changes", "says"), CASES)
-def test_what_a_released_grain_cannot_go_with_is_refused(changes: dict[str, Any], says: str) -> None:
+def test_what_a_released_grain_cannot_go_with_is_refused(
+    changes: dict[str, Any], says: str
+) -> None:
     plain = pocket(1.0).model_dump(exclude_unset=True)
     for key, value in changes.items():
         section, _, name = key.partition("__")
@@ -306,7 +322,9 @@ def test_what_a_released_grain_cannot_go_with_is_refused(changes: dict[str, Any]
 def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_path: Path) -> None:
     """A free disc sinks into the pocket below it and rests there; its run keeps a checkpoint."""
     free = {"motion": "free", "on_contact": "touch", "x": None, "centre": (3.5, 0.93)}
-    scene = pocket(100.0, end=3.0, until="at-rest", **{f"body__{key}": value for key, value in free.items()})
+    scene = pocket(
+        100.0, end=3.0, until="at-rest", **{f"body__{key}": value for key, value in free.items()}
+    )
     result = incipient.run(scene, tmp_path)
     assert result.trajectory is not None and result.trajectory["ended"]["by"] == "at-rest"
     stored = result_of(tmp_path)["trajectory"]["on_bed"]

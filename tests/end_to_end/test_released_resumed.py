@@ -15,7 +15,9 @@ from incipient.errors import Interrupted
 from incipient.interrupt import Interruption
 from incipient.scene import load
 
-COARSE = settings(numerics_mesh_size=2.5, numerics_tolerance=1e-9, numerics_interface_tolerance=1e-9)
+COARSE = settings(
+    numerics_mesh_size=2.5, numerics_tolerance=1e-9, numerics_interface_tolerance=1e-9
+)
 # Fifteen steps: the last checkpoint is before the end.
 SCENE = [*COARSE, *settings(time_step=0.1, time_end=1.5, output_every=5, output_checkpoint=4)]
 CUT = 8  # steps, in the middle of the gust, among meshes
@@ -60,7 +62,9 @@ def test_a_released_grain_that_was_stopped_on_its_way(
     same(tmp_path, whole, 1e-6)
 
 
-def test_a_released_grain_on_two_ranks_as_on_one(whole: Path, tmp_path: Path, session: Session) -> None:
+def test_a_released_grain_on_two_ranks_as_on_one(
+    whole: Path, tmp_path: Path, session: Session
+) -> None:
     """From the start, and resumed from what one rank has left."""
     shutil.copytree(whole, tmp_path / "resumed")
     run = ["run", SCENES / "leaving_pocket.toml", *SCENE, "--out", "ranks"]

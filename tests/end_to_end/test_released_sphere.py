@@ -67,7 +67,14 @@ KINDS = {
 
 def rolling(kind: str, **changes: float) -> Scene:
     """A sphere of diameter 1 on a plane, released."""
-    asked = {"length": 12.0, "height": 12.0, "friction": 10.0, "end": 0.3, "mesh_size": 0.7, **changes}
+    asked = {
+        "length": 12.0,
+        "height": 12.0,
+        "friction": 10.0,
+        "end": 0.3,
+        "mesh_size": 0.7,
+        **changes,
+    }
     return loads(SCENE.format(**KINDS[kind], **asked, middle=0.5 * asked["length"]))
 
 
@@ -91,7 +98,9 @@ def test_a_sphere_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_p
     exact = driving / (6.0 * math.pi * scene.viscosity * 0.5 * RESISTANCE)
     assert float(found["velocity_x"]) == pytest.approx(exact, rel=1e-2)
     assert float(found["velocity_x"]) == pytest.approx(0.5 * float(found["spin_y"]), rel=1e-9)
-    assert -float(found["contact_x"]) / driving == pytest.approx(SHARE, rel=2e-3)  # 0.46184 when written
+    assert -float(found["contact_x"]) / driving == pytest.approx(
+        SHARE, rel=2e-3
+    )  # 0.46184 when written
 
 
 @pytest.mark.slow
@@ -135,4 +144,6 @@ def test_a_gust_rolls_a_sphere_over_the_saddle_between_two_of_its_bed(tmp_path: 
     assert max(float(row["z"]) for row in rows) == pytest.approx(saddle, abs=1e-4)
     assert max(abs(float(row["y"]) - 1.5) for row in rows) < 1e-9
     assert max(float(row["slip"]) for row in rows) < 1e-9
-    assert result.trajectory["on_bed"]["left_pocket"] == pytest.approx(0.8, rel=0.05)  # 0.799 when written
+    assert result.trajectory["on_bed"]["left_pocket"] == pytest.approx(
+        0.8, rel=0.05
+    )  # 0.799 when written

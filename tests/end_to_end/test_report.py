@@ -29,7 +29,13 @@ from incipient.simulation.judge_case import judge_case, load_case, save
 
 ROOT = Path(__file__).parents[2]
 CASES, SCENE = ROOT / "demos/cases", ROOT / "demos/scenes/grain_on_bed.toml"
-SMALL = ("domain.length=8.0", "domain.height=4.0", "body.x=4.0", "numerics.mesh_size=4.0", "numerics.order=2")
+SMALL = (
+    "domain.length=8.0",
+    "domain.height=4.0",
+    "body.x=4.0",
+    "numerics.mesh_size=4.0",
+    "numerics.order=2",
+)
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 LOADING = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
 CHROMIUM = shutil.which("chromium")
@@ -83,7 +89,9 @@ class Seen(HTMLParser):
         if tag not in ("meta", "link", "img"):
             self.open.append(tag)
         self.loaded += [value or "" for name, value in attrs if name in LOADING and tag != "a"]
-        self.numbers += [float(value or "nan") for name, value in attrs if tag == "data" and name == "value"]
+        self.numbers += [
+            float(value or "nan") for name, value in attrs if tag == "data" and name == "value"
+        ]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -137,7 +145,13 @@ def test_the_numbers_of_a_run_are_those_of_its_result(run: Path) -> None:
     terms = [[*term["force"][:2], term["couple"][2]] for term in bars["terms"]]
     shares = [share["wall_time"] for share in stored["cost"]["effects"].values()]
     wanted = numbers_of(
-        planar, turning, terms, shares, stored["coefficients"], bars["force"][:2], stored["gap"]["width"]
+        planar,
+        turning,
+        terms,
+        shares,
+        stored["coefficients"],
+        bars["force"][:2],
+        stored["gap"]["width"],
     )
     assert len(wanted) > 30
     assert not set(wanted) - set(page.numbers)
@@ -185,7 +199,9 @@ def test_every_term_has_a_remedy() -> None:
 
 def test_a_case_in_space_can_be_turned(judged: Path) -> None:
     made = part_of_case(judged / "judgement.json")
-    (model,) = (block.data for one in made.sections for block in one.blocks if isinstance(block, Turned))
+    (model,) = (
+        block.data for one in made.sections for block in one.blocks if isinstance(block, Turned)
+    )
     # The sphere of the case has a diameter, on which lengths are counted; its three contacts lie on it.
     radii = [sum(part**2 for part in point) ** 0.5 for point in model["points"]]
     assert min(radii) == pytest.approx(0.5, abs=2e-3) and max(radii) == pytest.approx(0.5, abs=2e-3)
@@ -194,11 +210,14 @@ def test_a_case_in_space_can_be_turned(judged: Path) -> None:
     for arrow in contacts:
         assert sum(part**2 for part in arrow["tail"]) ** 0.5 == pytest.approx(0.5, abs=2e-3)
     assert all(
-        max(face[:3]) < len(model["points"]) and face[3] < len(model["colours"]) for face in model["faces"]
+        max(face[:3]) < len(model["points"]) and face[3] < len(model["colours"])
+        for face in model["faces"]
     )
 
 
-def test_a_sweep_shows_curves_cases_and_failures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_shows_curves_cases_and_failures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "sweep.sqlite"
     settings = (*SMALL, *POCKET, "numerics.error_bars=false", "fluid.inertia=false")
     told = [word for setting in settings for word in ("--set", setting)]
@@ -247,9 +266,13 @@ def test_a_threshold_has_its_numbers_and_errors(tmp_path: Path) -> None:
     assert page.stands_alone() and any(one.startswith("data:image/webp") for one in page.loaded)
     assert found.bars is not None and found.errors["shields"] is not None
     flows = [one for trial in found.trials for one in (trial.factor, trial.safety_factor)]
-    assert not {found.factor, found.shields, found.errors["shields"], *found.bars.terms.values(), *flows} - {
-        *page.numbers
-    }
+    assert not {
+        found.factor,
+        found.shields,
+        found.errors["shields"],
+        *found.bars.terms.values(),
+        *flows,
+    } - {*page.numbers}
     assert f"Between {found.bars.low:.4g} and {found.bars.high:.4g} times" in page.text
 
 
@@ -283,4 +306,6 @@ def test_in_a_browser(which: str, request: pytest.FixtureRequest, tmp_path: Path
     assert found["width"] == 390 and found["across"] <= 390
     assert found["loaded"] == [] and found["broken"] == 0
     assert all(looks == 3 for looks in found["turned"])  # as it was, dragged, and turned by a key
-    assert all(colours > 20 for colours in found["painted"]) and bool(found["painted"]) == (which == "judged")
+    assert all(colours > 20 for colours in found["painted"]) and bool(found["painted"]) == (
+        which == "judged"
+    )

@@ -113,7 +113,9 @@ def test_a_slice_of_a_channel_is_the_plane_s():
 
 def sandy(roughness):
     """Sand of that roughness on the walls; without roughness they are smooth."""
-    return Turbulence(model="k-omega-sst", **({"wall": "rough", "roughness": roughness} if roughness else {}))
+    return Turbulence(
+        model="k-omega-sst", **({"wall": "rough", "roughness": roughness} if roughness else {})
+    )
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.05])
@@ -122,7 +124,9 @@ def test_a_slice_of_a_channel_stays_in_time(roughness):
     domain = Domain(length=1.0, width=0.15, height=1.0)
     scene = channel(2731.0, 1.0, 2.0, domain=domain, turbulence=sandy(roughness))
     steady = incipient.run(scene).turbulence
-    later = incipient.run(scene.model_copy(update={"time": Time(step=0.5, end=1.0, start="steady")}))
+    later = incipient.run(
+        scene.model_copy(update={"time": Time(step=0.5, end=1.0, start="steady")})
+    )
     assert later.turbulence.shear_velocity == pytest.approx(steady.shear_velocity, rel=1e-5)
 
 
@@ -192,7 +196,9 @@ def test_a_uniform_flow_develops_to_that_which_stays():
 def test_an_accuracy_is_reached_where_walls_are_resolved():
     """Cells of four wall units for mesh_size = 1: on coarse meshes all agree, as none of them resolves the walls."""
     thick = Turbulence(model="k-omega-sst", first_cell=4.0)
-    result = incipient.run(channel(20000.0, turbulence=thick, numerics=Numerics(order=2, accuracy=0.2)))
+    result = incipient.run(
+        channel(20000.0, turbulence=thick, numerics=Numerics(order=2, accuracy=0.2))
+    )
     assert result.turbulence.applicable and result.adaptation.met
     assert result.turbulence.mesh_size < 1.0
 
@@ -216,7 +222,9 @@ def test_a_steady_flow_stays_in_time():
         numerics=Numerics(order=2, error_bars=False, mesh_size=2.0),
     )
     steady = incipient.run(scene)
-    later = incipient.run(scene.model_copy(update={"time": Time(step=0.5, end=2.0, start="steady")}))
+    later = incipient.run(
+        scene.model_copy(update={"time": Time(step=0.5, end=2.0, start="steady")})
+    )
     for name in ("force", "couple"):
         found = getattr(later, name).flow
         assert found == pytest.approx(getattr(steady, name).flow, rel=1e-5, abs=1e-9)
@@ -245,7 +253,9 @@ def over_mean_profile(number, depth=60.0):
     model = incipient.run(channel(number * depth * mean, **grain))
     assert model.turbulence.applicable
     plain = {"turbulence": None, "effects": Effects(), "flow": LogLaw(shear_velocity=1.0)}
-    law = channel(3.0, **grain | plain).model_copy(update={"fluid": Fluid(reynolds=number, scale="grain")})
+    law = channel(3.0, **grain | plain).model_copy(
+        update={"fluid": Fluid(reynolds=number, scale="grain")}
+    )
     laminar = incipient.run(law)
     loads = [[*one.force.flow[:2], one.couple.flow[2]] for one in (model, laminar)]
     found = np.array(loads[0]) * mean**2 / loads[1] - 1.0
@@ -370,7 +380,10 @@ def test_a_step_is_reattached_where_others_say():
 
 def in_short_steps(end, width=None):
     """A channel in time, set off from rest."""
-    time, domain = Time(step=0.125, end=end, start="rest"), Domain(length=2.0, width=width, height=1.0)
+    time, domain = (
+        Time(step=0.125, end=end, start="rest"),
+        Domain(length=2.0, width=width, height=1.0),
+    )
     return channel(2731.0, 2.0, 2.0, time=time, domain=domain, output=Output(every=1, checkpoint=3))
 
 

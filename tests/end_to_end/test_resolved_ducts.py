@@ -24,7 +24,9 @@ from incipient.scene import (
     Turbulence,
 )
 
-HARDLY = RidgeBed(amplitude=1e-4, wavelength=1.0)  # forms, for which the mesh has layers, of no height
+HARDLY = RidgeBed(
+    amplitude=1e-4, wavelength=1.0
+)  # forms, for which the mesh has layers, of no height
 
 
 def duct(reynolds, mesh_size, flow, error_bars=False, sections=(), **domain):
@@ -44,7 +46,9 @@ def duct(reynolds, mesh_size, flow, error_bars=False, sections=(), **domain):
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_a_slow_duct_is_laminar(symmetric):
     """u*^2 times the length of the walls is the pressure's gradient times the area, by White's series (exact)."""
-    result = incipient.run(duct(20.0, 4.0, Poiseuille(), length=1.5, width=1.0, symmetric=symmetric))
+    result = incipient.run(
+        duct(20.0, 4.0, Poiseuille(), length=1.5, width=1.0, symmetric=symmetric)
+    )
     exact = np.sqrt(0.25 / 20.0 / duct_mean(1.0, 1.0))
     assert any("laminar by the k-omega model" in line for line in result.plan.warnings)
     sides = {"left"} if symmetric else {"left", "right"}
@@ -93,7 +97,9 @@ def test_a_duct_in_time_has_the_steady_flow(start, end, within):
     """u* along and at the end of all walls of an open channel, u* h/nu = 200: it stays, or comes within 10 h/V."""
     scene = duct(2731.0, 2.0, OpenChannel(), length=2.0, width=1.0)
     steady = incipient.run(scene).turbulence
-    later = incipient.run(scene.model_copy(update={"time": Time(step=0.5, end=end, start=start)})).turbulence
+    later = incipient.run(
+        scene.model_copy(update={"time": Time(step=0.5, end=end, start=start)})
+    ).turbulence
     assert later.shear_velocities == pytest.approx(steady.shear_velocities, rel=within)
     assert later.each == pytest.approx(steady.each, rel=within)
 
@@ -135,7 +141,9 @@ def test_in_slow_flow_a_sphere_let_go_between_sides_goes_as_without_the_model():
         "time": Time(step=0.1, end=0.4, start="steady"),
     }
     averaged = duct(20.0, 2.0, OpenChannel(), sections=sections, length=2.0, width=1.2)
-    found, exact = (incipient.run(one).trajectory for one in (averaged, without_the_model(averaged)))
+    found, exact = (
+        incipient.run(one).trajectory for one in (averaged, without_the_model(averaged))
+    )
     print(found, exact)
     assert found["place"] == pytest.approx(exact["place"], abs=2e-3)
     assert found["velocity"] == pytest.approx(exact["velocity"], abs=6e-3)

@@ -18,10 +18,27 @@ from incipient.output.series_file import read_step
 TOP_LEVEL = {
     *("schema_version", "title", "status", "error", "scene", "plan", "cost"),
     *("force", "couple", "coefficients", "contacts", "grain", "gap", "verdict", "centrelines"),
-    *("trajectory", "error_bars", "without_error_bars", "adaptation", "omitted", "measured_cell_reynolds"),
+    *(
+        "trajectory",
+        "error_bars",
+        "without_error_bars",
+        "adaptation",
+        "omitted",
+        "measured_cell_reynolds",
+    ),
     *("si", "surface", "turbulence", "steady"),
 }
-STAGES = {"plan", "import", "mesh", "forms", "flow", "tractions", "fields", "omitted effects", "total"}
+STAGES = {
+    "plan",
+    "import",
+    "mesh",
+    "forms",
+    "flow",
+    "tractions",
+    "fields",
+    "omitted effects",
+    "total",
+}
 SOME_STAGES = {"contact", "error bars"}  # where there is a grain that rests, or any
 OPTIONS = {
     "numerics_mesh_size": 2,
@@ -66,14 +83,18 @@ def grain(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cavity(tmp_path_factory):
     return run_here(
-        tmp_path_factory.mktemp("cavity"), CAVITY, *settings(numerics_mesh_size=3, fluid_reynolds=100)
+        tmp_path_factory.mktemp("cavity"),
+        CAVITY,
+        *settings(numerics_mesh_size=3, fluid_reynolds=100),
     )
 
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory):
     """The first steps of a time-dependent run, fields at every third."""
-    steps = settings(numerics_order=2, numerics_mesh_size=4, time_end=0.05, time_step=0.005, output_every=3)
+    steps = settings(
+        numerics_order=2, numerics_mesh_size=4, time_end=0.05, time_step=0.005, output_every=3
+    )
     return run_here(tmp_path_factory.mktemp("street"), VORTEX_STREET, *steps)
 
 
@@ -84,13 +105,19 @@ def street(tmp_path_factory):
 def test_result_has_the_documented_keys(name, request):
     result = result_of(request.getfixturevalue(name))
     assert set(result) == TOP_LEVEL
-    assert result["schema_version"] == 1 and result["status"] == "complete" and result["error"] == ""
+    assert (
+        result["schema_version"] == 1 and result["status"] == "complete" and result["error"] == ""
+    )
     assert set(result["plan"]["effects"][0]) == {"name", "present", "reason", "forced", "expected"}
-    assert {"order", "geometry_order", "mesh_size", "convection", "scheme", "reynolds"} <= set(result["plan"])
+    assert {"order", "geometry_order", "mesh_size", "convection", "scheme", "reynolds"} <= set(
+        result["plan"]
+    )
 
 
 def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path, capsys, caplog):
-    scene = settings(numerics_mesh_size=6, numerics_error_bars=False, contact_gap=0.05, output_fields=False)
+    scene = settings(
+        numerics_mesh_size=6, numerics_error_bars=False, contact_gap=0.05, output_fields=False
+    )
     warning = "contact.gap = 0.05 is wide"
     assert main(["run", str(GRAIN_ON_BED), *scene, "--out", str(tmp_path)]) == 0
     assert warning in capsys.readouterr().out and f"warning: {warning}" in caplog.text
@@ -282,7 +309,9 @@ def test_history_has_a_row_for_every_step(street):
     assert set(rows[0]) == expected
     assert [float(row["time"]) for row in rows] == pytest.approx(0.005 * np.arange(1, 11))
     result = result_of(street)
-    last = [float(rows[-1][name]) for name in ("force_x", "force_y", "couple", "drag", "lift", "moment")]
+    last = [
+        float(rows[-1][name]) for name in ("force_x", "force_y", "couple", "drag", "lift", "moment")
+    ]
     coefficients = [result["coefficients"][name] for name in ("drag", "lift", "moment")]
     assert last == [*result["force"]["flow"][:2], result["couple"]["flow"][2], *coefficients]
 

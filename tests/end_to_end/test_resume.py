@@ -65,7 +65,9 @@ checkpoint = 10
 """
 # Adaptive steps about a disc that stands still.
 VORTICES = [
-    *settings(numerics_order=2, numerics_mesh_size=4, time_step=0.01, time_end=0.3, time_tolerance=1e-2),
+    *settings(
+        numerics_order=2, numerics_mesh_size=4, time_step=0.01, time_end=0.3, time_tolerance=1e-2
+    ),
     *settings(numerics_error_bars=False, numerics_tolerance=1e-9, output_every=3),
 ]
 # Lengths of adaptive steps follow a third difference of the flow, which is known to its tolerance of 1e-9 only.
@@ -98,7 +100,9 @@ def assert_same_run(found: Path, expected: Path, rel: float = 1e-8) -> None:
     assert list(one) == list(other)
     for name in (name for name in one if name not in (*OF_ITERATIONS, "mode")):
         a, b = np.array(one[name], dtype=float), np.array(other[name], dtype=float)
-        kind = [np.array(other[n], dtype=float) for n in next((k for k in ALIKE if name in k), (name,))]
+        kind = [
+            np.array(other[n], dtype=float) for n in next((k for k in ALIKE if name in k), (name,))
+        ]
         # An error of a step is a third difference, of which round-off is a larger share.
         scale = (1e3 if name == "error" else 1.0) * rel * np.nanmax(np.abs(kind))
         assert a == pytest.approx(b, abs=scale, nan_ok=True), name
@@ -194,7 +198,9 @@ def test_a_run_stopped_right_before_a_new_mesh(
     whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
 ) -> None:
     stopped(8)
-    with pytest.raises(Interrupted, match=r"interrupted at t = 0\.8; resume with: incipient resume "):
+    with pytest.raises(
+        Interrupted, match=r"interrupted at t = 0\.8; resume with: incipient resume "
+    ):
         incipient.run(pothole(), tmp_path)
     assert len(history(tmp_path)["time"]) == 8 and not (tmp_path / "result.json").exists()
     incipient.resume(tmp_path)
@@ -228,7 +234,9 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
         incipient.resume(tmp_path / "short")
     incipient.resume(tmp_path / "short", ["time.end=0.06"])
     assert_same_run(tmp_path / "short", tmp_path / "long")
-    assert incipient.load(tmp_path / "short/scene.toml") == incipient.load(tmp_path / "long/scene.toml")
+    assert incipient.load(tmp_path / "short/scene.toml") == incipient.load(
+        tmp_path / "long/scene.toml"
+    )
 
 
 def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int], None]) -> None:
@@ -247,7 +255,9 @@ def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int],
     assert lengths[8] > 0.009
 
 
-def test_the_number_of_ranks_may_change(whole_pothole: Path, tmp_path: Path, session: Session) -> None:
+def test_the_number_of_ranks_may_change(
+    whole_pothole: Path, tmp_path: Path, session: Session
+) -> None:
     """From one to two, and from two to one."""
     (tmp_path / "pothole.toml").write_text(POTHOLE)
     shutil.copytree(whole_pothole, tmp_path / "one_to_two")
@@ -299,7 +309,9 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
         patch.setattr(Fluid, "solve", failing)
         incipient.run(pothole(), tmp_path)
     # Halved steps come up to t = 0.45, of which the last must be short.
-    assert str(told.value).endswith(f" is kept: incipient resume {tmp_path}") and "\n" not in str(told.value)
+    assert str(told.value).endswith(f" is kept: incipient resume {tmp_path}") and "\n" not in str(
+        told.value
+    )
     failed = result_of(tmp_path)
     assert failed["status"] == "failed" and failed["error"] == str(told.value)
     kept = read(tmp_path / "checkpoint.h5", COMM)
@@ -309,7 +321,9 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
     # The steps are not those of the whole run, the trajectory is, but for the error of its steps.
     expected = history(whole_pothole)
     for name in ("x", "y"):
-        assert float(history(tmp_path)[name][-1]) == pytest.approx(float(expected[name][-1]), rel=1e-3)
+        assert float(history(tmp_path)[name][-1]) == pytest.approx(
+            float(expected[name][-1]), rel=1e-3
+        )
 
 
 def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
@@ -333,7 +347,9 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
 def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = vortices(time_end=0.01)
     with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is kept"):
-        patch.setattr(Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf))
+        patch.setattr(
+            Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
+        )
         incipient.run(scene, tmp_path / "x")
     incipient.resume(tmp_path / "x")
     incipient.run(scene, tmp_path / "y")
@@ -367,12 +383,16 @@ def test_fields_that_cannot_be_read_do_not_stop_it(
 ) -> None:
     directory = copy_of(whole_pothole, tmp_path)
     half = (directory / "fields.h5").read_bytes()[:50_000]
-    (directory / "fields.h5").write_bytes(half) if left == "half" else (directory / "fields.h5").unlink()
+    (directory / "fields.h5").write_bytes(half) if left == "half" else (
+        directory / "fields.h5"
+    ).unlink()
     assert incipient.resume(directory).status == "complete"
     assert history(directory)["time"] == history(whole_pothole)["time"]
     assert times(directory / "surface") == pytest.approx(times(whole_pothole / "surface"))
     assert times(directory / "fields") == pytest.approx([1.1, 1.2, 1.3])
-    (told,) = [record.getMessage() for record in caplog.records if "fields.h5" in record.getMessage()]
+    (told,) = [
+        record.getMessage() for record in caplog.records if "fields.h5" in record.getMessage()
+    ]
     assert "; the series restarts after t = 1" in told
     if left == "half":
         assert told.endswith(f"what there was is in {directory / 'fields.h5.1'}")
@@ -384,7 +404,9 @@ def test_a_resumed_run_that_fails_keeps_the_complete_result(
 ) -> None:
     directory = copy_of(whole_pothole, tmp_path)
     with monkeypatch.context() as patch, pytest.raises(ConvergenceError):
-        patch.setattr(Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf))
+        patch.setattr(
+            Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf)
+        )
         incipient.resume(directory)
     assert result_of(directory)["status"] == "failed"
     assert json.loads((directory / "result.json.1").read_text()) == result_of(whole_pothole)
@@ -411,9 +433,14 @@ def test_a_run_that_can_be_resumed_is_moved_before_another(
     before = {path.name for path in directory.iterdir()} - {"notes.txt"}
     incipient.run(second, directory)
     (told,) = [record.getMessage() for record in caplog.records]
-    assert told == f"{directory}: the earlier run there, which can be resumed, is now in {tmp_path / 'x.1'}"
+    assert (
+        told
+        == f"{directory}: the earlier run there, which can be resumed, is now in {tmp_path / 'x.1'}"
+    )
     assert {path.name for path in (tmp_path / "x.1").iterdir()} == before
-    assert (directory / "notes.txt").exists() and result_of(directory)["scene"]["time"]["end"] == 0.01
+    assert (directory / "notes.txt").exists() and result_of(directory)["scene"]["time"][
+        "end"
+    ] == 0.01
     assert incipient.resume(tmp_path / "x.1", ["time.end=0.03"]).status == "complete"
     # It is removed where that is asked for, and one that cannot be resumed in any case.
     incipient.run(second, tmp_path / "x.1", overwrite=True)
@@ -425,7 +452,9 @@ def test_a_run_that_can_be_resumed_is_moved_before_another(
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Session, ranks: int) -> None:
+def test_refusals_are_one_line(
+    whole_pothole: Path, tmp_path: Path, session: Session, ranks: int
+) -> None:
     names = ("version", "damaged", "half", "history", "good")
     for name in names:
         shutil.copytree(whole_pothole, tmp_path / name)
@@ -444,7 +473,10 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
             f"version/checkpoint.h5: is a checkpoint of version {VERSION + 1}, this program reads version {VERSION}; "
             "resume with",
         ),
-        (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start a new run"),
+        (
+            5,
+            "damaged/checkpoint.h5: is damaged, its content is not what was written; start a new run",
+        ),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start a new run"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
         (

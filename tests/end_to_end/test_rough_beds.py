@@ -85,7 +85,9 @@ def test_flow_over_sand_on_a_free_mesh_is_developed_flow():
     walls = waves(0.02, 5e-4, 1.4)
     depth = of_discharge(22000.0, 0.02).re_tau
     assert walls.applicable
-    assert 1.0 / walls.shear_velocity == pytest.approx(k_omega_channel(depth, sand=0.02 * depth), rel=5e-3)
+    assert 1.0 / walls.shear_velocity == pytest.approx(
+        k_omega_channel(depth, sand=0.02 * depth), rel=5e-3
+    )
 
 
 @pytest.mark.slow
@@ -154,7 +156,9 @@ def moving(motion, end, remesh_below=0.35, mesh_size=2.8, checkpoint=0, **body):
         gravity=Gravity(acceleration=0.2),
         contact=Contact(friction=0.6),
         time=Time(end=end, step=0.05, start="steady"),
-        numerics=Numerics(order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below),
+        numerics=Numerics(
+            order=2, error_bars=False, mesh_size=mesh_size, remesh_below=remesh_below
+        ),
         output=Output(fields=False, checkpoint=checkpoint),
     )
 
@@ -179,7 +183,9 @@ def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     assert meshes[-1] >= 3
     for both in (slice(0, 2), slice(2, 4)):
-        changed, wrong = (np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine))
+        changed, wrong = (
+            np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine)
+        )
         print(meshes[-1], changed, wrong)
         assert changed < wrong
 
@@ -213,7 +219,11 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
     """In space, u* d/nu = 9 and u* k_s/nu = 0.9, on a bed of equal spheres: within 1% of the loads without sand."""
     pocket = {
         "bed": SphereBed(
-            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.0 + 12.0**-0.5, 3.0)
+            radius=0.5,
+            spacing=1.0,
+            arrangement="triangular",
+            angle=90.0,
+            offset=(4.0 + 12.0**-0.5, 3.0),
         ),
         "body": Sphere(diameter=1.0, x=4.0, density=2.5),
         "contact": Contact(friction=0.5, gap=0.05),
@@ -228,7 +238,8 @@ def test_a_sphere_in_a_pocket_of_hydraulically_smooth_sand_bears_what_it_does_am
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("sand", "mesh_size", "within"), [(0.02, 1.41, (0.01, 0.04, 0.02)), (0.0, 1.2, (0.02, 0.1, 0.02))]
+    ("sand", "mesh_size", "within"),
+    [(0.02, 1.41, (0.01, 0.04, 0.02)), (0.0, 1.2, (0.02, 0.1, 0.02))],
 )
 def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, within):
     """Force on a bed by its width along the stream and up, and u*, on `mesh_size` 1.41 in space: the plane's.
@@ -238,13 +249,18 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
     ever, the force on the bed hardly, for which the flow is taken. In the plane that is not found on 1.41.
     """
     forms, found = {"amplitude": 0.025, "wavelength": 1.0}, []
-    in_plane, in_space = (Sinusoidal(**forms), mesh_size, {}), (RidgeBed(**forms), 1.41, {"width": 0.3})
+    in_plane, in_space = (
+        (Sinusoidal(**forms), mesh_size, {}),
+        (RidgeBed(**forms), 1.41, {"width": 0.3}),
+    )
     for bed, size, across in (in_plane, in_space):
         domain = Domain(length=4.0, height=1.0, **across)
         with prepared(over_sand(sand, 22000.0, size, domain, bed=bed), MPI.COMM_SELF) as run:
             part, gdim = run.part("turbulence"), run.fluid.domain.gdim
             part.solve(run)
-            force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get("width", 1.0)
+            force = TractionProbe(run.fluid, "bed", [0.0] * gdim).resultant().force / across.get(
+                "width", 1.0
+            )
             found.append([force[0], force[gdim - 1], part.wall_report().shear_velocity])
     plane, space = np.array(found)
     print(plane, space / plane)
@@ -255,7 +271,9 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
 def test_a_slice_of_a_rough_channel_is_the_plane_s(roughness):
     """u* in space between sides without friction, in as many rows: within 0.5% of the plane's."""
     plane, space = (
-        incipient.run(over_sand(roughness, 22000.0, 2.0, Domain(length=3.0, height=1.0, **across))).turbulence
+        incipient.run(
+            over_sand(roughness, 22000.0, 2.0, Domain(length=3.0, height=1.0, **across))
+        ).turbulence
         for across in ({}, {"width": 0.3})
     )
     assert space.applicable and space.plane
@@ -274,7 +292,9 @@ def test_sand_is_on_the_bed_and_small_beside_the_grain():
     assert walls.sand == pytest.approx(8.0, rel=1e-3)
     assert "rough walls (u* k_s/nu about 8) and a smooth grain resolved" in str(plan)
     assert any("higher than the gap below the grain, 0.01" in one for one in plan.warnings)
-    with pytest.raises(SceneError, match=r"turbulence\.roughness: is 0\.25, 25% of the grain, at most 20%"):
+    with pytest.raises(
+        SceneError, match=r"turbulence\.roughness: is 0\.25, 25% of the grain, at most 20%"
+    ):
         make_plan(on_sand(80.0, 0.25))
 
 
@@ -282,7 +302,10 @@ def test_sand_is_told_that_is_as_large_as_forms():
     """Crests of waves 0.08 high and 1 long have the radius 1/(0.08 (2 pi)^2) = 0.317; sand of a fifth is 0.0633."""
     waves = Sinusoidal(amplitude=0.08, wavelength=1.0)
     channel = over_sand(0.065, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
-    assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(channel).warnings)
+    assert any(
+        "21% of the smallest length of its forms, 0.317" in one
+        for one in make_plan(channel).warnings
+    )
     ridges = over_sand(
         0.065,
         22000.0,
@@ -290,19 +313,29 @@ def test_sand_is_told_that_is_as_large_as_forms():
         Domain(length=4.0, width=0.5, height=1.0),
         bed=RidgeBed(amplitude=0.08, wavelength=1.0),
     )
-    assert any("21% of the smallest length of its forms, 0.317" in one for one in make_plan(ridges).warnings)
+    assert any(
+        "21% of the smallest length of its forms, 0.317" in one
+        for one in make_plan(ridges).warnings
+    )
     finer = over_sand(0.06, 22000.0, 2.0, Domain(length=4.0, height=1.0), bed=waves)
     assert not any("forms" in one for one in make_plan(finer).warnings)
 
 
 def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
     """Two rows over sand: u* in space, at the outflow and in the mean, within 0.5% of the plane's in as many rows."""
-    rows = {"inflow": "profile", "profile": ((0.1, 0.75), (0.5, 1.05)), "intensity": 0.01, "length": 0.1}
+    rows = {
+        "inflow": "profile",
+        "profile": ((0.1, 0.75), (0.5, 1.05)),
+        "intensity": 0.01,
+        "length": 0.1,
+    }
     found = []
     for across in ({}, {"width": 0.3}):
         scene = over_sand(0.05, 22000.0, 2.0, Domain(length=3.0, height=1.0, **across))
         walls = {**scene.turbulence.model_dump(exclude_unset=True), **rows}
-        found.append(incipient.run(scene.model_copy(update={"turbulence": Turbulence(**walls)})).turbulence)
+        found.append(
+            incipient.run(scene.model_copy(update={"turbulence": Turbulence(**walls)})).turbulence
+        )
     plane, space = found
     assert space.plane
     assert space.at_outflow == pytest.approx(plane.at_outflow, rel=5e-3)
@@ -311,10 +344,14 @@ def test_a_slice_that_a_measured_profile_enters_is_the_plane_s():
 
 def test_in_a_slower_flow_of_a_search_the_least_k_is_the_one_of_that_flow():
     """0.001 u*^2 with u* of the flow at hand, over V^2 of it."""
-    with prepared(over_sand(0.02, 22000.0, 4.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF) as run:
+    with prepared(
+        over_sand(0.02, 22000.0, 4.0, Domain(length=3.0, height=1.0)), MPI.COMM_SELF
+    ) as run:
         part = run.part("turbulence")
         for factor, onwards in ((1.0, False), (0.2, True)):
             part.solve(run, factor, onwards)
             shear_velocity = part.wall_report().shear_velocity
-            assert part.fields.closure.least.value == pytest.approx(1e-3 * shear_velocity**2, rel=0.05)
+            assert part.fields.closure.least.value == pytest.approx(
+                1e-3 * shear_velocity**2, rel=0.05
+            )
     assert shear_velocity > 0.06

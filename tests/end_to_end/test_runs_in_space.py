@@ -45,7 +45,9 @@ if MPI.COMM_WORLD.rank == 0:
 def scaled(scene, result):
     """Force along the stream and couple across it in the units of the exact ones."""
     mu, a, h = scene.viscosity, 0.5, 0.51
-    return result.force.flow[0] / (6 * pi * mu * a * h), result.couple.flow[1] / (4 * pi * mu * a**3)
+    return result.force.flow[0] / (6 * pi * mu * a * h), result.couple.flow[1] / (
+        4 * pi * mu * a**3
+    )
 
 
 def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
@@ -59,7 +61,9 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     assert stored == scene and (tmp_path / "fields.xdmf").exists()
     assert "couple (0, " in result.text()
     made = part(tmp_path / "result.json")
-    (model,) = (block.data for one in made.sections for block in one.blocks if isinstance(block, Turned))
+    (model,) = (
+        block.data for one in made.sections for block in one.blocks if isinstance(block, Turned)
+    )
     heights = [point[2] for point in model["points"]]
     # In diameters above the centre, which is a gap of 0.01 higher: the plane, and the top of the sphere.
     assert (min(heights), max(heights)) == pytest.approx((-0.51, 0.5), abs=2e-3)
@@ -86,7 +90,9 @@ def test_half_of_a_scene_gives_what_the_whole_does():
     found = {}
     for symmetric in (True, False):
         domain = Domain(length=12.0, width=12.0, height=8.0, symmetric=symmetric)
-        result = incipient.run(Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)}))
+        result = incipient.run(
+            Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)})
+        )
         found[symmetric] = np.concatenate([result.force.flow, result.couple.flow])
     # The meshes differ: their errors are about 1% (see above).
     assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
@@ -117,7 +123,10 @@ def test_error_bars_cover_the_exact_numbers():
     assert set(terms) == {"discretisation", "gap", "domain"}
     counted = [terms["discretisation"], terms["domain"]]  # the exact numbers are those with the gap
     force, couple = sum(term.force[0] for term in counted), sum(term.couple[1] for term in counted)
-    bars = force / (6 * pi * scene.viscosity * 0.5 * 0.51), couple / (4 * pi * scene.viscosity * 0.125)
+    bars = (
+        force / (6 * pi * scene.viscosity * 0.5 * 0.51),
+        couple / (4 * pi * scene.viscosity * 0.125),
+    )
     assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) <= np.array(bars))
 
 

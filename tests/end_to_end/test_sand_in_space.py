@@ -51,7 +51,9 @@ SAND = {
 def sand(reynolds, mesh_size, error_bars=False, **changes):
     """The sphere in a stream of a Reynolds number by mean speed and depth."""
     numerics = Numerics(mesh_size=mesh_size, order=2, error_bars=error_bars)
-    return Scene(**{**SAND, "fluid": Fluid(reynolds=reynolds, scale="flow"), "numerics": numerics, **changes})
+    return Scene(
+        **{**SAND, "fluid": Fluid(reynolds=reynolds, scale="flow"), "numerics": numerics, **changes}
+    )
 
 
 @pytest.mark.slow
@@ -125,7 +127,9 @@ def test_a_cube_begins_to_slide_where_friction_no_longer_holds_it():
 def assert_stays(reynolds, step, end, **changes):
     """Force and couple of a steady flow are within 1e-4 what they are after it has gone on in time."""
     steady = incipient.run(sand(reynolds, 3.0, **changes))
-    later = incipient.run(sand(reynolds, 3.0, time=Time(step=step, end=end, start="steady"), **changes))
+    later = incipient.run(
+        sand(reynolds, 3.0, time=Time(step=step, end=end, start="steady"), **changes)
+    )
     assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
     assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
 
@@ -137,14 +141,20 @@ def test_a_steady_flow_stays_in_time():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("body", [{"motion": "fixed"}, {"motion": "prescribed", "course": ("0",) * 6}])
+@pytest.mark.parametrize(
+    "body", [{"motion": "fixed"}, {"motion": "prescribed", "course": ("0",) * 6}]
+)
 def test_over_sand_a_steady_flow_stays_in_time(body):
     """u* k_s/nu = 4.4; a held sphere is in one system with its flow, one on a course of no way goes by turns."""
     rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.2)
     sphere = {"diameter": 1.0, "centre": (3.0, 3.0, 0.55)}
-    steady = incipient.run(sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, motion="fixed")))
+    steady = incipient.run(
+        sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, motion="fixed"))
+    )
     time = Time(step=0.5, end=1.5, start="steady")
-    later = incipient.run(sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, **body), time=time))
+    later = incipient.run(
+        sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, **body), time=time)
+    )
     assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
     assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
 
@@ -154,7 +164,11 @@ POCKET = {
     "fluid": Fluid(reynolds=300.0, scale="grain"),
     "body": Sphere(diameter=1.0, x=4.0, density=2.5),
     "bed": SphereBed(
-        radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.0 + 12.0**-0.5, 3.0)
+        radius=0.5,
+        spacing=1.0,
+        arrangement="triangular",
+        angle=90.0,
+        offset=(4.0 + 12.0**-0.5, 3.0),
     ),
 }
 
@@ -171,7 +185,10 @@ def test_a_sphere_set_off_from_rest_in_its_pocket_gains_what_is_done_on_it():
     demo = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
     words = ["time.start=rest", "time.step=0.125", "time.end=0.25", "output.fields=false"]
     path = incipient.run(load(demo, words)).trajectory
-    mass, velocity, spin = 2.65 * np.pi / 6.0, *(np.array(path[name]) for name in ("velocity", "spin"))
+    mass, velocity, spin = (
+        2.65 * np.pi / 6.0,
+        *(np.array(path[name]) for name in ("velocity", "spin")),
+    )
     gained = 0.5 * mass * (velocity @ velocity + 0.1 * spin @ spin)
     assert gained == pytest.approx(sum(path["on_bed"]["works"].values()), rel=1e-6)
     assert gained > 0.01
@@ -200,9 +217,16 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
     places = np.zeros((3, len(HEIGHTS)))
     places[2] = enters.floor + np.array(HEIGHTS)
     rows = [HEIGHTS, enters.velocity(places, 0.0)[0], np.exp(enters.logarithms(places)[0])]
-    given |= {"inflow": "profile", "profile": np.transpose(rows).tolist(), "intensity": 1e-6, "length": 0.5}
+    given |= {
+        "inflow": "profile",
+        "profile": np.transpose(rows).tolist(),
+        "intensity": 1e-6,
+        "length": 0.5,
+    }
     found = incipient.run(sand(reynolds, 3.0, turbulence=Turbulence(**given), **bed))
-    assert found.force.flow == pytest.approx(incipient.run(developed).force.flow, rel=0.02, abs=1e-9)
+    assert found.force.flow == pytest.approx(
+        incipient.run(developed).force.flow, rel=0.02, abs=1e-9
+    )
 
 
 @pytest.mark.slow
@@ -224,10 +248,13 @@ def test_a_sphere_that_leaves_its_pocket_goes_about_the_two_in_front_of_it(settl
     do to the load that had led astray every step.
     """
     demo = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
-    found = incipient.run(load(demo, ["time.end=0.5", "output.every=0", f"body.settle={settle}"]), tmp_path)
+    found = incipient.run(
+        load(demo, ["time.end=0.5", "output.every=0", f"body.settle={settle}"]), tmp_path
+    )
     assert column(tmp_path, "time").tolist() == [0.25, 0.5]
     (x, z), (u, w) = (
-        [column(tmp_path, name) for name in names] for names in (("x", "z"), ("velocity_x", "velocity_z"))
+        [column(tmp_path, name) for name in names]
+        for names in (("x", "z"), ("velocity_x", "velocity_z"))
     )
     # Measured where it settled: 0.0094 after the first step.
     assert (u > (0.009 if settle == "true" else 0.01)).all() and u[1] > 1.5 * u[0]
@@ -282,7 +309,9 @@ def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path):
 @pytest.mark.slow
 def test_over_an_inclined_bed_a_flow_set_off_is_that_over_a_level_one():
     """The slope turns gravity alone."""
-    level, inclined = (incipient.run(set_off(0.25, bed=bed)) for bed in (Flat(), Inclined(slope=5.0)))
+    level, inclined = (
+        incipient.run(set_off(0.25, bed=bed)) for bed in (Flat(), Inclined(slope=5.0))
+    )
     assert inclined.force.flow == pytest.approx(level.force.flow, rel=1e-9, abs=1e-9)
 
 
@@ -308,7 +337,9 @@ def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
     for ranks in (1, 2, 2):
         directory = tmp_path / str(len(ends))
         done = mpirun(
-            ranks, textwrap.dedent(script).format(path=str(path), directory=str(directory)), timeout=600
+            ranks,
+            textwrap.dedent(script).format(path=str(path), directory=str(directory)),
+            timeout=600,
         )
         assert done.returncode == 0, done.stderr
         ends.append([float(one) for one in re.findall(r"[-+.e\d]+", done.stdout.splitlines()[-1])])

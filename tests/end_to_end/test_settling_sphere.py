@@ -48,7 +48,9 @@ def test_the_start_on_two_ranks(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "computed", "difference"), [("1", 0.894, 0.01), ("4", 0.947, 0.03)])
+@pytest.mark.parametrize(
+    ("case", "computed", "difference"), [("1", 0.894, 0.01), ("4", 0.947, 0.03)]
+)
 def test_the_largest_velocity(tmp_path, case, computed, difference):
     """Ten Cate et al. computed 0.894 and 0.947 (and measured 0.947 and 0.955); on such coarse cells 0.892 and 0.932.
 

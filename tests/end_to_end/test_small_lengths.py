@@ -49,5 +49,7 @@ def test_lengths_in_metres_give_what_those_in_microns_do(power: int) -> None:
 
 
 def test_numbers_too_far_apart_are_refused_as_such() -> None:
-    with pytest.raises(ConvergenceError, match=r"numbers differ by a factor of .*: choose units in"):
+    with pytest.raises(
+        ConvergenceError, match=r"numbers differ by a factor of .*: choose units in"
+    ):
         incipient.run(scene(-9))

@@ -35,9 +35,7 @@ friction = 0.3
 azimuth = 30.0
 """
 # Coarse runs in a small domain.
-RUNS = (
-    "[runs]\nnumber = 10\nmesh_size = 3.0\ndomain = 6.0\nmeshed_bed = 0.4\ngap = 0.05\nwith_error_bars = 0\n"
-)
+RUNS = "[runs]\nnumber = 10\nmesh_size = 3.0\ndomain = 6.0\nmeshed_bed = 0.4\ngap = 0.05\nwith_error_bars = 0\n"
 
 
 @pytest.fixture
@@ -66,8 +64,12 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
     stored, grains = json.loads((out / "survey.json").read_text()), table(out / "grains.csv")
     assert len(grains) == stored["surveyed"] and len(table(out / "spheres.csv")) == 70
     free = [one for one in grains if one["carries"] == "0"]
-    assert len(free) == stored["free"] > 3 and all(0.0 < float(one["pivot"]) <= 90.0 for one in free)
-    assert (out / "survey.png").stat().st_size > 10_000 and (out / "survey.vtp").stat().st_size > 10_000
+    assert len(free) == stored["free"] > 3 and all(
+        0.0 < float(one["pivot"]) <= 90.0 for one in free
+    )
+    assert (out / "survey.png").stat().st_size > 10_000 and (
+        out / "survey.vtp"
+    ).stat().st_size > 10_000
     done = command("report", "out")
     assert done.returncode == 0, done.stderr
     page = (out / "report.html").read_text()
@@ -77,7 +79,9 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
 def test_bad_input_is_one_line(command, bed: Path) -> None:
     done = command("survey", bed, "--out", "refused", "--set", "bed.length=2.0")
     assert done.returncode == 2 and done.stderr.strip().count("\n") == 0
-    assert "bed: a box of 2 is less than four of its grains; enlarge length and width" in done.stderr
+    assert (
+        "bed: a box of 2 is less than four of its grains; enlarge length and width" in done.stderr
+    )
 
 
 @pytest.mark.slow
@@ -96,7 +100,9 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
         "--jobs",
         "1",
     ]
-    process = subprocess.Popen(call, cwd=bed.parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        call, cwd=bed.parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     file = bed.parent / "out" / "runs.sqlite"
 
     def finished() -> dict[str, str]:
@@ -129,7 +135,8 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
     rows = [row for row in table(bed.parent / "out" / "grains.csv") if row["shields"]]
     assert sum(row["loads"] == "run" for row in rows) == len(after)
     assert all(
-        float(row["shields_low"]) <= float(row["shields"]) <= float(row["shields_high"]) for row in rows
+        float(row["shields_low"]) <= float(row["shields"]) <= float(row["shields_high"])
+        for row in rows
     )
     page = incipient.report(bed.parent / "out").read_text()
     assert f"{len(after)} full runs" in page and "Critical Shields numbers" in page
@@ -153,7 +160,9 @@ def test_the_bead_of_another_page_by_a_full_run() -> None:
 
     There the layer is of half-spheres on a plane, and the bead is lifted by its gap.
     """
-    centres = np.array([(np.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(12) for j in range(12)])
+    centres = np.array(
+        [(np.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(12) for j in range(12)]
+    )
     bead = centres[6 * 12 + 6] + [1.0 / np.sqrt(3.0), 0.0, np.sqrt(2.0 / 3.0)]
     period = np.array([12.0 * np.sqrt(0.75), 12.0])
     spheres = Spheres(np.vstack([centres, bead]), np.full(145, 0.5), period)

@@ -118,7 +118,16 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     text = COARSE.replace("reynolds = 4.0\n", "").replace("density = 2.65\n", "")
     text = text.replace("[gravity]\nacceleration = 10.0\n", "[units]\ndiameter = 1e-4\n")
     scene, file = written(tmp_path, text), tmp_path / "sweep.sqlite"
-    order = ["sweep", str(scene), "--over", "units.shear_rate=100,200", "--do", "threshold", "--jobs", "1"]
+    order = [
+        "sweep",
+        str(scene),
+        "--over",
+        "units.shear_rate=100,200",
+        "--do",
+        "threshold",
+        "--jobs",
+        "1",
+    ]
     assert cli.main([*order, "--out", str(file), "--dry-run"]) == 0
     said = capfd.readouterr().out
     assert "2: 0 already in" in said and "MiB a case" in said and not file.exists()
@@ -126,9 +135,9 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     found = incipient.sweep.rows(file)
     assert [row["units.shear_rate"] for row in found] == [100.0, 200.0]
     assert found[0]["shields"] == pytest.approx(found[1]["shields"], rel=1e-6)
-    for (
-        row
-    ) in found:  # tau = rho nu times the critical shear rate, over (rho_s - rho_f) g d = 1650 x 9.81 x 1e-4
+    for row in (
+        found
+    ):  # tau = rho nu times the critical shear rate, over (rho_s - rho_f) g d = 1650 x 9.81 x 1e-4
         assert row["bed_stress_si"] == pytest.approx(1e-3 * row["shear_rate_si"])
         assert row["shields_nominal"] == pytest.approx(row["bed_stress_si"] / 1.61865)
     assert all("dolfinx" in row["versions"] and row["cpu"] > 0.0 for row in found)
@@ -149,7 +158,18 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
 
 def test_a_sweep_killed_in_the_middle_goes_on(tmp_path: Path, started: Any) -> None:
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
-    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(6), "--out", file, "--jobs", 2)
+    order = (
+        "sweep",
+        scene,
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(6),
+        "--out",
+        file,
+        "--jobs",
+        2,
+    )
     process = started(1, *order)
     wait_for(file, "status = 'done'")
     working = children(process.pid)
@@ -162,11 +182,14 @@ def test_a_sweep_killed_in_the_middle_goes_on(tmp_path: Path, started: Any) -> N
     assert set(done) <= set(rows(file, "id, finished, result"))
     assert not rows(file, where="status != 'done'")
     assert all(
-        tries == 1 for (tries,) in rows(file, "tries", f"id IN {tuple(one[0] for one in (*done, ('',)))}")
+        tries == 1
+        for (tries,) in rows(file, "tries", f"id IN {tuple(one[0] for one in (*done, ('',)))}")
     )
 
 
-def test_a_killed_case_is_kept_with_its_reason_and_retried(tmp_path: Path, started: Any, capfd: Any) -> None:
+def test_a_killed_case_is_kept_with_its_reason_and_retried(
+    tmp_path: Path, started: Any, capfd: Any
+) -> None:
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
     over = ("--over", FRICTION.format(3), "--out", file, "--jobs", 1)
     order = ("sweep", scene, "--do", "judge", *over, "--tries", 1)
@@ -206,7 +229,9 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
     """A grain that is lighter than the fluid has no threshold; the other is computed all the same."""
     file = tmp_path / "sweep.sqlite"
     scene = written(tmp_path, COARSE)
-    progress = incipient.sweep.run(scene, file, {"body.density": [0.5, 2.65]}, do="threshold", jobs=1)
+    progress = incipient.sweep.run(
+        scene, file, {"body.density": [0.5, 2.65]}, do="threshold", jobs=1
+    )
     assert (progress.failed, progress.done) == (1, 1)
     failed, done = incipient.sweep.rows(file)
     assert failed["status"] == "failed" and "a grain denser than the fluid" in failed["reason"]
@@ -216,7 +241,18 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_two_sweeps_on_one_file_share_the_cases(tmp_path: Path, started: Any) -> None:
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
-    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(5), "--out", file, "--jobs", 1)
+    order = (
+        "sweep",
+        scene,
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(5),
+        "--out",
+        file,
+        "--jobs",
+        1,
+    )
     both = [started(1, *order) for _ in range(2)]
     said = [process.communicate(timeout=120)[0] for process in both]
     assert [process.returncode for process in both] == [0, 0]
@@ -232,7 +268,11 @@ def test_ranks_compute_the_cases_of_one_sweep(tmp_path: Path, command: Any) -> N
     assert done.returncode == 0, done.stderr
     assert rows(file, "status, tries") == [("done", 1)] * 5
     few = command(*order, "--ranks", 2, ranks=2)
-    assert few.returncode == 2 and few.stderr.count("incipient: ") == 1 and "start 3 or more" in few.stderr
+    assert (
+        few.returncode == 2
+        and few.stderr.count("incipient: ") == 1
+        and "start 3 or more" in few.stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -250,7 +290,16 @@ def test_ranks_compute_flows_in_a_sweep(
 ) -> None:
     """PETSc starts on all ranks together, also on the first, which computes no flow: the others waited for it."""
     file = tmp_path / "sweep.sqlite"
-    order = ("sweep", written(tmp_path, COARSE), "--do", task, "--over", "fluid.reynolds=1,2", "--out", file)
+    order = (
+        "sweep",
+        written(tmp_path, COARSE),
+        "--do",
+        task,
+        "--over",
+        "fluid.reynolds=1,2",
+        "--out",
+        file,
+    )
     done = command(*order, *more, ranks=ranks, timeout=120)
     assert done.returncode == 0, done.stderr
     assert rows(file, "status, tries") == [("done", 1)] * 2
@@ -275,12 +324,19 @@ def test_memory_limits_how_many_cases_go_at_a_time(tmp_path: Path) -> None:
     for memory in (200.0, 1000.0):
         watcher = Crowded()
         file = tmp_path / f"{memory:g}.sqlite"
-        incipient.sweep.run(scene, file, over, do="judge", jobs=2, memory_mib=memory, watcher=watcher)
+        incipient.sweep.run(
+            scene, file, over, do="judge", jobs=2, memory_mib=memory, watcher=watcher
+        )
         most[memory] = watcher.most
     assert most == {200.0: 1, 1000.0: 2}
-    progress = incipient.sweep.run(scene, tmp_path / "none.sqlite", over, do="judge", memory_mib=10.0)
+    progress = incipient.sweep.run(
+        scene, tmp_path / "none.sqlite", over, do="judge", memory_mib=10.0
+    )
     assert progress.failed == 6
-    assert "needs about 150 MiB of memory, and 10 are free" in rows(tmp_path / "none.sqlite", "reason")[0][0]
+    assert (
+        "needs about 150 MiB of memory, and 10 are free"
+        in rows(tmp_path / "none.sqlite", "reason")[0][0]
+    )
 
 
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
@@ -288,7 +344,18 @@ def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
         written(tmp_path, LONG.replace("samples = 40", "samples = 1000000")),
         tmp_path / "sweep.sqlite",
     )
-    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(2), "--out", file, "--jobs", 1)
+    order = (
+        "sweep",
+        scene,
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(2),
+        "--out",
+        file,
+        "--jobs",
+        1,
+    )
     ended = command(*order, "--wall", "2s")
     assert ended.returncode == 130 and "the time is up: 0 of 2 cases are finished" in ended.stderr
     assert rows(file, "status, tries") == [("waiting", 0)] * 2

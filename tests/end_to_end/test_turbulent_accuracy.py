@@ -31,12 +31,17 @@ def test_a_level_channel_is_as_accurate_as_asked():
     sizes = [float(trial.note.removeprefix("mesh_size ")) for trial in adapted.trials]
     assert sizes == pytest.approx([4.0 * 2.0 ** (-k / 2) for k in range(len(sizes))], rel=1e-2)
     told = [trial.estimate is not None for trial in adapted.trials]
-    assert told == [2**0.5 * size < coarsest(Setup(channel(22000.0, 5.0))) for size in sizes] and any(told)
+    assert told == [
+        2**0.5 * size < coarsest(Setup(channel(22000.0, 5.0))) for size in sizes
+    ] and any(told)
     assert found.error_bars.shear[0] == pytest.approx(adapted.reached * walls.at_outflow)
     assert abs(walls.at_outflow - finer.at_outflow) < found.error_bars.shear[0]
     assert abs(walls.friction - finer.friction) < 2.0 * adapted.reached * walls.friction
     assert found.scene["numerics"]["mesh_size"] == 1.0
-    assert "within" in found.text() and "accuracy            error of the shear velocity" in found.text()
+    assert (
+        "within" in found.text()
+        and "accuracy            error of the shear velocity" in found.text()
+    )
 
 
 def test_an_accuracy_that_is_not_reached_is_said_so():
@@ -84,7 +89,9 @@ def test_what_accuracy_costs_in_a_turbulent_channel(tmp_path, monkeypatch):
         monkeypatch.setenv(name, value)
     scene = channel(22000.0, 5.0, mesh_size=1.0)
     made = study(scene, tmp_path / "study", chosen(scene, quick=True), lambda line: None)
-    assert [run.failed for run in (*[one.run for one in made.judged], made.compared_with)] == 4 * [""]
+    assert [run.failed for run in (*[one.run for one in made.judged], made.compared_with)] == 4 * [
+        ""
+    ]
     by_size = sorted(made.judged, key=lambda one: one.run.variant.mesh_size)
     assert min(by_size, key=lambda one: one.error) is by_size[0]
     assert by_size[0].error < 1e-3 and max(one.error for one in by_size) < 0.02

@@ -107,7 +107,9 @@ def rough(reynolds, k):
 def over_volumes(walls, reynolds, k):
     """u* at the outflow over that by finite volumes in one dimension."""
     per_length = walls.at_outflow * reynolds
-    return walls.at_outflow * developed_channel(per_length, per_length * walls.distance, sand=k * per_length)
+    return walls.at_outflow * developed_channel(
+        per_length, per_length * walls.distance, sand=k * per_length
+    )
 
 
 @pytest.mark.parametrize(("reynolds", "k"), [(1e6, 0.005), (1e5, 0.05)])
@@ -213,7 +215,9 @@ def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
         rows = list(csv.DictReader(file))
     assert float(rows[-1]["y_plus_max"]) == pytest.approx(found.turbulence.largest)
     stored = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["turbulence"]
-    assert stored["applicable"] and stored["friction"] == pytest.approx(2 * stored["at_outflow"] ** 2)
+    assert stored["applicable"] and stored["friction"] == pytest.approx(
+        2 * stored["at_outflow"] ** 2
+    )
     names = (tmp_path / "fields.xdmf").read_text(encoding="utf-8")
     assert all(f'Name="{name}"' in names for name in ("k", "epsilon", "eddy_viscosity"))
     effects = found.cost["effects"]["turbulence"]
@@ -310,7 +314,9 @@ def test_a_run_that_is_resumed_ends_where_the_whole_one_does(tmp_path):
 def test_a_channel_in_space_is_the_plane_s():
     """Level bed, sides without friction: u* within 0.1%, by which triangles and tetrahedra may differ."""
     plane = incipient.run(channel(11000.0, 4.0)).turbulence
-    space = incipient.run(channel(11000.0, 4.0, domain=Domain(length=4.0, width=2.0, height=1.0))).turbulence
+    space = incipient.run(
+        channel(11000.0, 4.0, domain=Domain(length=4.0, width=2.0, height=1.0))
+    ).turbulence
     for name in ("at_outflow", "shear_velocity", "least", "largest"):
         assert getattr(space, name) == pytest.approx(getattr(plane, name), rel=1e-3), name
 

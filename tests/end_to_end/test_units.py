@@ -10,7 +10,9 @@ from incipient.scene import Scene
 from incipient.scene.file import loads
 
 
-def scene(unit: float = 1.0, left: float = 0.0, low: float = 0.0, body: str = "angle = 0.0") -> Scene:
+def scene(
+    unit: float = 1.0, left: float = 0.0, low: float = 0.0, body: str = "angle = 0.0"
+) -> Scene:
     """An ellipse on a wavy bed; `unit` is the length that one was, `left` and `low` where the domain's corner is."""
     u = unit
     return loads(
@@ -56,7 +58,8 @@ def test_neither_unit_nor_place_changes_the_loads(
 
 def test_a_grain_settles_far_from_the_origin_as_it_does_there() -> None:
     near, far = (
-        scene(1.0, left, low, "angle = 50.0\nsettle = true") for left, low in ((0.0, 0.0), (4e5, 5.4e6))
+        scene(1.0, left, low, "angle = 50.0\nsettle = true")
+        for left, low in ((0.0, 0.0), (4e5, 5.4e6))
     )
     assert near.placement is not None and far.placement is not None
     shift = np.subtract(far.placement.centre, near.placement.centre)

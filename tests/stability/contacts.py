@@ -36,8 +36,14 @@ def judged(name: str, friction: float) -> tuple[str, str]:
     """Whether the disc, of weight one under a sideways flow of a tenth, moves, with what margin, and how."""
     points, normals = (np.pad(np.array(rows, float), ((0, 0), (0, 1))) for rows in PLACES[name])
     load = Load(
-        np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, -0.02]), np.array([0.0, -1.0, 0.0]), np.zeros(3)
+        np.array([0.1, 0.0, 0.0]),
+        np.array([0.0, 0.0, -0.02]),
+        np.array([0.0, -1.0, 0.0]),
+        np.zeros(3),
     )
     told = judge(load, Contacts(points, normals), friction, (1.0, 0.5 * np.eye(3)))
     safety = told.equilibrium.safety.value
-    return f"{'moves' if told.moves else 'rests'}, safety factor {safety:.4g}", told.equilibrium.label
+    return (
+        f"{'moves' if told.moves else 'rests'}, safety factor {safety:.4g}",
+        told.equilibrium.label,
+    )

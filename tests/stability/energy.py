@@ -62,7 +62,9 @@ def table(reynolds: float = 1e6, count: int = 1000) -> Iterator[str]:
     yield "| form | order | step | largest energy | largest factor of a step | steps with growth | energy left |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
     for stable in (False, True):
-        model = FlowModel(unsteady=True, convection="extrapolated", moving_mesh=True, energy_stable=stable)
+        model = FlowModel(
+            unsteady=True, convection="extrapolated", moving_mesh=True, energy_stable=stable
+        )
         for order in (1, 2):
             for step in (1e-3, 1e-1, 10.0):
                 kinetic, _ = energies(reynolds, model, order, step, count)

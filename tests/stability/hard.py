@@ -146,7 +146,10 @@ class Cavity:
 def driven_cavity(reynolds: float, n: int, model: FlowModel, speed: Any = steady_lid) -> Fluid:
     """The unit cavity with n cells a side, all alike."""
     return Fluid(
-        unit_box(2, n), model, [Prescribed("top", speed), *(no_slip(name) for name in WALLS)], reynolds
+        unit_box(2, n),
+        model,
+        [Prescribed("top", speed), *(no_slip(name) for name in WALLS)],
+        reynolds,
     )
 
 
@@ -165,11 +168,15 @@ def extrema(fluid: Fluid) -> tuple[float, float, float]:
     upright = lambda s: np.column_stack([np.full_like(s, 0.5), s])  # noqa: E731
     level = lambda s: np.column_stack([s, np.full_like(s, 0.5)])  # noqa: E731
     wanted = ((0, upright, -1), (1, level, 1), (1, level, -1))
-    low, high, lowest = (extremum(fluid.velocity, c, line, (0.0, 1.0), sign=s).value for c, line, s in wanted)
+    low, high, lowest = (
+        extremum(fluid.velocity, c, line, (0.0, 1.0), sign=s).value for c, line, s in wanted
+    )
     return low, high, lowest
 
 
-def set_off(reynolds: float, n: int, step: float, count: int, model: FlowModel) -> tuple[float, str]:
+def set_off(
+    reynolds: float, n: int, step: float, count: int, model: FlowModel
+) -> tuple[float, str]:
     """A lid set off at once: the largest speed in all steps relative to the lid's, and how it ended."""
     fastest, ended = 0.0, "completed"
     with driven_cavity(reynolds, n, model) as fluid:

@@ -47,7 +47,9 @@ def points(
 def corrections(panel: str, value: float, ratio: float, exact: bool) -> int | None:
     """Most corrections in the first steps of a disc in the cavity whose lid is set off at once."""
     asked: dict[str, Any] = USUAL | {panel: value}
-    with in_cavity(ratio, reynolds=asked["reynolds"], gap=asked.get("gap"), cell=0.1, far=0.2) as found:
+    with in_cavity(
+        ratio, reynolds=asked["reynolds"], gap=asked.get("gap"), cell=0.1, far=0.2
+    ) as found:
         found.part.added_mass = exact
         found.coupling.max_iterations = ITERATIONS[exact]
         with np.errstate(all="ignore"):

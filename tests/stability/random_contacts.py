@@ -69,14 +69,20 @@ def safety_misses(case: Case, result) -> float:
     if math.isnan(result.factor):
         return float(np.abs(result.contact_forces).max())
     forces, arms = result.contact_forces, case.contacts.points - case.load.centre
-    flow_force, flow_couple = result.factor * case.load.flow_force, result.factor * case.load.flow_couple
+    flow_force, flow_couple = (
+        result.factor * case.load.flow_force,
+        result.factor * case.load.flow_couple,
+    )
     force = forces.sum(axis=0) + flow_force + case.load.weight
     couple = np.cross(arms, forces).sum(axis=0) + flow_couple
     normal, shear = normal_and_shear(forces, case.contacts.normals)
     outside = np.linalg.norm(shear, axis=1) - case.friction * normal
-    largest = max(np.abs(part).max() for part in (forces, flow_force, flow_couple, case.load.weight))
+    largest = max(
+        np.abs(part).max() for part in (forces, flow_force, flow_couple, case.load.weight)
+    )
     return float(
-        max(np.abs(force).max(), np.abs(couple).max(), outside.max(), -normal.min(), 0.0) / (largest or 1.0)
+        max(np.abs(force).max(), np.abs(couple).max(), outside.max(), -normal.min(), 0.0)
+        / (largest or 1.0)
     )
 
 
@@ -92,7 +98,9 @@ def motion_misses(case: Case, solution) -> float:
     normal, shear = normal_and_shear(forces, case.contacts.normals)
     opening, sliding = normal_and_shear(a + np.cross(alpha, arms), case.contacts.normals)
     size, speed = np.linalg.norm(shear, axis=1), np.linalg.norm(sliding, axis=1)
-    pressed = max(np.abs(part).max() for part in (forces, load.flow_force, load.flow_couple, load.weight))
+    pressed = max(
+        np.abs(part).max() for part in (forces, load.flow_force, load.flow_couple, load.weight)
+    )
     moved = max(np.abs(a).max(), np.abs(alpha).max(), pressed)  # masses and arms are of order one
     against = (shear * sliding).sum(axis=1) + case.friction * normal * speed
     return max(

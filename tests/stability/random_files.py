@@ -50,7 +50,15 @@ KINDS = (
 def written(random: Random, directory: Path) -> Path:
     """A file of a kind by chance, rarely without a mistake; its name tells the kind."""
     kind = random.choice(KINDS)
-    made = {"stl": _stl, "ply": _ply, "obj": _obj, "npy": _npy, "png": _image, "tif": _image, "asc": _asc}
+    made = {
+        "stl": _stl,
+        "ply": _ply,
+        "obj": _obj,
+        "npy": _npy,
+        "png": _image,
+        "tif": _image,
+        "asc": _asc,
+    }
     data = made[kind[-3:]](random, kind)
     if random.random() < 0.3:
         data = _spoilt(random, data)
@@ -63,7 +71,8 @@ def _vertices(random: Random) -> list[list[str]]:
     """The corners of a box as text, some of them odd."""
     scale = random.choice((1e-25, 1e-6, 1.0, 1.0, 1.0, 10.0, 1e6, 1e20))
     sides = [
-        scale * random.choice((1.0, 1.0, 1e-3, 0.0)) if random.random() < 0.3 else scale for _ in range(3)
+        scale * random.choice((1.0, 1.0, 1e-3, 0.0)) if random.random() < 0.3 else scale
+        for _ in range(3)
     ]
     found = [[repr(x * side) for x, side in zip(corner, sides, strict=True)] for corner in CORNERS]
     for _ in range(random.choice((0, 0, 1, 2))):
@@ -75,7 +84,9 @@ def _faces(random: Random) -> list[list[int]]:
     """The triangles of a box, some of them odd."""
     found = [list(side) for side in SIDES]
     for _ in range(random.choice((0, 0, 1))):
-        random.choice(found)[random.randrange(3)] = random.choice((-1, 8, 99, -(2**31), 2**31 - 1, 0))
+        random.choice(found)[random.randrange(3)] = random.choice(
+            (-1, 8, 99, -(2**31), 2**31 - 1, 0)
+        )
     if random.random() < 0.1:
         del found[random.randrange(len(found)) :]
     return found
@@ -89,9 +100,14 @@ def _number(text: str) -> float:
 
 
 def _stl(random: Random, kind: str) -> bytes:
-    points, faces = _vertices(random), [face for face in _faces(random) if min(face) >= 0 and max(face) < 8]
+    points, faces = (
+        _vertices(random),
+        [face for face in _faces(random) if min(face) >= 0 and max(face) < 8],
+    )
     if kind.startswith("binary"):
-        table = np.zeros(len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("end", "<u2")])
+        table = np.zeros(
+            len(faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("end", "<u2")]
+        )
         with np.errstate(over="ignore"):
             table["corners"] = np.array(
                 [[[_number(x) for x in points[i]] for i in f] for f in faces]
@@ -99,23 +115,32 @@ def _stl(random: Random, kind: str) -> bytes:
         count = random.choice((len(faces),) * 4 + (0, 10**9))
         return bytes(80) + np.uint32(count).tobytes() + table.tobytes()
     facets = ("\n".join(f"vertex {' '.join(points[i])}" for i in face) for face in faces)
-    body = "\n".join(f"facet normal 0 0 0\nouter loop\n{corners}\nendloop\nendfacet" for corners in facets)
+    body = "\n".join(
+        f"facet normal 0 0 0\nouter loop\n{corners}\nendloop\nendfacet" for corners in facets
+    )
     return f"solid box\n{body}\nendsolid box\n".encode()
 
 
 def _ply(random: Random, kind: str) -> bytes:
     points, faces = _vertices(random), _faces(random)
     form = "binary_little_endian" if kind.startswith("binary") else "ascii"
-    counts = random.choice((len(points),) * 6 + (0, 9, 10**9)), random.choice((len(faces),) * 6 + (0, 10**9))
+    counts = (
+        random.choice((len(points),) * 6 + (0, 9, 10**9)),
+        random.choice((len(faces),) * 6 + (0, 10**9)),
+    )
     head = f"ply\nformat {form} 1.0\nelement vertex {counts[0]}\n"
     head += "".join(f"property double {axis}\n" for axis in "xyz")
     head += f"element face {counts[1]}\nproperty list uchar int vertex_indices\nend_header\n"
     if form == "ascii":
-        lines = [" ".join(point) for point in points] + [f"3 {' '.join(map(str, face))}" for face in faces]
+        lines = [" ".join(point) for point in points] + [
+            f"3 {' '.join(map(str, face))}" for face in faces
+        ]
         return (head + "\n".join(lines) + "\n").encode()
     places = np.array([[_number(x) for x in point] for point in points]).tobytes()
     return (
-        head.encode() + places + b"".join(b"\x03" + np.array(face, dtype="<i4").tobytes() for face in faces)
+        head.encode()
+        + places
+        + b"".join(b"\x03" + np.array(face, dtype="<i4").tobytes() for face in faces)
     )
 
 
@@ -139,13 +164,26 @@ def _heights(random: Random) -> NDArray[Any]:
 
 def _npy(random: Random, kind: str) -> bytes:
     table, stream = _heights(random), io.BytesIO()
-    types = (float,) * 5 + (np.float32, np.longdouble, complex, np.int8, bool, "U8", "M8[s]", object)
+    types = (float,) * 5 + (
+        np.float32,
+        np.longdouble,
+        complex,
+        np.int8,
+        bool,
+        "U8",
+        "M8[s]",
+        object,
+    )
     with np.errstate(all="ignore"):
-        numbers = table if table.dtype == float and np.isfinite(table).all() else np.nan_to_num(table)
+        numbers = (
+            table if table.dtype == float and np.isfinite(table).all() else np.nan_to_num(table)
+        )
         kind_of = random.choice(types)
         np.save(
             stream,
-            (table if kind_of in (float, complex, np.longdouble) else numbers.clip(-9, 9)).astype(kind_of),
+            (table if kind_of in (float, complex, np.longdouble) else numbers.clip(-9, 9)).astype(
+                kind_of
+            ),
         )
     return stream.getvalue()
 
@@ -153,10 +191,22 @@ def _npy(random: Random, kind: str) -> bytes:
 def _image(random: Random, kind: str) -> bytes:
     stream, grey = io.BytesIO(), np.random.default_rng(random.randrange(9)).integers(0, 256, (9, 9))
     mode = random.choice(
-        ("L", "L", "RGB", "RGBA", "LA", "P", "1", "I;16", *(("F", "CMYK") if kind == "map.tif" else ()))
+        (
+            "L",
+            "L",
+            "RGB",
+            "RGBA",
+            "LA",
+            "P",
+            "1",
+            "I;16",
+            *(("F", "CMYK") if kind == "map.tif" else ()),
+        )
     )
     image = Image.fromarray(grey.astype(np.uint16 if mode == "I;16" else np.uint8))
-    (image if mode == "I;16" else image.convert(mode)).save(stream, "PNG" if kind == "map.png" else "TIFF")
+    (image if mode == "I;16" else image.convert(mode)).save(
+        stream, "PNG" if kind == "map.png" else "TIFF"
+    )
     return stream.getvalue()
 
 

@@ -19,7 +19,9 @@ from incipient.errors import IncipientError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
 
-HANGING = 60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
+HANGING = (
+    60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
+)
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 GRAINS: list[dict[str, Any]] = [
@@ -46,9 +48,41 @@ FLOWS: list[dict[str, Any]] = [
     {"kind": "still"},
     {"kind": "expression", "components": ["y*(4 - y)", "0"]},
 ]
-FACTORS = (0.0, -1.0, 1e-300, 1e-30, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 2.0, 10.0, 1e3, 1e6, 1e12, 1e30, 1e300)
+FACTORS = (
+    0.0,
+    -1.0,
+    1e-300,
+    1e-30,
+    1e-12,
+    1e-6,
+    1e-3,
+    0.1,
+    0.5,
+    2.0,
+    10.0,
+    1e3,
+    1e6,
+    1e12,
+    1e30,
+    1e300,
+)
 NASTY: list[Any] = [
-    *(0, 0.0, -0.0, -1, 1, 1e300, -1e300, 5e-324, math.nan, math.inf, -math.inf, 10**40, 10**400, -(2**63)),
+    *(
+        0,
+        0.0,
+        -0.0,
+        -1,
+        1,
+        1e300,
+        -1e300,
+        5e-324,
+        math.nan,
+        math.inf,
+        -math.inf,
+        10**40,
+        10**400,
+        -(2**63),
+    ),
     *(
         True,
         False,
@@ -91,7 +125,11 @@ def scene_text(random: Random) -> str:
 def odd_scene_text(random: Random) -> str:
     """A scene whose numbers are unusual but allowed, in any units, on coarse cells."""
     scene = _valid(random)
-    scene["numerics"] = {"mesh_size": random.choice((2.0, 3.0, 5.0)), "error_bars": False, "max_cells": 4000}
+    scene["numerics"] = {
+        "mesh_size": random.choice((2.0, 3.0, 5.0)),
+        "error_bars": False,
+        "max_cells": 4000,
+    }
     scene["output"] = {"fields": False}
     if "time" in scene:
         scene["time"]["end"] = 2.0 * scene["time"]["step"]
@@ -160,9 +198,11 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
             known = [(name, field) for name, field in Scene.model_fields.items()]
             section = scene.setdefault(random.choice(known)[0], {})
             if isinstance(section, dict):
-                section[random.choice(("kind", "x", "y", "tolerance", "\u00e9", "", "order", "accuracy"))] = (
-                    random.choice(NASTY)
-                )
+                section[
+                    random.choice(
+                        ("kind", "x", "y", "tolerance", "\u00e9", "", "order", "accuracy")
+                    )
+                ] = random.choice(NASTY)
         case 7:
             name = random.choice(("body", "bed", "flow"))
             others = {"body": GRAINS, "bed": BEDS, "flow": FLOWS}[name]
@@ -173,7 +213,13 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
 
 def _places(node: Any) -> Iterator[tuple[Any, Any]]:
     """Everything in the scene as what holds it and the key or index there."""
-    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    items = (
+        node.items()
+        if isinstance(node, dict)
+        else enumerate(node)
+        if isinstance(node, list)
+        else ()
+    )
     for key, value in list(items):
         yield node, key
         yield from _places(value)

@@ -120,7 +120,9 @@ def stays_below_its_start(values: np.ndarray) -> bool:
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
 @pytest.mark.parametrize("reynolds", [pytest.param(1.0, marks=pytest.mark.slow), 100.0])
-def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int, step: float) -> None:
+def test_energy_of_a_decaying_flow(
+    reynolds: float, convection: str, order: int, step: float
+) -> None:
     """Convection as printed, which viscosity is strong enough for."""
     model = FlowModel(unsteady=True, convection=convection)
     kinetic, energy = energies_of_the_scheme(reynolds, model, order, step)
@@ -136,7 +138,9 @@ def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int,
         for case in product(("implicit", "extrapolated"), (1, 2), STEPS)
     ],
 )
-def test_energy_stable_form_when_convection_dominates(convection: str, order: int, step: float) -> None:
+def test_energy_stable_form_when_convection_dominates(
+    convection: str, order: int, step: float
+) -> None:
     """Re = 1e4 on six cells a side. As printed, extrapolated BDF2 with a step of 1 grows 1e4 times for a while."""
     model = FlowModel(unsteady=True, convection=convection, energy_stable=True)
     kinetic, energy = energies_of_the_scheme(1e4, model, order, step)

@@ -39,7 +39,9 @@ FINEST_CAVITY = np.array([-0.45920, 0.46495, -0.58224])
 # -- bodies -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mass", "moment"), [(0, 0), (1e-6, 1e-6), (1e3, 1e3), (1e6, 1e6), (1, 0), (0, 1)])
+@pytest.mark.parametrize(
+    ("mass", "moment"), [(0, 0), (1e-6, 1e-6), (1e3, 1e3), (1e6, 1e6), (1, 0), (0, 1)]
+)
 def test_bodies_of_any_mass_and_inertia(mass: float, moment: float) -> None:
     """No faster than the lid, and slower the heavier they are: the same impulse on m + 1 times the fluid's mass."""
     with in_cavity(mass, moment) as found:
@@ -64,7 +66,9 @@ def test_naive_iteration_without_mass_is_refused_by_name() -> None:
             found.transient.advance(0.05)
 
 
-@pytest.mark.parametrize("courant", [0.01, 1.0, 100.0, pytest.param(1000.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "courant", [0.01, 1.0, 100.0, pytest.param(1000.0, marks=pytest.mark.slow)]
+)
 def test_massless_body_in_tiny_and_huge_steps(courant: float) -> None:
     """Speeds stay below the lid's; a ride too long for one mesh ends by name, after steps that hold."""
     with in_cavity(0.0) as found:
@@ -140,12 +144,15 @@ def test_stabilisation_helps_where_cells_are_coarse(n: int, better: bool) -> Non
 
 
 @pytest.mark.parametrize(
-    ("courant", "energy_stable"), [(0.01, False), (1.0, False), (0.01, True), (1.0, True), (1000.0, True)]
+    ("courant", "energy_stable"),
+    [(0.01, False), (1.0, False), (0.01, True), (1.0, True), (1000.0, True)],
 )
 def test_lid_set_off_at_once_at_high_reynolds(courant: float, energy_stable: bool) -> None:
     """Re = 10,000, twelve cells a side, stabilised: no speed much above the lid's. Plain elements reach 3 and 25."""
     convection = "extrapolated" if energy_stable else "implicit"
-    model = FlowModel(unsteady=True, convection=convection, energy_stable=energy_stable, stabilisation=True)
+    model = FlowModel(
+        unsteady=True, convection=convection, energy_stable=energy_stable, stabilisation=True
+    )
     fastest, ended = set_off(1e4, 12, courant / 12, 6, model)
     assert ended == "completed"
     assert fastest < 1.5
@@ -163,7 +170,10 @@ def test_lid_set_off_at_once_at_high_reynolds(courant: float, energy_stable: boo
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            "sinking until contact, gap made smaller", "meets the bottom", 1e-3, marks=pytest.mark.slow
+            "sinking until contact, gap made smaller",
+            "meets the bottom",
+            1e-3,
+            marks=pytest.mark.slow,
         ),
         ("adaptive steps far too small, stopped by a signal", "interrupted at t = ", 1e-4),
     ],

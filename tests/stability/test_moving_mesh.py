@@ -62,7 +62,9 @@ def test_uniform_stream_stays(
     energy_stable: bool, convection: str, geometry_order: int, order: int, boundary: str
 ) -> None:
     domain = curved_box(2, 3, geometry_order)
-    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable)
+    model = FlowModel(
+        unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable
+    )
     motion = thrown(domain.mesh, 3, geometry_order, boundary)
     assert deviation_from_stream(domain, motion, model, order, boundary) < 1e-11
 
@@ -71,7 +73,9 @@ def test_uniform_stream_stays(
 def test_uniform_stream_stays_in_space(energy_stable: bool) -> None:
     """Where the swept volume takes Simpson's rule."""
     domain = unit_box(3, 2)
-    model = FlowModel(unsteady=True, convection="extrapolated", moving_mesh=True, energy_stable=energy_stable)
+    model = FlowModel(
+        unsteady=True, convection="extrapolated", moving_mesh=True, energy_stable=energy_stable
+    )
     motion = RandomMotion(domain.mesh, 0.25 / 2, boundary="free")
     assert deviation_from_stream(domain, motion, model, 2, "free") < 1e-11
 
@@ -97,7 +101,9 @@ def gain_and_imbalance(
     model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=True)
     kinetic, spent = energies(reynolds, model, 1, step, count, geometry_order)
     gained = kinetic[1:] - kinetic[:-1]
-    return float((gained / kinetic[:-1]).max()), float(np.abs((gained + spent) / kinetic[:-1]).max())
+    return float((gained / kinetic[:-1]).max()), float(
+        np.abs((gained + spent) / kinetic[:-1]).max()
+    )
 
 
 @pytest.mark.parametrize(("convection", "step"), STEPS)
@@ -111,7 +117,9 @@ def test_energy_never_grows(convection: str, step: float, geometry_order: int) -
 @pytest.mark.slow
 @pytest.mark.parametrize(("convection", "step"), STEPS)
 @pytest.mark.parametrize("reynolds", [1e4, 1e6])
-def test_energy_never_grows_in_a_thousand_steps(reynolds: float, convection: str, step: float) -> None:
+def test_energy_never_grows_in_a_thousand_steps(
+    reynolds: float, convection: str, step: float
+) -> None:
     gain, imbalance = gain_and_imbalance(reynolds, convection, step, 1000, geometry_order=1)
     assert gain <= SOLVED
     assert imbalance < BALANCED

@@ -26,7 +26,9 @@ seeds = st.integers(min_value=10**6, max_value=10**9)
 def judge(case: Case):
     """Both answers, the safety factor and the motion."""
     safety = safety_factor(case.load, case.contacts, case.friction)
-    return safety, incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
+    return safety, incipient_motion(
+        case.load, case.contacts, case.friction, case.mass, case.inertia
+    )
 
 
 def misses(case: Case, safety, motion) -> float:
@@ -62,7 +64,10 @@ def failures(start: int, count: int) -> list[tuple[int, str]]:
     [
         (0, 500),
         pytest.param(500, 1500, marks=pytest.mark.slow),
-        *(pytest.param(start, 10000, marks=pytest.mark.slow) for start in range(2000, 102000, 10000)),
+        *(
+            pytest.param(start, 10000, marks=pytest.mark.slow)
+            for start in range(2000, 102000, 10000)
+        ),
     ],
 )
 def test_a_hundred_thousand_cases(start, count):
@@ -70,7 +75,9 @@ def test_a_hundred_thousand_cases(start, count):
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(500), pytest.param(range(500, 2000), marks=pytest.mark.slow)], ids=["some", "more"]
+    "seeds",
+    [range(500), pytest.param(range(500, 2000), marks=pytest.mark.slow)],
+    ids=["some", "more"],
 )
 def test_unheld_has_no_interval(seeds):
     for seed in seeds:
@@ -91,7 +98,9 @@ def rotated(case: Case, seed: int) -> Case:
     load, contacts = case.load, case.contacts
     return replace(
         case,
-        load=Load(*(turn @ part for part in (load.flow_force, load.flow_couple, load.weight, load.centre))),
+        load=Load(
+            *(turn @ part for part in (load.flow_force, load.flow_couple, load.weight, load.centre))
+        ),
         contacts=Contacts(contacts.points @ turn.T, contacts.normals @ turn.T),
         inertia=turn @ case.inertia @ turn.T,
     )
@@ -125,7 +134,9 @@ def moved(case: Case, shift) -> Case:
 
 def taken(case: Case, places) -> Case:
     """With contacts in another order, or some of them several times."""
-    return replace(case, contacts=Contacts(case.contacts.points[places], case.contacts.normals[places]))
+    return replace(
+        case, contacts=Contacts(case.contacts.points[places], case.contacts.normals[places])
+    )
 
 
 def planar(seed: int) -> Case:
@@ -136,7 +147,12 @@ def planar(seed: int) -> Case:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     return replace(
         case,
-        load=Load(load.flow_force * flat, load.flow_couple * [0, 0, 1], load.weight[[0, 2, 1]], load.centre),
+        load=Load(
+            load.flow_force * flat,
+            load.flow_couple * [0, 0, 1],
+            load.weight[[0, 2, 1]],
+            load.centre,
+        ),
         contacts=Contacts(case.contacts.points[:, [0, 2, 1]] * flat, normals),
         inertia=np.diag(np.diag(case.inertia)),
     )
@@ -184,13 +200,17 @@ def motion_difference(safety, motion, other, accelerations) -> float:
     if motion.mode is not other.mode:
         return math.inf
     expected = accelerations(motion.acceleration, motion.angular_acceleration)
-    return float(np.max(list(map(relative, (other.acceleration, other.angular_acceleration), expected))))
+    return float(
+        np.max(list(map(relative, (other.acceleration, other.angular_acceleration), expected)))
+    )
 
 
 def relative(found, expected) -> float:
     """The largest difference of two vectors, relative as above."""
     sizes = np.abs(expected)
-    return float((np.abs(found - expected) / np.maximum(sizes, max(0.1 * sizes.max(), 1e-300))).max())
+    return float(
+        (np.abs(found - expected) / np.maximum(sizes, max(0.1 * sizes.max(), 1e-300))).max()
+    )
 
 
 class TestNothingChanges:
@@ -214,7 +234,9 @@ class TestNothingChanges:
         linear, angular = force / mass, force / (mass * length)
         (_, motion), other = judge(case), in_units(case, length, force, mass)
         safety = safety_factor(other.load, other.contacts, other.friction)
-        scaled = incipient_motion(other.load, other.contacts, other.friction, other.mass, other.inertia)
+        scaled = incipient_motion(
+            other.load, other.contacts, other.friction, other.mass, other.inertia
+        )
         assert safety.status is safety_factor(case.load, case.contacts, case.friction).status
         assert scaled.residual < 1e-8
         if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
@@ -256,9 +278,13 @@ class TestNothingChanges:
         assert factor < 1e-6
         assert motion < 1e-6
         whole = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
-        parts = incipient_motion(split.load, split.contacts, split.friction, split.mass, split.inertia)
+        parts = incipient_motion(
+            split.load, split.contacts, split.friction, split.mass, split.inertia
+        )
         assert parts.contact_forces[which] == pytest.approx(parts.contact_forces[-1])
-        assert 2.0 * parts.contact_forces[-1] == pytest.approx(whole.contact_forces[which], abs=1e-9)
+        assert 2.0 * parts.contact_forces[-1] == pytest.approx(
+            whole.contact_forces[which], abs=1e-9
+        )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -272,7 +298,9 @@ def test_stronger_flow_moves_what_a_weaker_one_moves(kind):
         for factor in (0.3, 0.999, 1.001, 3.0):
             part = factor * safety.value
             load = replace(
-                case.load, flow_force=part * case.load.flow_force, flow_couple=part * case.load.flow_couple
+                case.load,
+                flow_force=part * case.load.flow_force,
+                flow_couple=part * case.load.flow_couple,
             )
             motion = incipient_motion(load, case.contacts, case.friction, case.mass, case.inertia)
             assert (motion.mode is Mode.REST) is (factor < 1.0)
@@ -310,7 +338,9 @@ class TestSecondWays:
         safety_too, motion_too = judge(case)
         assert misses(case, safety_too, motion_too) < 1e-8
         assert safety_too.status is safety.status
-        assert safety_too.interval == (None if safety.interval is None else pytest.approx(safety.interval))
+        assert safety_too.interval == (
+            None if safety.interval is None else pytest.approx(safety.interval)
+        )
         assert motion_too.moves is motion.moves
 
     @pytest.mark.parametrize("seed", range(40))

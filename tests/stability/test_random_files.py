@@ -18,7 +18,9 @@ from incipient.errors import SceneError
 from incipient.geometry.space.triangle_files import triangles_in
 from incipient.scene import loads
 
-USUAL = settings(derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+USUAL = settings(
+    derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+)
 AROUND = """
 [domain]
 length = 8.0
@@ -59,7 +61,11 @@ def use_of(path: Path, turn: int) -> str:
     """What a file is used for, in turn where there are several uses."""
     if path.suffix == ".asc":
         return "grid"
-    return ("held", "resting", "surface")[turn % 3] if path.suffix in (".stl", ".ply", ".obj") else "heights"
+    return (
+        ("held", "resting", "surface")[turn % 3]
+        if path.suffix in (".stl", ".ply", ".obj")
+        else "heights"
+    )
 
 
 def tried(number: int, directory: Path) -> Counter[str]:
@@ -103,8 +109,16 @@ def test_many_mesh_files_and_height_maps_are_read_or_refused_in_one_line(directo
 @pytest.mark.parametrize(
     ("name", "text", "why"),
     [
-        ("a.ply", PLY.format(top=1, last=99), "has a triangle of vertex 99 (counted from 0) but 4 vertices"),
-        ("b.ply", PLY.format(top=1, last=-1), "has a triangle of vertex -1 (counted from 0) but 4 vertices"),
+        (
+            "a.ply",
+            PLY.format(top=1, last=99),
+            "has a triangle of vertex 99 (counted from 0) but 4 vertices",
+        ),
+        (
+            "b.ply",
+            PLY.format(top=1, last=-1),
+            "has a triangle of vertex -1 (counted from 0) but 4 vertices",
+        ),
         ("c.ply", PLY.format(top="1e300", last=3), "has a vertex that is not finite"),
         ("d.obj", OBJ.format(last=0), "line 8 names vertex 0; OBJ files count from 1"),
         ("e.obj", OBJ.format(last="1_2"), "cannot be read"),
@@ -163,7 +177,10 @@ def test_cells_of_tables_are_plain_numbers(cell: str, tmp_path: Path) -> None:
 
 
 def test_height_maps_hold_real_numbers_and_few(tmp_path: Path) -> None:
-    for table, why in ((np.zeros((9, 9), complex), "complex128"), (np.zeros((9, 9), "M8[s]"), "datetime64")):
+    for table, why in (
+        (np.zeros((9, 9), complex), "complex128"),
+        (np.zeros((9, 9), "M8[s]"), "datetime64"),
+    ):
         np.save(tmp_path / "map.npy", table)
         with pytest.raises(SceneError, match=f"holds values of type {why}.*; save real numbers"):
             loads(scene("heights", "map.npy"), tmp_path)
@@ -184,9 +201,15 @@ def test_height_maps_hold_real_numbers_and_few(tmp_path: Path) -> None:
         ("scale", '"big"', "give a positive number"),
     ],
 )
-def test_a_surface_is_read_by_sensible_numbers(key: str, value: str, remedy: str, tmp_path: Path) -> None:
+def test_a_surface_is_read_by_sensible_numbers(
+    key: str, value: str, remedy: str, tmp_path: Path
+) -> None:
     (tmp_path / "bed.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
     text = scene("surface", "bed.obj")
-    text = text.replace("scale = 8.0", f"scale = {value}") if key == "scale" else f"{text}{key} = {value}\n"
+    text = (
+        text.replace("scale = 8.0", f"scale = {value}")
+        if key == "scale"
+        else f"{text}{key} = {value}\n"
+    )
     with pytest.raises(SceneError, match=re.escape(remedy)):
         loads(text, tmp_path)

@@ -21,11 +21,22 @@ from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.terrain import Hemispheres, Plane
 
 RIDGE = Polyline(
-    ((-50.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.5, 0.2), (1.0, 0.2), (1.4, -0.3), (3.0, 0.4), (50.0, 0.0))
+    (
+        (-50.0, 0.0),
+        (-1.0, 0.0),
+        (0.0, 1.0),
+        (0.5, 0.2),
+        (1.0, 0.2),
+        (1.4, -0.3),
+        (3.0, 0.4),
+        (50.0, 0.0),
+    )
 )
 BEDS = (Flat(0.0), HalfDiscs(0.5, 1.0), HalfDiscs(0.3, 1.0), Sinusoidal(0.15, 2.0), RIDGE)
 IN_SPACE = (Plane(), Hemispheres(0.5, 1.0))
-HEXAGON = Polygon(tuple((0.5 * math.cos(k * math.pi / 3), 0.5 * math.sin(k * math.pi / 3)) for k in range(6)))
+HEXAGON = Polygon(
+    tuple((0.5 * math.cos(k * math.pi / 3), 0.5 * math.sin(k * math.pi / 3)) for k in range(6))
+)
 ANGULAR = (Ellipse((0.5, 0.25)), Rectangle(1.0, 0.5, 0.1), HEXAGON, Rectangle(1.0, 0.6))
 STEPS = 10  # in contact
 # Energy that a step without restitution may add, relative to the kinetic energy and the weight times the size: what the
@@ -41,7 +52,9 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     grain: Any = Sphere(random.uniform(0.4, 1.5)) if in_space else Disc(random.uniform(0.3, 1.5))
     if not round_grain:
         grain = ANGULAR[random.integers(len(ANGULAR))]
-    bed: Any = IN_SPACE[random.integers(len(IN_SPACE))] if in_space else BEDS[random.integers(len(BEDS))]
+    bed: Any = (
+        IN_SPACE[random.integers(len(IN_SPACE))] if in_space else BEDS[random.integers(len(BEDS))]
+    )
     friction = random.choice([0.0, random.uniform(0.0, 1.0), random.uniform(0.0, 2.0)])
     kinetic = None if random.random() < 0.7 else friction * random.random()
     restitution = random.choice([0.0, 0.0, random.uniform(0.0, 0.9)])
@@ -77,7 +90,9 @@ def followed(seed: int, round_grain: bool) -> bool:
     load[:d] = body.inertia.mass * gravity
     for _ in range(1000):
         taken = moves.step(state, dt, load, before=contacts)
-        energies = [body.kinetic_energy(one) - float(load[:d] @ one.place) for one in (state, taken.end)]
+        energies = [
+            body.kinetic_energy(one) - float(load[:d] @ one.place) for one in (state, taken.end)
+        ]
         raised = max(0.0, -float(load[:d] @ (taken.end.place - taken.motion.end.place)))
         scale = body.kinetic_energy(state) + body.inertia.mass * moves.reach
         if law.restitution == 0.0:
@@ -87,7 +102,9 @@ def followed(seed: int, round_grain: bool) -> bool:
         gaps = moves.near(taken.end.placement, 0.05 * moves.reach).gaps
         assert gaps.min(initial=0.0) > -DEEPEST * moves.reach, seed
         impulses = taken.contacts.impulses
-        assert len(impulses) or not taken.pushed.any(), seed  # what has changed the motion is reported
+        assert len(impulses) or not taken.pushed.any(), (
+            seed
+        )  # what has changed the motion is reported
         if len(impulses):
             largest = float(np.abs(impulses).max())
             beyond = np.hypot(*impulses[:, 1:].T) - law.friction * impulses[:, 0]

@@ -90,11 +90,15 @@ class Release:
         with (directory / "history.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
         found = {
-            name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0] if name != "mode"
+            name: np.array([float(row[name] or "nan") for row in rows])
+            for name in rows[0]
+            if name != "mode"
         }
         contacts = found["work_friction"] + found["work_impact"]
         works = found["work_flow"] + found["work_gravity"] + contacts
-        energy = max(np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity"))
+        energy = max(
+            np.abs(found[name]).max() for name in ("energy_body", "work_flow", "work_gravity")
+        )
         assert result.trajectory is not None
         moved = (
             result.trajectory["on_bed"]["first_motion"] is not None,
@@ -112,8 +116,12 @@ class Release:
 def _turned_over(found: dict[str, np.ndarray]) -> float:
     """The sum over all steps of the contacts' loads times the grain's ways, all counted as positive."""
     pairs = (("contact_x", "velocity_x"), ("contact_y", "velocity_y"), ("contact_couple", "spin"))
-    fastest = {name: np.maximum(np.abs(found[name]), np.abs(np.roll(found[name], 1))) for _, name in pairs}
-    return sum(float((np.abs(found[load]) * fastest[name] * found["step"]).sum()) for load, name in pairs)
+    fastest = {
+        name: np.maximum(np.abs(found[name]), np.abs(np.roll(found[name], 1))) for _, name in pairs
+    }
+    return sum(
+        float((np.abs(found[load]) * fastest[name] * found["step"]).sum()) for load, name in pairs
+    )
 
 
 @pytest.mark.slow

@@ -10,13 +10,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_scenes import fate, odd_scene_text, scene_text
 
-USUAL = settings(derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+USUAL = settings(
+    derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+)
 NOWHERE = Path(os.devnull).parent
 
 
 def test_scene_files_are_planned_or_refused_in_one_line() -> None:
     """Scene files around valid ones; every tenth is meshed as well if it is a scene."""
-    found = Counter(fate(scene_text(Random(seed)), NOWHERE, mesh=seed % 10 == 0) for seed in range(100))
+    found = Counter(
+        fate(scene_text(Random(seed)), NOWHERE, mesh=seed % 10 == 0) for seed in range(100)
+    )
     assert found["refused"] > 30 and found["planned"] > 10 and found["meshed"] > 1, found
 
 
@@ -35,7 +39,9 @@ def test_any_scene_file_is_planned_or_refused_in_one_line(number: int) -> None:
     assert found["refused"] > 30 and found["planned"] > 30 and found["meshed"] > 3, found
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6, 7, 8, 13, pytest.param(18, marks=pytest.mark.slow), 19])
+@pytest.mark.parametrize(
+    "seed", [1, 2, 4, 5, 6, 7, 8, 13, pytest.param(18, marks=pytest.mark.slow), 19]
+)
 def test_unusual_scenes_run_or_are_refused_in_one_line(seed: int) -> None:
     assert fate(odd_scene_text(Random(seed)), NOWHERE, mesh=True, run=True) in (
         "run",

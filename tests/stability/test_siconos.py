@@ -75,7 +75,9 @@ class Problem:
         """Siconos's object."""
         delassus = np.asfortranarray(self.rows @ self.inverse @ self.rows.T)
         friction = np.full(len(self.frames), self.case.friction)
-        return numerics.FrictionContactProblem(3, len(friction), delassus, self.rows @ self.free, friction)
+        return numerics.FrictionContactProblem(
+            3, len(friction), delassus, self.rows @ self.free, friction
+        )
 
     def solved(self, solver: str) -> tuple[bool, np.ndarray, np.ndarray]:
         """Whether Siconos says that it solved the problem, the acceleration (6,), and the forces (k, 3)."""
@@ -92,7 +94,9 @@ class Problem:
         posed, local = self.posed(), (self.frames @ forces[:, :, None]).ravel()
         options = numerics.SolverOptions(numerics.SICONOS_FRICTION_3D_NSGS)
         size = float(np.linalg.norm(self.rows @ self.free))
-        return numerics.fc3d_compute_error(posed, local, np.zeros_like(local), TOLERANCE, options, size)[1]
+        return numerics.fc3d_compute_error(
+            posed, local, np.zeros_like(local), TOLERANCE, options, size
+        )[1]
 
 
 def compared(problem: Problem, ours: IncipientMotion, solver: str) -> tuple[Outcome, float]:
@@ -133,7 +137,9 @@ class Tally:
     def add(self, case: Case) -> None:
         problem = Problem.of(case)
         ours = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
-        self.error = max([self.error, *(problem.error_of(one.contact_forces) for one in ours.solutions)])
+        self.error = max(
+            [self.error, *(problem.error_of(one.contact_forces) for one in ours.solutions)]
+        )
         found = {solver: compared(problem, ours, solver) for solver in self.outcomes}
         for solver, (outcome, near) in found.items():
             self.outcomes[solver][outcome] += 1

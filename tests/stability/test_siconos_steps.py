@@ -86,10 +86,14 @@ def test_the_impulses_of_random_steps_beside_siconos(monkeypatch, capsys):
         if theirs is None:
             outcomes["not solved by Siconos"] += 1
             continue
-        away = np.abs(one.free + one.gain @ one.found.ravel() - theirs).max() / np.abs(one.free).max()
+        away = (
+            np.abs(one.free + one.gain @ one.found.ravel() - theirs).max() / np.abs(one.free).max()
+        )
         outcomes["agreed" if away <= SAME else "another"] += 1
         worst = max(worst, away if away <= SAME else 0.0)
     with capsys.disabled():
-        print(f"\n{dict(outcomes)}, largest difference {worst:.1e}, error of ours by Siconos {wrong:.1e}")
+        print(
+            f"\n{dict(outcomes)}, largest difference {worst:.1e}, error of ours by Siconos {wrong:.1e}"
+        )
     assert wrong < 1e-8
     assert outcomes["agreed"] >= 0.99 * outcomes.total()

@@ -24,7 +24,9 @@ def random_start(made, generator, elevation, speed):
     return b
 
 
-def energies(seed, steps, length, viscosity=1e-3, elevation=0.1, scheme=1, tension=0.0, pinned=False):
+def energies(
+    seed, steps, length, viscosity=1e-3, elevation=0.1, scheme=1, tension=0.0, pinned=False
+):
     """Energies at the start and after each step from a random start with waves of a height."""
     generator = np.random.default_rng(seed)
     heights = generator.standard_normal(4)
@@ -42,7 +44,9 @@ def energies(seed, steps, length, viscosity=1e-3, elevation=0.1, scheme=1, tensi
             made.transient.advance(length)
             found.append(made.energy())
         assert made.surface.volume() == pytest.approx(volume, abs=1e-14)
-        assert not pinned or at_ends(made, made.elevation()) == pytest.approx(at_ends(made, first), abs=1e-15)
+        assert not pinned or at_ends(made, made.elevation()) == pytest.approx(
+            at_ends(made, first), abs=1e-15
+        )
         return np.array(found)
 
 
@@ -74,7 +78,9 @@ def test_what_a_pinned_surface_does_not_feel():
         rising, ends = made.surface.mesh, np.abs(made.points[:, 0] - 0.5) > 0.499
         one, other = np.zeros((2, len(made.surface.elevation)))
         one[made.nodes], other[made.nodes] = generator.standard_normal((2, len(made.nodes)))
-        felt, trial = (elevation - rising.unfelt(elevation, closed=True) for elevation in (one, other))
+        felt, trial = (
+            elevation - rising.unfelt(elevation, closed=True) for elevation in (one, other)
+        )
         for elevation in (felt, trial):
             assert np.abs(elevation[made.nodes][ends]).max() == 0.0 < np.abs(elevation).max()
             assert rising.mean(elevation) == pytest.approx(0.0, abs=1e-14)
@@ -132,7 +138,12 @@ def test_an_accelerated_tank_comes_to_rest_in_the_plane_of_its_acceleration():
     """Started level: the plane's slope is the acceleration over gravity."""
     slope = 0.1
     with tank(
-        curved_box(2, 4, 2), 0.03, lambda x: 0.0 * x[:, 0], scheme=1, gravity=(slope, -1.0), tolerance=1e-8
+        curved_box(2, 4, 2),
+        0.03,
+        lambda x: 0.0 * x[:, 0],
+        scheme=1,
+        gravity=(slope, -1.0),
+        tolerance=1e-8,
     ) as made:
         for _ in range(40):
             made.transient.advance(5.0)

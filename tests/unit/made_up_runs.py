@@ -31,11 +31,18 @@ class Runner:
         if variant.key in self.failing:
             return MeasuredRun(variant, 1.0, 0.5, failed='no steady flow, "of course", found')
         off = 1.0 + 0.02 * (variant.mesh_size / 2.0) ** (variant.order + 2)
-        found = {"force_x": 3.0 * off, "force_y": 4.0 * off, "couple": 0.5 * off, "safety_factor": 1.5 * off}
+        found = {
+            "force_x": 3.0 * off,
+            "force_y": 4.0 * off,
+            "couple": 0.5 * off,
+            "safety_factor": 1.5 * off,
+        }
         unknowns = round(4000 * variant.mesh_size**-2)
         cpu = 1.0 + 0.2 * variant.mesh_size**-2 * variant.order
         counts = Counts(newton=5, factorisations=2)
-        return MeasuredRun(variant, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found)
+        return MeasuredRun(
+            variant, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found
+        )
 
 
 def quiet(text: str) -> None:

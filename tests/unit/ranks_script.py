@@ -43,7 +43,13 @@ def shear(x: np.ndarray, t: float) -> np.ndarray:
 
 def channel() -> list[Condition]:
     """An open channel with a free-slip ceiling."""
-    return [Open("right"), Slip("top", axis=1), Prescribed("left", shear), no_slip("bottom"), no_slip("body")]
+    return [
+        Open("right"),
+        Slip("top", axis=1),
+        Prescribed("left", shear),
+        no_slip("bottom"),
+        no_slip("body"),
+    ]
 
 
 def box() -> list[Condition]:
@@ -84,7 +90,9 @@ def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, A
 
 
 def steady(conditions: list[Condition], order: int = 2) -> dict[str, Any]:
-    with Fluid(square_in_box(0.3, 0.25), FlowModel(order=order), conditions, reynolds=20.0) as fluid:
+    with Fluid(
+        square_in_box(0.3, 0.25), FlowModel(order=order), conditions, reynolds=20.0
+    ) as fluid:
         solve_steady(fluid, 1e-12)
         return readings(fluid, (0.8, 0.55), PLACES)
 
@@ -125,7 +133,9 @@ def turned() -> dict[str, Any]:
     """Ranks must agree on the places of nodes that they share, also where one alone has a straight cell beside them."""
     domain, centre = ball_in_box(0.3), (0.6, 0.5, 0.5)
     displacement = RigidDisplacement(domain, "body", Placement(centre), turning=True)
-    MeshMotion(domain).move(displacement.at(Placement(centre, quaternion=rotation_by([0.4, -0.7, 0.5]))))
+    MeshMotion(domain).move(
+        displacement.at(Placement(centre, quaternion=rotation_by([0.4, -0.7, 0.5])))
+    )
     x = ufl.SpatialCoordinate(domain.mesh)
     return {"ranks": COMM.size, "moments": [integral(domain, x[k] ** 3) for k in range(3)]}
 

@@ -88,7 +88,9 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     assert (told["bed_shear_velocity_low"], told["bed_shear_velocity_high"]) == pytest.approx(
         (0.0495, 0.0505)
     )
-    assert (told["friction_low"], told["friction_high"]) == pytest.approx((0.005 * 0.99**2, 0.005 * 1.01**2))
+    assert (told["friction_low"], told["friction_high"]) == pytest.approx(
+        (0.005 * 0.99**2, 0.005 * 1.01**2)
+    )
     stored = {"turbulence": walls.to_dict(), "error_bars": bars}
     (mean,) = (one for one in known.quantities() if one.key == "turbulence.shear_velocity")
     assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
@@ -96,7 +98,11 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     assert in_words(row) == "C_f 0.005"
     assert in_words(row | {"applicable": False}) == "C_f 0.005, walls NOT as the model asks"
     critical = {"status": "done", "task": "threshold", "mode": "rolling", "shields": 0.03}
-    assert in_words(critical | {"applicable": True}) == in_words(critical) == "rolling at Shields number 0.03"
+    assert (
+        in_words(critical | {"applicable": True})
+        == in_words(critical)
+        == "rolling at Shields number 0.03"
+    )
     assert in_words(critical | {"applicable": False}).endswith(", walls NOT as the model asks")
     judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
     assert in_words(judged) == "rest, safety factor 2.673, walls NOT as the model asks"
@@ -122,7 +128,9 @@ def test_map_coordinates_are_told_in_decimals():
 
 @pytest.mark.parametrize(("outside", "told"), [(0.0, False), (0.021, True)])
 def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside, told):
-    walls = WallReport(0.08, 41.0, 220.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09, outside=outside, plane=False)
+    walls = WallReport(
+        0.08, 41.0, 220.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09, outside=outside, plane=False
+    )
     (line,) = walls.lines()
     assert "the law of the wall holds" in line and ("along 2.1% of them" in line) is told
     assert ("not from" in line) is told
@@ -162,7 +170,9 @@ def test_what_a_channel_is_compared_by(bed, leading):
 @pytest.mark.parametrize("width", [None, 0.5])
 def test_what_is_known_of_laminar_scenes_is_not_believed_with_turbulence(width):
     """In the plane and in space, whatever studies of other scenes this machine knows."""
-    scene = channel(domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2))
+    scene = channel(
+        domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2)
+    )
     assert calibration.kind(scene).endswith("with turbulence")
     assert not any("turbulence" in one.kind for one in calibration.shipped().values())
     planned = predicted_plan(scene)
@@ -174,11 +184,15 @@ def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
 
     def at(mesh_size, by_chance):
         error = 0.01 * (2**0.5 if by_chance and mesh_size < 2 else mesh_size)
-        return Loads(np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error]))
+        return Loads(
+            np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error])
+        )
 
     def term(by_chance):
         scene = channel()
-        return by_coarser_mesh(scene, at(1.0, by_chance), lambda one: at(one.numerics.mesh_size, by_chance))
+        return by_coarser_mesh(
+            scene, at(1.0, by_chance), lambda one: at(one.numerics.mesh_size, by_chance)
+        )
 
     assert term(False).force == pytest.approx([0.01, 0.0, 0.0])
     assert term(False).shear == pytest.approx([0.0, 0.01])
@@ -256,7 +270,11 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
     assert walls.lines()[0].endswith(
         "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places" + error
     )
-    assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01" + error)
+    assert (
+        replace(walls, backward=spans[:1])
+        .lines()[0]
+        .endswith("upstream from x = 1 to 1.01" + error)
+    )
 
 
 def test_the_history_tells_where_the_flow_separates():
@@ -266,14 +284,19 @@ def test_the_history_tells_where_the_flow_separates():
     assert (found["separation"], found["reattachment"]) == (2.0, 4.0)
     assert math.isnan(walls.columns()["separation"])
     assert "separation" not in replace(walls, along={}).columns()
-    grain = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, separates=(80.0, 90.0))
+    grain = ResolvedWallReport(
+        0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, separates=(80.0, 90.0)
+    )
     assert [grain.columns()[name] for name in SEPARATIONS] == [80.0, 90.0]
     assert "separation" not in grain.columns()
 
 
 def test_the_mesh_size_that_coarser_meshes_need_is_told_between_planes() -> None:
     """Of a channel with 6 rows coarser meshes have as many: the same flow, and an error bar of zero before."""
-    kind = {"turbulence": Turbulence(model="k-omega-sst"), "fluid": Fluid(reynolds=10000, scale="flow")}
+    kind = {
+        "turbulence": Turbulence(model="k-omega-sst"),
+        "fluid": Fluid(reynolds=10000, scale="flow"),
+    }
     scene = channel(**kind, numerics=Numerics(order=2, mesh_size=4.0))
     walls, loads = WallReport(0.08, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-4, 0.09), Loads.at_the_end
     computed = loads(None, None, None, None, walls)
@@ -284,7 +307,9 @@ def test_the_mesh_size_that_coarser_meshes_need_is_told_between_planes() -> None
 
 
 def test_a_large_first_cell_is_what_the_remedy_names() -> None:
-    walls = ResolvedWallReport(0.01, 16.0, 17.5, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=1.0, excess=7.0)
+    walls = ResolvedWallReport(
+        0.01, 16.0, 17.5, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=1.0, excess=7.0
+    )
     assert walls.doubt.endswith("set numerics.mesh_size = 0.13")
     assert replace(walls, first_cell=20.0).doubt.endswith("set turbulence.first_cell = 2.6")
     assert replace(walls, outside=0.0).doubt == ""
@@ -301,7 +326,10 @@ ENDS = (
 def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     """By the differences of meshes as u* has them: a share of the finer ones at order one, of the coarser at two."""
     spans = [((0.2, 0.4), one) if one else () for one in ends]
-    walls = [WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one) for one in spans]
+    walls = [
+        WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one)
+        for one in spans
+    ]
     finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
     near = Term.of_difference("discretisation", finest, coarser, 2.4, "")
     found = near.at_least(Term.of_difference("discretisation", coarser, coarsest, 1.2, ""))
@@ -325,7 +353,10 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
 def test_a_place_where_the_flow_separates_is_compared_with_itself_on_other_meshes():
     """Over waves another one is the longest on coarser meshes, or the waves' places are one there."""
     spans = [((1.0, 1.6), (2.0, 2.5)), ((1.02, 1.5), (2.0, 2.6)), ((1.05, 1.4), (2.0, 2.7))]
-    walls = [WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one) for one in spans]
+    walls = [
+        WallReport(0.08, 41.0, 59.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=one)
+        for one in spans
+    ]
     finest, coarser, coarsest = (Loads.at_the_end(None, None, None, None, one) for one in walls)
     assert Term.of_difference("", finest, coarser, 1.0, "").separated == pytest.approx([0.1, 0.1])
     far = Term.of_difference("", coarser.where_separates(finest), coarsest, 1.0, "")
@@ -363,7 +394,9 @@ def test_components_of_loads_in_space_err_alike():
 
     def solved(one):
         off = one.numerics.mesh_size**1.5
-        return Loads(np.array([2.0 + 0.3 * off, 0.0, 0.4 * off]), np.array([0.0, 1.0 + 0.2 * off, 0.0]))
+        return Loads(
+            np.array([2.0 + 0.3 * off, 0.0, 0.4 * off]), np.array([0.0, 1.0 + 0.2 * off, 0.0])
+        )
 
     term = by_coarser_mesh(in_space(1.0), solved(in_space(1.0)), solved)
     coarser = 2.0**0.75
@@ -382,16 +415,22 @@ def test_walls_in_space_that_are_no_planes_are_told_from_those_that_are():
     assert in_space(1.0).resolves_uneven_walls
     wide = Domain(length=20.0, width=2.0, height=1.0)
     assert not channel(domain=wide, turbulence={"model": "k-omega-sst"}).resolves_uneven_walls
-    assert not channel(body=Disc(diameter=0.2, x=4.0, density=2.65), bed=Flat()).resolves_uneven_walls
+    assert not channel(
+        body=Disc(diameter=0.2, x=4.0, density=2.65), bed=Flat()
+    ).resolves_uneven_walls
 
 
 def test_what_a_flow_still_changes_by_is_in_the_error_of_a_search():
     term = Term("discretisation", np.array([0.1, 0.0, 0.2]), np.array([0.0, 0.3, 0.0]), "")
     found = term.with_changes(np.array([0.01, 0.0, 0.02, 0.0, 0.04, 0.0]))
-    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.couple == pytest.approx([0.0, 0.34, 0.0])
+    assert found.force == pytest.approx([0.11, 0.0, 0.22]) and found.couple == pytest.approx(
+        [0.0, 0.34, 0.0]
+    )
 
 
-@pytest.mark.parametrize(("mesh_size", "order", "same"), [(2.0, 2, True), (1.0, 2, False), (2.0, 3, False)])
+@pytest.mark.parametrize(
+    ("mesh_size", "order", "same"), [(2.0, 2, True), (1.0, 2, False), (2.0, 3, False)]
+)
 def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
     """With cells and elements of the coarse runs the scene's loads spare that without changes, which is one of them."""
     scene = channel(

@@ -93,7 +93,9 @@ def test_mesh_has_the_sizes_of_the_field() -> None:
 
 
 def test_what_a_geometry_needs_is_not_coarsened() -> None:
-    sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),), needed=True), Near(0.3, 0.6, boundary="bed")))
+    sizes = Sizes(
+        1.0, (Near(0.1, 0.2, points=((0.0, 0.0),), needed=True), Near(0.3, 0.6, boundary="bed"))
+    )
     coarse = sizes.coarsened(4.0, 0.5)
     assert coarse.far == 4.0
     assert [(near.size, near.growth) for near in coarse.near] == [(0.1, 0.5), (1.2, 0.6)]
@@ -147,7 +149,9 @@ def test_relative_errors() -> None:
     force, couple = loaded(2.0, -0.5)
     errors = np.array([0.03, 0.04, 0.0]), np.array([0.0, 0.0, 0.01])
     assert Goal.of(wanting()).error(force, couple, *errors) == pytest.approx(0.025)
-    assert Goal.of(wanting(accuracy_of="couple")).error(force, couple, *errors) == pytest.approx(0.02)
+    assert Goal.of(wanting(accuracy_of="couple")).error(force, couple, *errors) == pytest.approx(
+        0.02
+    )
     vanishing = loaded(2.0, 0.0)
     # 1% of force times diameter stands for a couple that is smaller.
     assert Goal.of(wanting(accuracy_of="couple")).error(*vanishing, *errors) == pytest.approx(0.5)
@@ -164,7 +168,10 @@ def test_slope_of_the_safety_factor() -> None:
     from incipient.contact.exact.judge import judged
     from incipient.evaluation.contact_verdict import load_of
 
-    text, pocket = commented(grain_on_bed()), ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2")
+    text, pocket = (
+        commented(grain_on_bed()),
+        ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2"),
+    )
     wanted = ("bed.offset=1.0", "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
     scene = loads(text, overrides=(*pocket, *wanted))
     goal, (force, couple) = Goal.of(scene), loaded(1.0, -0.1)
@@ -201,10 +208,16 @@ def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> N
     assert wanted is not None
     allowed, _ = searching(1.0, budget_seconds=6.0)
     milder = allowed._within_budget(allowed._next_mesh(allowed._first(), 0.1, shares))
-    assert milder is not None and 1000.0 < milder.expected < 0.8 * wanted.expected and allowed.reason == ""
+    assert (
+        milder is not None
+        and 1000.0 < milder.expected < 0.8 * wanted.expected
+        and allowed.reason == ""
+    )
     none, _ = searching(1.0, budget_seconds=1.0)
     assert none._within_budget(none._next_mesh(none._first(), 0.1, shares)) is None
-    assert none.reason.startswith("stopped at numerics.budget_seconds = 1: the next mesh would take about")
+    assert none.reason.startswith(
+        "stopped at numerics.budget_seconds = 1: the next mesh would take about"
+    )
 
 
 def test_a_search_ends_with_the_least_error_that_it_found() -> None:
@@ -239,14 +252,14 @@ def test_a_range_with_an_infinite_end() -> None:
 
 @pytest.mark.parametrize("value", ["0", "1", "-0.1", "1e-7", "true", "high"])
 def test_wrong_accuracies(value: str) -> None:
-    with pytest.raises(SceneError, match=r"numerics\.accuracy: is .*give a relative error such as 0\.01"):
+    with pytest.raises(
+        SceneError, match=r"numerics\.accuracy: is .*give a relative error such as 0\.01"
+    ):
         loads(commented(grain_on_bed()), overrides=(f"numerics.accuracy={value}",))
 
 
 def test_accuracy_without_a_grain() -> None:
-    cavity = (
-        '[domain]\nkind="box"\nlength=1\nheight=1\n[fluid]\nreynolds=100\nscale="flow"\n[flow]\nkind="lid"\n'
-    )
+    cavity = '[domain]\nkind="box"\nlength=1\nheight=1\n[fluid]\nreynolds=100\nscale="flow"\n[flow]\nkind="lid"\n'
     with pytest.raises(
         SceneError, match=r"numerics\.accuracy: .*there is neither; add a section \[body\]"
     ) as caught:
@@ -263,7 +276,10 @@ def test_accuracy_without_a_grain() -> None:
         ),
         (("numerics.accuracy=0.01", "flow={kind='still'}"), r"a fluid at rest exerts no force"),
         (("numerics.accuracy=0.01", "numerics.accuracy_of=drag"), r'"drag" is not known'),
-        (("numerics.accuracy=verdict", "time={end=1.0, step=0.1}"), r'"verdict" is for steady flow'),
+        (
+            ("numerics.accuracy=verdict", "time={end=1.0, step=0.1}"),
+            r'"verdict" is for steady flow',
+        ),
     ],
 )
 def test_contradictions(overrides: tuple[str, ...], message: str) -> None:
@@ -271,14 +287,17 @@ def test_contradictions(overrides: tuple[str, ...], message: str) -> None:
         loads(commented(grain_on_bed()), overrides=overrides)
 
 
-@pytest.mark.parametrize("key", ["accuracy='verdict'", "accuracy=0.01\naccuracy_of='safety factor'"])
+@pytest.mark.parametrize(
+    "key", ["accuracy='verdict'", "accuracy=0.01\naccuracy_of='safety factor'"]
+)
 def test_a_verdict_needs_what_a_verdict_needs(key: str) -> None:
     stream = (
         '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
         '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n'
     )
     with pytest.raises(
-        SceneError, match=r"needs a grain that rests on a bed, its density and friction; give body\.x"
+        SceneError,
+        match=r"needs a grain that rests on a bed, its density and friction; give body\.x",
     ):
         loads(f"{stream}[numerics]\n{key}\n")
 

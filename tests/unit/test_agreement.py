@@ -30,7 +30,9 @@ def load(force=(0.0, 0.0), couple=0.0, weight=1.0):
 
 def pocket(angle, radius=0.5):
     """Contacts of a disc in a symmetric pocket, normals `angle` to either side of down."""
-    normals = np.array([[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]])
+    normals = np.array(
+        [[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]]
+    )
     return Contacts(radius * normals, normals)
 
 
@@ -76,7 +78,9 @@ class TestReasons:
         assert (found.same_moves, found.same_family) == (True, False)
         assert found.reason is Reason.ROLLING_CALLED_SLIDING
 
-    @pytest.mark.parametrize(("friction", "reason"), [(0.2, Reason.SLIP_IS_OVERESTIMATED), (0.05, None)])
+    @pytest.mark.parametrize(
+        ("friction", "reason"), [(0.2, Reason.SLIP_IS_OVERESTIMATED), (0.05, None)]
+    )
     def test_friction_that_a_rolling_disc_needs(self, friction, reason):
         # Pushed with 0.3: rest would need friction 0.3, rolling needs a third of that. In between it rolls,
         # and the paper slides it. With a couple against the push both turn and slide below.
@@ -114,7 +118,10 @@ class TestReasons:
         acting, inert = load((-1.73, 0.526)), (1.0, 0.02 * np.eye(3))
         found = compared(acting, contacts, 1.533, inert)
         assert (found.same_moves, found.reason) == (True, Reason.NOT_UNIQUE)
-        assert "one of several motions that are possible" in judge(acting, contacts, 1.533, inert).sentence
+        assert (
+            "one of several motions that are possible"
+            in judge(acting, contacts, 1.533, inert).sentence
+        )
 
     def test_without_mass_the_mode_is_unknown(self):
         found = compared(load((0.6, 0.0)), box(0.1), 0.5, None)
@@ -235,12 +242,27 @@ class TestVerdict:
         ("acting", "contacts", "friction", "words"),
         [
             # Safety factor friction N / F = 0.5 / 0.2, and 0.5 / 0.8.
-            (load((0.2, 0.0)), box(0.1), 0.5, ["stays at rest", "safety factor 2.5: ", "in agreement"]),
-            (load((0.8, 0.0)), box(0.1), 0.5, ["begins to move (sliding)", "factor 0.625: ", "would hold"]),
+            (
+                load((0.2, 0.0)),
+                box(0.1),
+                0.5,
+                ["stays at rest", "safety factor 2.5: ", "in agreement"],
+            ),
+            (
+                load((0.8, 0.0)),
+                box(0.1),
+                0.5,
+                ["begins to move (sliding)", "factor 0.625: ", "would hold"],
+            ),
             (load((0.0, -1.0)), box(0.1), 0.5, ["stays at rest", "safety factor infinite"]),
             (load(), box(0.1), 0.5, ["no load of the flow", "there is no incipient motion"]),
             (load((0.0, 2.0), weight=-1.0), box(0.1), 0.5, ["factor 0: its weight alone moves it"]),
-            (load((0.0, -2.0), weight=-1.0), box(0.1), 0.5, ["at rest", "weight alone moves it, 0.5 to any"]),
+            (
+                load((0.0, -2.0), weight=-1.0),
+                box(0.1),
+                0.5,
+                ["at rest", "weight alone moves it, 0.5 to any"],
+            ),
             (
                 load((0.2, 0.0)),
                 pocket(0.5),

@@ -13,7 +13,9 @@ def test_products_agree_with_the_vector_product_of_numpy():
     assert cross(a, b) == pytest.approx(np.cross(a, b), abs=1e-15)
     flat = spatial(a[:, :2]), spatial(b[:, :2])
     assert planar_cross(a[:, :2], b[:, :2]) == pytest.approx(np.cross(*flat)[:, 2], abs=1e-15)
-    assert planar_cross(a[:, :2], quarter_turned(a[:, :2])) == pytest.approx((a[:, :2] ** 2).sum(axis=1))
+    assert planar_cross(a[:, :2], quarter_turned(a[:, :2])) == pytest.approx(
+        (a[:, :2] ** 2).sum(axis=1)
+    )
 
 
 def test_unit_vectors_keep_their_direction_and_nothing_stays_nothing():

@@ -35,7 +35,9 @@ IN_TIME = "time={end=10.0, step=0.1, start='steady'}"
 
 
 def in_time(*overrides: str) -> Scene:
-    return loads(commented(grain_on_bed()), overrides=(IN_TIME, "numerics.accuracy=0.01", *overrides))
+    return loads(
+        commented(grain_on_bed()), overrides=(IN_TIME, "numerics.accuracy=0.01", *overrides)
+    )
 
 
 def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
@@ -55,7 +57,9 @@ def least_work(parts: Parts, asked: float, order: int, powers: Powers) -> float:
         return -log_of_steps - powers.work * log_of_cells
 
     longest = min(0.0, math.log(asked / parts.step) / powers.step)
-    found = minimize_scalar(work, bounds=(-12.0, longest), method="bounded", options={"xatol": 1e-12})
+    found = minimize_scalar(
+        work, bounds=(-12.0, longest), method="bounded", options={"xatol": 1e-12}
+    )
     assert found.success
     return math.exp(found.fun)
 
@@ -90,7 +94,9 @@ def test_what_does_not_err_stays() -> None:
 
 
 def test_a_mesh_that_errs_much_gets_a_higher_order() -> None:
-    orders = [cheapest(Parts(0.0, excess), 1.0, 2, Powers(2.0, 2.0)).order for excess in (1.5, 50.0, 1e4)]
+    orders = [
+        cheapest(Parts(0.0, excess), 1.0, 2, Powers(2.0, 2.0)).order for excess in (1.5, 50.0, 1e4)
+    ]
     assert orders == sorted(orders) and orders[0] == 2 and orders[-1] > 2
 
 
@@ -109,7 +115,10 @@ def test_far_ways_are_gone_in_parts() -> None:
 def test_the_first_run_is_coarse_but_has_some_steps() -> None:
     coarse = first(in_time())
     assert coarse.time is not None
-    assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.8))
+    assert (coarse.numerics.mesh_size, coarse.time.step) == (
+        pytest.approx(2.0**1.5),
+        pytest.approx(0.8),
+    )
     few = first(in_time("time.step=1.0"))
     assert few.time is not None and few.time.step == 1.0
     adapting = first(in_time("time.tolerance=1e-5", "time.scheme='bdf1'"))

@@ -69,7 +69,9 @@ def test_random_cases_in_the_plane(count: int, seed: int) -> None:
     normals = places + rng.uniform(-0.4, 0.4, count)
     points, ways = (np.stack([np.cos(a), np.sin(a), 0.0 * a], axis=1) for a in (places, normals))
     noise = rng.standard_normal((2, 60, 3))
-    loads = Loads(noise[0] * PLANE, 0.5 * noise[1] * COUPLE, np.array([0.2, -1.0, 0.0]), np.zeros(3))
+    loads = Loads(
+        noise[0] * PLANE, 0.5 * noise[1] * COUPLE, np.array([0.2, -1.0, 0.0]), np.zeros(3)
+    )
     batch = assert_as_one_by_one(loads, Contacts(points, ways), float(rng.uniform(0.1, 1.0)))
     assert batch.alone == 0
 
@@ -81,7 +83,9 @@ def test_loads_on_the_boundary_and_none_at_all(name: str) -> None:
     load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
     factor = judged(load, contacts, friction).safety.value
     shares = np.array([0.0, 0.5, 1.0, 1.0 + 1e-9, 1.0 + 1e-3, 2.0])[:, None] * factor
-    force = np.vstack([shares * load.flow_force, [load.weight, -0.5 * load.weight, -2.0 * load.weight]])
+    force = np.vstack(
+        [shares * load.flow_force, [load.weight, -0.5 * load.weight, -2.0 * load.weight]]
+    )
     couple = np.vstack([shares * load.flow_couple, np.zeros((3, 3))])
     assert_as_one_by_one(
         Loads(force, couple, load.weight, load.centre), contacts, friction, case.mass_and_inertia()
@@ -96,12 +100,19 @@ def test_loads_in_space_and_without_inertia() -> None:
     for inert in (case.mass_and_inertia(), None):
         batch = assert_as_one_by_one(loads, case.to_contacts(), case.contacts.friction, inert)
         assert batch.alone == 6
-    flat = Contacts(np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]]), np.array([[0.0, -1.0, 0.0]] * 2))
+    flat = Contacts(
+        np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]]), np.array([[0.0, -1.0, 0.0]] * 2)
+    )
     plane = Loads(
-        rng.standard_normal((20, 3)) * PLANE, np.zeros((20, 3)), np.array([0.0, -1.0, 0.0]), np.zeros(3)
+        rng.standard_normal((20, 3)) * PLANE,
+        np.zeros((20, 3)),
+        np.array([0.0, -1.0, 0.0]),
+        np.zeros(3),
     )
     assert {"rest", "moves"} == {
-        batch.labels[mode] for batch in [assert_as_one_by_one(plane, flat, 0.5, None)] for mode in batch.modes
+        batch.labels[mode]
+        for batch in [assert_as_one_by_one(plane, flat, 0.5, None)]
+        for mode in batch.modes
     }
 
 
@@ -122,7 +133,10 @@ def test_many_loads_in_space(seed: int) -> None:
     """Sideways and upwards, from weak to several times the weight; safety factors to what Clarabel leaves."""
     contacts, friction, rng = random_grain(seed)
     sizes = 10.0 ** rng.uniform(-1.0, 0.5, (140, 1))
-    force, couple = sizes * rng.standard_normal((140, 3)), 0.3 * sizes * rng.standard_normal((140, 3))
+    force, couple = (
+        sizes * rng.standard_normal((140, 3)),
+        0.3 * sizes * rng.standard_normal((140, 3)),
+    )
     loads = Loads(force, couple, np.array([0.1, 0.0, -1.0]), np.zeros(3))
     inertia = np.diag([0.3, 0.4, 0.5])
     assert_as_one_by_one(loads, contacts, friction, (1.0, inertia), **IN_SPACE)
@@ -133,7 +147,9 @@ def test_loads_in_space_on_the_boundary_and_with_weights_that_vary() -> None:
     case = load_case(CASES / "sphere_on_three_spheres.toml")
     load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
     factor = judged(load, contacts, friction).safety.value
-    away = np.array([0.0, *(sign * 10.0**power for sign in (-1, 1) for power in (-9, -6, -3)), -1.0])
+    away = np.array(
+        [0.0, *(sign * 10.0**power for sign in (-1, 1) for power in (-9, -6, -3)), -1.0]
+    )
     shares = np.tile(factor * (1.0 + away), 14)[:, None]
     loads = Loads(shares * load.flow_force, shares * load.flow_couple, load.weight, load.centre)
     batch = assert_as_one_by_one(loads, contacts, friction, case.mass_and_inertia(), **IN_SPACE)
@@ -166,7 +182,9 @@ print(*(batch.labels[mode] for mode in batch.modes))
 
 def test_numpy_scipy_and_clarabel_are_enough() -> None:
     """A point under the centre holds no push along the ground without turning; a lift twice the weight lifts."""
-    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split()[-1] == "lifting" and done.stdout.split()[0] != "rest"
 
@@ -210,9 +228,9 @@ def case_of(directory: Path) -> Path:
 def test_a_block_slides_while_it_is_pushed_too_hard(tmp_path: Path) -> None:
     """By Coulomb's law: it slides above a push of 0.5; for one unit of time 0.25 of 0.75 is more than can be held."""
     found = judge_series(load_case(case_of(tmp_path)), block())
-    assert found.batch.factors[0] == pytest.approx(2.0) and found.batch.factors[1500] == pytest.approx(
-        2.0 / 3.0
-    )
+    assert found.batch.factors[0] == pytest.approx(2.0) and found.batch.factors[
+        1500
+    ] == pytest.approx(2.0 / 3.0)
     assert found.shares == pytest.approx({"rest": 0.75, "sliding": 0.25})
     (event,) = found.events
     assert (event.start, event.mode) == (1.0, "sliding")
@@ -258,16 +276,26 @@ def test_wrong_series_are_refused(columns: dict[str, Any], said: str, tmp_path: 
 
 
 @pytest.mark.parametrize("letters", [5_000, 200_000])
-def test_a_head_of_thousands_of_letters_is_refused_in_one_short_line(tmp_path: Path, letters: int) -> None:
+def test_a_head_of_thousands_of_letters_is_refused_in_one_short_line(
+    tmp_path: Path, letters: int
+) -> None:
     path = tmp_path / "long.csv"
     path.write_text(f"time,force_x,force_y,couple,{'a' * letters}\n0,1,2,3,4\n")
     said = message(lambda: judge_series(load_case(case_of(tmp_path)), read_columns(path)))
-    assert len(said) < 400 and ("is not known" in said or "its first row has 200029 letters" in said)
+    assert len(said) < 400 and (
+        "is not known" in said or "its first row has 200029 letters" in said
+    )
 
 
 def test_the_command_judges_a_series(tmp_path: Path, capsys: Any) -> None:
     path, columns = tmp_path / "forces.csv", block()
-    np.savetxt(path, np.array(list(columns.values())).T, delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(
+        path,
+        np.array(list(columns.values())).T,
+        delimiter=",",
+        header=",".join(columns),
+        comments="",
+    )
     order = ["judge", str(case_of(tmp_path)), "--series", str(path), "--out", str(tmp_path / "out")]
     assert cli.main([*order, "--law", "U2"]) == 0
     said = capsys.readouterr().out

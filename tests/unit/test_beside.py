@@ -52,7 +52,9 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
         assert np.array_equal(run.domain.mesh.geometry.x, before)
         faster = Beside(run, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
-    assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(own.couple)
+    assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(
+        own.couple
+    )
     assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
@@ -77,7 +79,9 @@ def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
     )
     with prepared(scene, MPI.COMM_SELF) as run:
         places, motion = run.domain.mesh.geometry.x, MeshMotion(run.domain)
-        lifted = places + Lifting(run.domain, "body").at(np.array([0.0, 0.0, 3.0 * scene.contact_gap]))
+        lifted = places + Lifting(run.domain, "body").at(
+            np.array([0.0, 0.0, 3.0 * scene.contact_gap])
+        )
         assert motion.quality(lifted).relative > 0.5 * (3.0 * 4.0 ** (2 / 3) / (2.0 + 4.0**2))
 
 
@@ -162,7 +166,9 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     line = np.linspace(0.0, 1.0, 101)[:, None] * old.high
     moved = stretched(line, centre, kept, old, new)
     assert moved is not None and np.all(np.diff(moved[:, :2], axis=0) > 0.0)
-    assert moved[0] == pytest.approx([-2.0, 0.0, 0.0]) and moved[-1] == pytest.approx([15.0, 12.0, 6.0])
+    assert moved[0] == pytest.approx([-2.0, 0.0, 0.0]) and moved[-1] == pytest.approx(
+        [15.0, 12.0, 6.0]
+    )
     near = np.abs(line - centre) <= kept
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None

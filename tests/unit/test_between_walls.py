@@ -5,7 +5,9 @@ import pytest
 from between_walls import drag, faxen_drag
 
 
-@pytest.mark.parametrize(("k", "cut_off"), [(0.05, 1e-5), (0.125, 1e-5), (0.25, 4e-5), (1 / 3, 5e-4)])
+@pytest.mark.parametrize(
+    ("k", "cut_off"), [(0.05, 1e-5), (0.125, 1e-5), (0.25, 4e-5), (1 / 3, 5e-4)]
+)
 def test_faxen_s_series_for_narrow_cylinders(k, cut_off):
     """Its numbers have four digits, and the term after the last is about 10 k^10."""
     assert faxen_drag(k) == pytest.approx(drag(k), rel=cut_off)

@@ -141,7 +141,9 @@ def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
     """Of a velocity with divergence onto those without; a closed box has no pinned pressure."""
     found = []
     for solver in ("direct", "block"):
-        with Fluid(unit_box(3, 3), FlowModel(inertia=False, solver=solver), conditions(3), 10.0) as fluid:
+        with Fluid(
+            unit_box(3, 3), FlowModel(inertia=False, solver=solver), conditions(3), 10.0
+        ) as fluid:
             fluid.constraints.update(0.0)
             x = fluid.constraints.points
             bump = np.prod(x * (1 - x), axis=1)
@@ -209,7 +211,9 @@ def test_conditions_are_met_to_the_last_digit() -> None:
         values = fluid.velocity.x.array.reshape(-1, 3)
         places = fluid.constraints.points
         inflow = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of("left"))
-        inside = inflow[(places[inflow, 1:] > 1e-9).all(axis=1) & (places[inflow, 1:] < 1 - 1e-9).all(axis=1)]
+        inside = inflow[
+            (places[inflow, 1:] > 1e-9).all(axis=1) & (places[inflow, 1:] < 1 - 1e-9).all(axis=1)
+        ]
         assert values[inside] == pytest.approx(stream(places[inside].T, 0.0).T, abs=1e-14)
 
 
@@ -251,7 +255,9 @@ def with_eddies(domain: Domain, solver: str = "block") -> FlowModel:
     """Eddies 350 times as viscous as the molecules in the middle between bottom and top, 100 times at these."""
     z = ufl.SpatialCoordinate(domain.mesh)[1]
     varying = 1 + 1000 * (0.1 + z * (1 - z))
-    return FlowModel(upwind=True, solver=solver, viscosity=lambda nu: nu * varying, shear_velocity=0 * z)
+    return FlowModel(
+        upwind=True, solver=solver, viscosity=lambda nu: nu * varying, shear_velocity=0 * z
+    )
 
 
 def rubbing(level: bool) -> list[Condition]:
@@ -266,11 +272,14 @@ def rubbing(level: bool) -> list[Condition]:
 
 
 @pytest.mark.parametrize("level", [True, False])
-def test_flow_with_eddies_along_walls_and_its_dual_are_those_of_the_direct_solver(level: bool) -> None:
+def test_flow_with_eddies_along_walls_and_its_dual_are_those_of_the_direct_solver(
+    level: bool,
+) -> None:
     """Differences as of steady flow with inertia."""
     domain = unit_box(3, 3)
     direct, blocks = (
-        solved(domain, with_eddies(domain, solver), rubbing(level), 2e4) for solver in ("direct", "block")
+        solved(domain, with_eddies(domain, solver), rubbing(level), 2e4)
+        for solver in ("direct", "block")
     )
     for one, other, tolerance in zip(direct, blocks, (1e-8, 1e-6), strict=True):
         assert other == pytest.approx(one, abs=tolerance * np.abs(one).max())
@@ -291,10 +300,15 @@ def test_iterations_with_eddies_along_walls_grow_little_with_the_mesh(level: boo
 
 def test_curved_cells_and_a_body() -> None:
     domain = ball_in_box(0.6)
-    conditions = [Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]])), no_slip("body")]
+    conditions = [
+        Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]])),
+        no_slip("body"),
+    ]
     found = []
     for solver in ("direct", "block"):
-        with Fluid(domain, FlowModel(inertia=False, solver=solver), conditions, reynolds=5.0) as fluid:
+        with Fluid(
+            domain, FlowModel(inertia=False, solver=solver), conditions, reynolds=5.0
+        ) as fluid:
             fluid.solve(RTOL)
             found.append(without_level(fluid, fluid.state.x.array))
     assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())

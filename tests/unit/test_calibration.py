@@ -71,7 +71,9 @@ TERMS = ["discretisation", "gap", "domain"]
 @pytest.mark.parametrize(
     "name", [*TERMS[:1], *(pytest.param(one, marks=pytest.mark.slow) for one in TERMS[1:])]
 )
-def test_corrected_forces_are_within_their_bars(name: str, calibration: ModuleType, cases: Any) -> None:
+def test_corrected_forces_are_within_their_bars(
+    name: str, calibration: ModuleType, cases: Any
+) -> None:
     scene, true = cases(name)
     found = incipient.run(scene, comm=MPI.COMM_SELF)
     assert name in [term.name for term in found.error_bars.terms if term.correction is not None]

@@ -95,7 +95,10 @@ class TestMeaning:
 
     @pytest.mark.parametrize(
         ("given", "matrix"),
-        [("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])), ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None)],
+        [
+            ("[1.0, 2.0, 2.5]", np.diag([1.0, 2.0, 2.5])),
+            ("[[2, 1, 0], [1, 2, 0], [0, 0, 3]]", None),
+        ],
     )
     def test_inertia_in_space(self, case, given, matrix):
         _, inertia = case(f"{SPACE}\n[grain]\nmass = 1\ninertia = {given}").mass_and_inertia()
@@ -133,37 +136,102 @@ SPREAD = "\n[errors]\nflow_force = [0.1, 0.1]\n"
 
 WRONG = [
     (PLANE, "weight = [0.0, -1.0]\n", "", "load.weight: is missing; add it: all that acts"),
-    (PLANE, "[0.0, -1.0]\nflow_force", "[0.0, nan]\nflow_force", "load.weight: is not finite; give finite"),
+    (
+        PLANE,
+        "[0.0, -1.0]\nflow_force",
+        "[0.0, nan]\nflow_force",
+        "load.weight: is not finite; give finite",
+    ),
     (PLANE, "[0.3, 0.1]", "[0.3]", "load.flow_force: has 1 component; give two components"),
     (PLANE, "[0.3, 0.1]", '"strong"', "load.flow_force: is not made of numbers"),
     (PLANE, "[0.3, 0.1]", "[[1, 2], [3]]", "load.flow_force: has rows of different lengths"),
-    (PLANE, "[0.3, 0.1]", "[0.3, 0.1, 0.0]", "load.flow_force: has 3 components, load.weight has 2"),
+    (
+        PLANE,
+        "[0.3, 0.1]",
+        "[0.3, 0.1, 0.0]",
+        "load.flow_force: has 3 components, load.weight has 2",
+    ),
     (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: does not fit vectors of 2 components"),
     (PLANE, "-0.2", "[0.0, -0.2]", "load.flow_couple: is not a couple"),
     (PLANE, "centre = [1.0, 0.5]\n", "", "load.centre: is missing"),
-    (PLANE, "[[0.0, -1.0]]", "[[0.0, 0.0]]", "contacts.normals: normal 0 is zero; give a unit vector"),
+    (
+        PLANE,
+        "[[0.0, -1.0]]",
+        "[[0.0, 0.0]]",
+        "contacts.normals: normal 0 is zero; give a unit vector",
+    ),
     (PLANE, "[[0.0, -1.0]]", "[[0.0, -2.0]]", "contacts.normals: normal 0 has length 2; give unit"),
     (PLANE, "[[0.0, -1.0]]", "[[0.0, 1.0]]", "contacts.normals[0]: points into the grain; give it"),
-    (PLANE, "[[0.0, -1.0]]", "[[0.0, -1.0], [0, -1]]", "contacts.normals: 2 given for 1 point; give one"),
+    (
+        PLANE,
+        "[[0.0, -1.0]]",
+        "[[0.0, -1.0], [0, -1]]",
+        "contacts.normals: 2 given for 1 point; give one",
+    ),
     (PLANE, "[[1.0, 0.0]]", "[]", "contacts.points: there is no contact; give the points"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, 0.5]]", "contacts.points[0]: lies at the centre of mass"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, nan]]", "contacts.points[0]: is not finite"),
-    (PLANE, "friction = 0.5", "friction = -0.5", "contacts.friction: is -0.5; give a number of at least 0"),
-    (PLANE, "friction = 0.5", "fricton = 0.5", 'contacts.fricton: unknown key; did you mean "friction"?'),
+    (
+        PLANE,
+        "friction = 0.5",
+        "friction = -0.5",
+        "contacts.friction: is -0.5; give a number of at least 0",
+    ),
+    (
+        PLANE,
+        "friction = 0.5",
+        "fricton = 0.5",
+        'contacts.fricton: unknown key; did you mean "friction"?',
+    ),
     (PLANE, "friction = 0.5", "friction = 0.5\nareas = [-1.0]", "contacts.areas[0]: is -1.0; give"),
     (PLANE, "mass = 2.0", "mass = 0.0", "grain.mass: is 0.0; give a number greater than 0"),
-    (PLANE, "inertia = 0.25", "inertia = -1.0", "grain.inertia: is not a symmetric positive matrix"),
+    (
+        PLANE,
+        "inertia = 0.25",
+        "inertia = -1.0",
+        "grain.inertia: is not a symmetric positive matrix",
+    ),
     (PLANE, "inertia = 0.25", "inertia = [1.0, 2.0, 4.0]", "grain.inertia: has principal moments"),
-    (PLANE, "inertia = 0.25", "inertia = [1.0, 1.0, 1.0]", "grain.inertia: does not fit vectors of 2"),
-    (SPACE, "[0, 0.2, 0]", "0.2", "load.flow_couple: does not fit vectors of 3 components; give three"),
-    (BODY, "[[0.0, -0.5]]", "[[0.0, -0.6]]", "contacts.points[0]: lies 0.1 off the grain; give points"),
+    (
+        PLANE,
+        "inertia = 0.25",
+        "inertia = [1.0, 1.0, 1.0]",
+        "grain.inertia: does not fit vectors of 2",
+    ),
+    (
+        SPACE,
+        "[0, 0.2, 0]",
+        "0.2",
+        "load.flow_couple: does not fit vectors of 3 components; give three",
+    ),
+    (
+        BODY,
+        "[[0.0, -0.5]]",
+        "[[0.0, -0.6]]",
+        "contacts.points[0]: lies 0.1 off the grain; give points",
+    ),
     (BODY, "[[0.0, -0.5]]", "[[0.0, -0.4]]", "contacts.points[0]: lies 0.1 inside the grain"),
     (BODY, "centre = [0.0, 0.0]", "x = 0.0", "body.x: a case has no bed"),
-    (BODY, "[body]", "[grain]\nmass = 1\ninertia = 1\n[body]", "body: both [body] and [grain] are given"),
+    (
+        BODY,
+        "[body]",
+        "[grain]\nmass = 1\ninertia = 1\n[body]",
+        "body: both [body] and [grain] are given",
+    ),
     (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, -0.1]", "errors.flow_force: is -0.1; a standard error"),
-    (PLANE + SPREAD, "[0.1, 0.1]", "[1e300, 1]", "errors.flow_force: holds 1e+300; give numbers of at most"),
+    (
+        PLANE + SPREAD,
+        "[0.1, 0.1]",
+        "[1e300, 1]",
+        "errors.flow_force: holds 1e+300; give numbers of at most",
+    ),
     (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: has 3 components"),
-    (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1]\nsamples = 1", "errors.samples: is 1; give a number of"),
+    (
+        PLANE + SPREAD,
+        "[0.1, 0.1]",
+        "[0.1, 0.1]\nsamples = 1",
+        "errors.samples: is 1; give a number of",
+    ),
 ]
 
 

@@ -80,7 +80,9 @@ def lengths(domain: Domain) -> dict[str, float]:
     from incipient import compat
 
     one = dolfinx.fem.Constant(domain.mesh, 1.0)
-    found = {name: one * domain.measure(name) for name in domain.names} | {"": one * ufl.dx(domain.mesh)}
+    found = {name: one * domain.measure(name) for name in domain.names} | {
+        "": one * ufl.dx(domain.mesh)
+    }
     return {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in found.items()}
 
 
@@ -212,7 +214,9 @@ def test_no_file(tmp_path: Path) -> None:
 def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
-    with pytest.raises(OutputError, match=r"of version 99, .* reads version 7; .* \(incipient 9\.9\)"):
+    with pytest.raises(
+        OutputError, match=r"of version 99, .* reads version 7; .* \(incipient 9\.9\)"
+    ):
         read(path, COMM)
 
 
@@ -238,14 +242,18 @@ def test_nothing_may_be_missing(path: Path) -> None:
         write(path, sample(), COMM)
         with h5py.File(path, "r+") as file:
             del file[name]
-        with pytest.raises(OutputError, match=rf"checkpoint\.h5: {name} is missing; start a new run"):
+        with pytest.raises(
+            OutputError, match=rf"checkpoint\.h5: {name} is missing; start a new run"
+        ):
             read(path, COMM)
 
 
 def test_changed_numbers_are_noticed(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file["flow/velocities"][0, 0, 0] += 1e-12
-    with pytest.raises(OutputError, match="is damaged, its content is not what was written; start a new run"):
+    with pytest.raises(
+        OutputError, match="is damaged, its content is not what was written; start a new run"
+    ):
         read(path, COMM)
 
 
@@ -253,7 +261,8 @@ def test_changed_numbers_are_noticed(path: Path) -> None:
 def test_half_a_file(path: Path, kept: int) -> None:
     os.truncate(path, kept)
     with pytest.raises(
-        OutputError, match=r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start a new run"
+        OutputError,
+        match=r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start a new run",
     ) as told:
         read(path, COMM)
     assert "\n" not in str(told.value)
@@ -295,14 +304,18 @@ def test_a_history_that_has_lost_rows_is_refused(tmp_path: Path, text: str) -> N
 # -- opening a run again ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("override", "length"), [("time.step=0.1", 0.1), ("time.tolerance=0.01", 0.3)])
+@pytest.mark.parametrize(
+    ("override", "length"), [("time.step=0.1", 0.1), ("time.tolerance=0.01", 0.3)]
+)
 def test_other_steps_may_be_given(path: Path, override: str, length: float) -> None:
     scene, kept = reopened(path.parent, [override], COMM)
     assert scene.time is not None and override.split("=")[1] in (
         str(scene.time.step),
         str(scene.time.tolerance),
     )
-    assert kept.progress.next_length == pytest.approx(length)  # steps that adapt go on from the last one
+    assert kept.progress.next_length == pytest.approx(
+        length
+    )  # steps that adapt go on from the last one
 
 
 @pytest.mark.parametrize(("stored", "given"), [(2, "auto"), (3, "auto"), (3, 3), ("auto", 3)])
@@ -323,7 +336,10 @@ def test_a_later_end_may_be_given(path: Path) -> None:
 @pytest.mark.parametrize(
     ("override", "told"),
     [
-        ("fluid.reynolds=20", r"scene\.toml: fluid\.reynolds is 20\.0, but the run to resume has 10\.0"),
+        (
+            "fluid.reynolds=20",
+            r"scene\.toml: fluid\.reynolds is 20\.0, but the run to resume has 10\.0",
+        ),
         (
             "time.scheme=bdf1",
             r"time\.scheme is bdf1, .* has bdf2; leave it so \(only time\.end, .* may change\)",
@@ -346,7 +362,9 @@ def test_a_scene_edited_in_the_directory_is_refused(path: Path) -> None:
 
 def test_a_grain_that_has_met_something_does_not_go_on(path: Path) -> None:
     write(path, sample(met=True), COMM)
-    with pytest.raises(SceneError, match=r"its grain met something; to resume it set body\.on_contact"):
+    with pytest.raises(
+        SceneError, match=r"its grain met something; to resume it set body\.on_contact"
+    ):
         reopened(path.parent, [], COMM)
 
 
@@ -374,7 +392,10 @@ def test_steps_go_on_as_if_nothing_had_happened(order: int, accuracy: float | No
         other.time, other.state.x.array[:] = one.time, one.state.x.array
         second.resume(first.number, first.next_length, first.past, first.last_error)
         for expected, found in zip(list(steps), list(second.march(0.6, 0.1)), strict=True):
-            assert (found.number, found.time) == (expected.number, pytest.approx(expected.time, rel=1e-10))
+            assert (found.number, found.time) == (
+                expected.number,
+                pytest.approx(expected.time, rel=1e-10),
+            )
             assert found.error == pytest.approx(expected.error, rel=1e-6)
         assert other.state.x.array == pytest.approx(one.state.x.array, abs=1e-10)
 

@@ -30,13 +30,17 @@ BEDS = {"flat": Flat(), "wavy": Sinusoidal(0.3, 1.5), "half-discs": HalfDiscs(0.
 def closed(grain, bed, x=0.6, angle=0.0, width=0.01):
     placement = rest(grain, bed, x, angle)
     contacts = touching(grain, placement, bed, 1e-6).points[:, :2]
-    return closing(tuple(curve.moved(placement) for curve in grain.drawn()), bed, contacts, width), placement
+    return closing(
+        tuple(curve.moved(placement) for curve in grain.drawn()), bed, contacts, width
+    ), placement
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3])
 @pytest.mark.parametrize("bed", BEDS)
 @pytest.mark.parametrize("grain", GRAINS)
-def test_the_lines_are_as_long_as_the_width_and_the_outline_goes_from_one_to_the_other(grain, bed, angle):
+def test_the_lines_are_as_long_as_the_width_and_the_outline_goes_from_one_to_the_other(
+    grain, bed, angle
+):
     found, _ = closed(GRAINS[grain], BEDS[bed], angle=angle)
     for line in (found.left, found.right):
         assert line.length == pytest.approx(

@@ -133,7 +133,9 @@ def test_cell_dofs(order: int) -> None:
     assert nodes.shape == unknowns.shape
     place = dolfinx.fem.Function(space)
     place.interpolate(lambda x: x[:2])
-    assert place.x.array.reshape(-1, 2)[unknowns] == pytest.approx(mesh.geometry.x[nodes][..., :2], abs=1e-12)
+    assert place.x.array.reshape(-1, 2)[unknowns] == pytest.approx(
+        mesh.geometry.x[nodes][..., :2], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -175,7 +177,9 @@ def test_set_zero() -> None:
     function = dolfinx.fem.Function(space)
     view = compat.vec_view(function)
     view.set(3.0)
-    compat.set_zero(view, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)])
+    compat.set_zero(
+        view, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)]
+    )
     expected = np.full(9, 3.0)
     expected[nodes] = 0.0
     assert np.array_equal(function.x.array, expected)
@@ -187,7 +191,9 @@ def test_impose() -> None:
     space = compat.space(domain.mesh, ("Lagrange", 1))
     nodes = compat.nodes_on(space, domain.facets_of("bottom"))
     values = np.full(9, 3.0)
-    compat.impose(values, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)])
+    compat.impose(
+        values, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)]
+    )
     assert np.array_equal(np.flatnonzero(values == 7.0), np.sort(nodes))
 
 
@@ -221,7 +227,9 @@ def test_tabulate(order: int) -> None:
     nodes = function.x.array.reshape(-1, 2)[compat.cell_dofs(function.function_space)[7]]
     values = compat.tabulate(function.function_space, np.array([[1 / 3, 1 / 3]])) @ nodes
     middle = mesh.geometry.x[compat.geometry_dofs(mesh)[7]].mean(axis=0)
-    assert values[0] == pytest.approx(function.eval(middle[None], np.array([7], dtype=np.int32)), abs=1e-12)
+    assert values[0] == pytest.approx(
+        function.eval(middle[None], np.array([7], dtype=np.int32)), abs=1e-12
+    )
 
 
 def test_versions() -> None:
@@ -238,7 +246,10 @@ def test_a_mesh_made_of_another_ones_cells_is_that_mesh(degree: int) -> None:
     cells, nodes = first.geometry.input_global_indices, first.geometry.x
     order = np.argsort(cells)
     again = compat.create_mesh(
-        COMM, np.asarray(cells)[compat.geometry_dofs(first)].astype(np.int64), nodes[order, :2].copy(), degree
+        COMM,
+        np.asarray(cells)[compat.geometry_dofs(first)].astype(np.int64),
+        nodes[order, :2].copy(),
+        degree,
     )
     space = compat.function_space(again, compat.scalar_part(compat.coordinate_element(again)))
     dofs, rows = compat.cell_dofs(space), compat.geometry_dofs(again)
@@ -264,9 +275,14 @@ assert logging.getLogger().level == logging.WARNING
 """
 
 
-def test_a_program_that_logs_hears_nothing_of_builds(mpirun: Any, tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_program_that_logs_hears_nothing_of_builds(
+    mpirun: Any, tmp_path: Path, monkeypatch: Any
+) -> None:
     """A quadrature of degree 30 has 256 points, of which the form compiler warns; nothing is in the cache yet."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     done = mpirun(1, LOGGING)
     assert done.returncode == 0, done.stderr
-    assert (done.stdout.splitlines(), done.stderr) == (["INFO:root:mine", "WARNING:ffcx:also mine"], "")
+    assert (done.stdout.splitlines(), done.stderr) == (
+        ["INFO:root:mine", "WARNING:ffcx:also mine"],
+        "",
+    )

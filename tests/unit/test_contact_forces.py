@@ -53,7 +53,9 @@ def scene() -> Scene:
     return loads(SCENE)
 
 
-def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale(tmp_path: Path) -> None:
+def test_contacts_are_drawn_with_cones_of_their_friction_and_forces_to_one_scale(
+    tmp_path: Path,
+) -> None:
     """A contact that sticks has 45 degrees to either side, one that slides the arc tangent of 0.5."""
     (tmp_path / "contacts.csv").write_text(ROWS)
     found, axes = contact_forces(tmp_path, scene().contact), Figure().add_subplot()

@@ -49,13 +49,19 @@ class TestPoints:
         placement = rest(Disc(1.0), bed, 0.4)
         points, normals, _ = found(Disc(1.0), bed, 0.4)
         assert normals == pytest.approx(plane((0.6, -0.8)), abs=1e-12)
-        assert points == pytest.approx(plane(placement.centre) + 0.5 * plane((0.6, -0.8)), abs=1e-12)
+        assert points == pytest.approx(
+            plane(placement.centre) + 0.5 * plane((0.6, -0.8)), abs=1e-12
+        )
 
     def test_disc_in_a_pocket_touches_both_half_discs(self):
         # Equal radii that touch: the three centres are the corners of an equilateral triangle of side 1.
         points, normals, areas = found(Disc(1.0), HalfDiscs(0.5, 1.0), 0.5)
-        assert points == pytest.approx(plane((0.25, np.sqrt(3) / 4), (0.75, np.sqrt(3) / 4)), abs=1e-11)
-        assert normals == pytest.approx(plane((-0.5, -np.sqrt(3) / 2), (0.5, -np.sqrt(3) / 2)), abs=1e-11)
+        assert points == pytest.approx(
+            plane((0.25, np.sqrt(3) / 4), (0.75, np.sqrt(3) / 4)), abs=1e-11
+        )
+        assert normals == pytest.approx(
+            plane((-0.5, -np.sqrt(3) / 2), (0.5, -np.sqrt(3) / 2)), abs=1e-11
+        )
         assert areas is None
 
     def test_disc_beside_the_middle_of_a_pocket_touches_one(self):
@@ -127,9 +133,13 @@ class TestPatches:
         assert areas == pytest.approx([0.5, 0.5])
 
     def test_box_across_two_plateaux_and_a_peak(self):
-        bed = Polyline([(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)])
+        bed = Polyline(
+            [(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)]
+        )
         points, normals, areas = found(Rectangle(1.0, 1.0), bed, 0.0)
-        assert points == pytest.approx(plane((-0.5, 0), (-0.3, 0), (0, 0), (0.4, 0), (0.5, 0)), abs=1e-12)
+        assert points == pytest.approx(
+            plane((-0.5, 0), (-0.3, 0), (0, 0), (0.4, 0), (0.5, 0)), abs=1e-12
+        )
         assert normals == pytest.approx(np.tile([0.0, -1.0, 0.0], (5, 1)), abs=1e-12)
         assert areas == pytest.approx([0.1, 0.1, 0.0, 0.05, 0.05])
 

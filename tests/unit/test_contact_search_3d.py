@@ -98,7 +98,9 @@ class TestPoints:
 
     def test_edge_on_a_half_ball(self):
         # Turned by 45 degrees about x, the box stands with its edge along x on the crest below it.
-        points, normals, _ = found(Box((0.8, 0.4, 0.4)), Hemispheres(0.5, 4.0), turn=(0.25 * np.pi, 0, 0))
+        points, normals, _ = found(
+            Box((0.8, 0.4, 0.4)), Hemispheres(0.5, 4.0), turn=(0.25 * np.pi, 0, 0)
+        )
         assert points == pytest.approx(np.array([[0.0, 0.0, 0.5]]), abs=1e-9)
         assert normals == pytest.approx(rows(1), abs=1e-9)
 
@@ -108,7 +110,9 @@ class TestPoints:
         points, normals, _ = found(PYRAMID, bed)
         n = np.array([2.0, 0.0, -1.0]) / np.sqrt(5.0)
         assert normals == pytest.approx(np.array([n * [-1, 1, 1], n]), abs=1e-9)
-        assert points == pytest.approx(np.array([[-0.5, 0, 0], [0.5, 0, 0]]) - 0.48 * normals, abs=1e-9)
+        assert points == pytest.approx(
+            np.array([[-0.5, 0, 0], [0.5, 0, 0]]) - 0.48 * normals, abs=1e-9
+        )
 
     def test_union_of_spheres_touches_with_each(self):
         grain = Spheres([(0, 0, 0), (0.8, 0, 0), (0.4, 0.7, 0)], [0.5, 0.5, 0.5])
@@ -123,7 +127,9 @@ class TestLines:
     @pytest.mark.parametrize("radius", [0.0, 0.1])
     def test_an_edge_on_a_plane_counts_by_its_ends(self, radius):
         # About y by 45 degrees: the edge along y lies on the plane, shorter by the rounding.
-        points, normals, areas = found(Box((1.0, 0.6, 0.4), radius), Plane(), turn=(0, 0.25 * np.pi, 0))
+        points, normals, areas = found(
+            Box((1.0, 0.6, 0.4), radius), Plane(), turn=(0, 0.25 * np.pi, 0)
+        )
         half = 0.3 - radius
         assert points[:, 1:] == pytest.approx(np.array([[-half, 0.0], [half, 0.0]]), abs=1e-9)
         assert normals == pytest.approx(rows(2), abs=1e-9)
@@ -142,7 +148,9 @@ class TestPatches:
     def test_box_on_a_plane_has_the_corners_of_its_face(self, radius, half):
         points, normals, areas = found(Box((1.0, 0.6, 0.4), radius), Plane())
         a, b = half
-        assert points == pytest.approx(np.array([[-a, -b, 0], [-a, b, 0], [a, -b, 0], [a, b, 0]]), abs=1e-12)
+        assert points == pytest.approx(
+            np.array([[-a, -b, 0], [-a, b, 0], [a, -b, 0], [a, b, 0]]), abs=1e-12
+        )
         assert normals == pytest.approx(rows(4), abs=1e-12)
         assert areas == pytest.approx([a * b] * 4)
 
@@ -173,7 +181,9 @@ class TestPatches:
 
     def test_box_lies_along_a_slope(self):
         # A slope of 3/4 is a turn about y by -atan(3/4).
-        _, normals, areas = found(Box((1.0, 0.6, 0.4)), Plane((0.75, 0.0)), turn=(0, -np.arctan2(3, 4), 0))
+        _, normals, areas = found(
+            Box((1.0, 0.6, 0.4)), Plane((0.75, 0.0)), turn=(0, -np.arctan2(3, 4), 0)
+        )
         assert normals == pytest.approx(rows(4, np.array([0.6, 0.0, -0.8])), abs=1e-12)
         assert areas.sum() == pytest.approx(0.6)
 
@@ -202,7 +212,9 @@ class TestTolerance:
         placement = rest(grain, bed, x)
         # Straight up, the distance from a piece grows as the vertical part of its normal.
         raised = placement.raised(gap / abs(touching(grain, placement, bed, 1e-9).normals[0, 2]))
-        with pytest.raises(SceneError, match=r"does not touch the bed within .*; settle it on the bed"):
+        with pytest.raises(
+            SceneError, match=r"does not touch the bed within .*; settle it on the bed"
+        ):
             touching(grain, raised, bed, 0.99 * gap)
         assert len(touching(grain, raised, bed, 1.01 * gap)) == count
 
@@ -261,4 +273,9 @@ class TestFrames:
     def test_exposed_is_the_rest_of_the_surface(self):
         grain, placement = Box((1.0, 0.6, 0.4)), Placement((0, 0, 0.2))
         points = np.array([[0.1, 0.1, -0.2], [0.1, 0.1, 0.2], [0.5, 0.0, 0.0], [0.5, 0.3, -0.2]])
-        assert exposed(grain, placement, Plane(), points, TOLERANCE).tolist() == [False, True, True, False]
+        assert exposed(grain, placement, Plane(), points, TOLERANCE).tolist() == [
+            False,
+            True,
+            True,
+            False,
+        ]

@@ -68,7 +68,9 @@ def test_the_force_is_corrected_and_a_couple_that_is_not_known_better_is_not() -
     found = term([0.3, 0.4, 0.0], [0.0, 0.0, 0.1]).corrected(change, left)
     assert found.correction is not None
     assert found.correction.force.tolist() == [0.3, 0.4, 0.0] and not found.correction.couple.any()
-    assert found.force == pytest.approx([0.03, 0.04, 0.0]) and found.couple == pytest.approx([0, 0, 0.2])
+    assert found.force == pytest.approx([0.03, 0.04, 0.0]) and found.couple == pytest.approx(
+        [0, 0, 0.2]
+    )
 
 
 def test_a_component_on_which_two_ways_agree_by_chance_is_not_taken_to_be_certain() -> None:
@@ -78,12 +80,16 @@ def test_a_component_on_which_two_ways_agree_by_chance_is_not_taken_to_be_certai
 
 
 def test_what_two_ways_do_not_agree_on_makes_the_bar_larger() -> None:
-    found = term([0.3, 0.0, 0.0]).corrected(np.array([0.3, 0, 0, 0, 0, 0]), np.array([0.5, 0, 0, 0, 0, 0]))
+    found = term([0.3, 0.0, 0.0]).corrected(
+        np.array([0.3, 0, 0, 0, 0, 0]), np.array([0.5, 0, 0, 0, 0, 0])
+    )
     assert found.correction is None and found.force[0] == 0.5
 
 
 def test_without_its_correction_a_term_is_as_estimated() -> None:
-    found = term([0.3, 0.0, 0.0]).corrected(np.array([-0.3, 0, 0, 0, 0, 0]), np.array([0.1, 0, 0, 0, 0, 0]))
+    found = term([0.3, 0.0, 0.0]).corrected(
+        np.array([-0.3, 0, 0, 0, 0, 0]), np.array([0.1, 0, 0, 0, 0, 0])
+    )
     assert found.uncorrected.force[0] == 0.3 and found.uncorrected.correction is None
 
 
@@ -110,7 +116,9 @@ def test_a_load_that_is_a_parabola_of_the_gap_is_corrected_to_that_without(gap: 
 
 def by_distance(power: float) -> Solve:
     def solve(scene: Scene) -> Loads:
-        return Loads(np.array([1.0 + 0.01 * (scene.domain.length / 24.0) ** -power, 0, 0]), NONE, moved=True)
+        return Loads(
+            np.array([1.0 + 0.01 * (scene.domain.length / 24.0) ** -power, 0, 0]), NONE, moved=True
+        )
 
     return solve
 
@@ -150,7 +158,8 @@ def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> 
     scene, solve = grain_on_bed(), by_gap(1.0, 2.0)
     computed = replace(solve(scene), force=np.add(solve(scene).force, [1e-3, 0.0, 0.0]))
     plain, noisy = (
-        of_gap(scene, lambda one, m=m: replace(solve(one), moved=m), computed) for m in (True, False)
+        of_gap(scene, lambda one, m=m: replace(solve(one), moved=m), computed)
+        for m in (True, False)
     )
     assert noisy.force[0] - plain.force[0] == pytest.approx(1e-3)
 
@@ -158,7 +167,9 @@ def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> 
 def test_corrections_interact() -> None:
     """Each changes the other by as much as it changes the load."""
     one, other = (Correction(np.array(x), NONE) for x in ([0.1, 0.0, 0.0], [0.0, 0.02, 0.0]))
-    terms = tuple(Term(name, NONE, NONE, "", correction=c) for name, c in (("gap", one), ("domain", other)))
+    terms = tuple(
+        Term(name, NONE, NONE, "", correction=c) for name, c in (("gap", one), ("domain", other))
+    )
     found = of_interaction(ErrorBars(terms), Loads(np.array([1.0, 0.0, 0.0]), NONE))
     assert found is not None and found.force == pytest.approx([0.002, 0.002, 0.0])
     assert of_interaction(ErrorBars(terms[:1]), Loads(np.ones(3), NONE)) is None
@@ -180,7 +191,9 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     plain = incipient.run(changed(scene, numerics={"correction": False}), comm=MPI.COMM_SELF)
     assert found.force is not None and plain.force is not None and found.couple is not None
     assert (
-        found.error_bars is not None and plain.error_bars is not None and plain.error_bars.correction is None
+        found.error_bars is not None
+        and plain.error_bars is not None
+        and plain.error_bars.correction is None
     )
     np.testing.assert_allclose(found.force.plain, plain.force.flow, rtol=1e-8)
     change = found.error_bars.correction
@@ -204,7 +217,10 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "result.json").read_text())
     assert stored["force"]["computed"] == found.force.plain.tolist()
     by_name = {one["name"]: one for one in stored["error_bars"]["terms"]}
-    assert by_name["gap"]["correction"]["force"][0] < 0.0 and by_name["interaction"]["correction"] is None
+    assert (
+        by_name["gap"]["correction"]["force"][0] < 0.0
+        and by_name["interaction"]["correction"] is None
+    )
 
 
 @pytest.mark.slow
@@ -225,9 +241,13 @@ def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> 
     assert found.adaptation is not None and found.adaptation.met and found.error_bars is not None
     (term,) = (one for one in found.error_bars.terms if one.name == "discretisation")
     assert found.force is not None
-    on_mesh = np.array([1.3548632, 0.7185489])  # order 4, mesh_size 0.5, improved by its own estimate
+    on_mesh = np.array(
+        [1.3548632, 0.7185489]
+    )  # order 4, mesh_size 0.5, improved by its own estimate
     change = 0.0 if term.correction is None else term.correction.force[:2]
-    assert np.linalg.norm(found.force.plain[:2] + change - on_mesh) < np.linalg.norm(term.force) + 2e-6
+    assert (
+        np.linalg.norm(found.force.plain[:2] + change - on_mesh) < np.linalg.norm(term.force) + 2e-6
+    )
 
 
 @pytest.mark.slow
@@ -243,5 +263,7 @@ def test_a_sphere_that_touches_a_plane() -> None:
     assert abs(found.force.flow[0] - 1.7009 * force) < min(
         found.error_bars.force[0], 0.001 * found.force.flow[0]
     )
-    assert abs(found.couple.flow[1] - 0.944 * couple) < min(found.error_bars.couple[1], 0.001 * couple)
+    assert abs(found.couple.flow[1] - 0.944 * couple) < min(
+        found.error_bars.couple[1], 0.001 * couple
+    )
     assert found.force.plain[0] > 1.01 * found.force.flow[0]  # with the gap of 1%

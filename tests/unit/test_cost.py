@@ -41,9 +41,9 @@ def test_the_front_is_what_nothing_beats(points: list[tuple[float, float]]) -> N
         assert (index in found) <= (not beaten)
     kept = [points[i] for i in found]
     assert kept == sorted(kept)
-    assert {p for p in points if not any(a <= p[0] and b <= p[1] and (a, b) != p for a, b in points)} == set(
-        kept
-    )
+    assert {
+        p for p in points if not any(a <= p[0] and b <= p[1] and (a, b) != p for a, b in points)
+    } == set(kept)
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5, 4.0])
@@ -82,7 +82,9 @@ def test_words_of_a_law() -> None:
     """error = (t - 1)^-2 percent: 1% takes 1 + 1 s, 0.1% 1 + sqrt(10) s, beyond the runs "about"."""
     law = frontier.CostLaw(0.01, 2.0, 1.0)
     said = frontier.words(law, [0.02, 0.002], [1.7, 3.2])
-    assert said == "1%: 2 s, 0.1%: about 4.2 s; each further digit x 3.2, beyond the 1 s of starting"
+    assert (
+        said == "1%: 2 s, 0.1%: about 4.2 s; each further digit x 3.2, beyond the 1 s of starting"
+    )
     assert frontier.words(law, [0.005, 0.002], [1.5, 3.2]).startswith("1%: at most 1.5 s")
 
 
@@ -185,7 +187,9 @@ def test_a_rung_changes_nothing_but_how_finely() -> None:
 
 def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
     study = studied(tmp_path, Runner())
-    assert study.reference.values["force_x"] == pytest.approx(3.0, rel=1e-6), "improved by Richardson"
+    assert study.reference.values["force_x"] == pytest.approx(3.0, rel=1e-6), (
+        "improved by Richardson"
+    )
     first = next(one for one in study.judged if one.run.variant == Variant(2, 2.0))
     assert first.error == pytest.approx(0.02, rel=1e-3)
     assert set(first.errors) == {"force", "couple", "safety factor", "drag", "lift"}
@@ -234,7 +238,9 @@ def test_without_its_reference_the_finest_run_serves(tmp_path: Path) -> None:
 def test_too_many_failures_end_the_study(tmp_path: Path) -> None:
     everything = ladder(scene(), spread(scene(), True))
     runner = Runner(*everything.variants, everything.reference)
-    with pytest.raises(ConvergenceError, match="fewer than two runs of the ladder succeeded: no steady flow"):
+    with pytest.raises(
+        ConvergenceError, match="fewer than two runs of the ladder succeeded: no steady flow"
+    ):
         studied(tmp_path, runner, quick=True)
 
 
@@ -255,7 +261,10 @@ def test_the_page_says_it(tmp_path: Path) -> None:
     assert study.words() in text
     assert "| each further digit | x" in text
     assert "Runs that failed:" in text
-    assert json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"] == Variant(2, 2.0).name
+    assert (
+        json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"]
+        == Variant(2, 2.0).name
+    )
 
 
 def test_a_calibration_tells_the_price_of_every_demo_in_the_plane() -> None:
@@ -283,7 +292,9 @@ step = 0.07
     )
     times = np.append(np.arange(0.07, 3.0, 0.07), 3.0)
     heights = {"elevation_1": 0.1, "elevation_2": 0.1 * np.cos(np.pi / 4.0)}
-    rows = [{"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times]
+    rows = [
+        {"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times
+    ]
     found = quantities.ComparedNumbers(waves).of_run(None, rows)
     at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
     exact = [height * np.cos(at) for height in heights.values()]
@@ -291,4 +302,6 @@ step = 0.07
         np.concatenate(exact), abs=1e-6
     )
     (goal,) = quantities.ComparedNumbers(waves).goals(found)
-    assert goal.error({name: 1.01 * value for name, value in found.items()}, found) == pytest.approx(0.01)
+    assert goal.error(
+        {name: 1.01 * value for name, value in found.items()}, found
+    ) == pytest.approx(0.01)

@@ -89,7 +89,10 @@ def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
         0.02,
     )
     assert Variant(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
-    assert Variant(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
+    assert (
+        Variant(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance
+        == 0.01
+    )
     assert SolverOptions(load(SCENES / "pothole_4.toml")).settings("loose") == [
         "numerics.tolerance = 0.001",
         "numerics.interface_tolerance = 0.001",
@@ -132,7 +135,9 @@ def test_what_auto_decides_anyway_is_no_other_way() -> None:
     """Stabilisation is on where V h/(k nu) exceeds 50: here on the coarse cells only."""
     made = scene("fluid.reynolds=100.0")
     steps = ladder(made, Spread((2,), (4.0, 0.5), solvers=("stabilised", "unstabilised")))
-    assert [(variant.mesh_size, variant.solver) for variant in steps.variants if variant.solver] == [
+    assert [
+        (variant.mesh_size, variant.solver) for variant in steps.variants if variant.solver
+    ] == [
         (4.0, "unstabilised"),
         (0.5, "stabilised"),
     ]
@@ -147,14 +152,18 @@ class Varied(Runner):
     def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
         run = super().__call__(scene, variant)
         if variant.solver == "chords":
-            return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0), counts=replace(run.counts, newton=10))
+            return replace(
+                run, cpu=1.0 + 0.5 * (run.cpu - 1.0), counts=replace(run.counts, newton=10)
+            )
         if variant.solver == "loose":
             off = {name: 1.02 * value for name, value in run.found.items()}
             return replace(run, found=off, cpu=1.0 + 0.95 * (run.cpu - 1.0))
         return run
 
 
-def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp_path: Path) -> None:
+def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(
+    tmp_path: Path,
+) -> None:
     study = studied(tmp_path, Varied(), ways=("chords", "loose"))
     own = studied(tmp_path / "own", Varied(), ways=())
     best = [study.judged[index] for index in study.front]
@@ -162,7 +171,9 @@ def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp
     assert len(study.judged) == 3 * len(own.judged)
     law, before = study.laws["cpu"], own.laws["cpu"]
     assert law is not None and before is not None
-    assert law.start == pytest.approx(before.start), "what starting takes is told by the scene's own way"
+    assert law.start == pytest.approx(before.start), (
+        "what starting takes is told by the scene's own way"
+    )
     assert law.time(1e-4) < before.time(1e-4)
     assert [one.errors for one in own.judged] == [
         one.errors for one in study.judged if not one.run.variant.solver
@@ -172,9 +183,13 @@ def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp
     assert chords.solver == "chords" and chords.cheaper
     # The runs start in half a second; the other half of the first one is theirs.
     ratios = [
-        (0.5 + 0.1 * n) / (0.5 + 0.2 * n) for p in (2, 3, 4) for n in p * np.array([0.25, 0.5, 1, 2, 4])
+        (0.5 + 0.1 * n) / (0.5 + 0.2 * n)
+        for p in (2, 3, 4)
+        for n in p * np.array([0.25, 0.5, 1, 2, 4])
     ]
-    assert (chords.time, chords.time_at_error) == pytest.approx((np.exp(np.mean(np.log(ratios))),) * 2)
+    assert (chords.time, chords.time_at_error) == pytest.approx(
+        (np.exp(np.mean(np.log(ratios))),) * 2
+    )
     assert (chords.error, chords.newton) == pytest.approx((1.0, 2.0))
     assert chords.on_front == len(study.front) and chords.change == 0.0
     assert len(chords.variants) == 15 and chords.memory == 1.0
@@ -261,7 +276,9 @@ def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
     study = cost.run_ladder(made, ladder(made, STEADY), tmp_path, again, said.append)
     # The runs that others are compared with are made with them.
     assert [variant.key for variant in again.made] == [
-        replace(variant, solver=way).key for variant in study.ladder.compared for way in ("", *TRIED)
+        replace(variant, solver=way).key
+        for variant in study.ladder.compared
+        for way in ("", *TRIED)
     ]
     assert said[0].startswith(f"{tmp_path}: of an earlier version; its runs are kept")
     assert len(study.judged) == 15 + 3 * len(TRIED)
@@ -288,7 +305,9 @@ def test_an_interrupted_study_of_ways_goes_on(tmp_path: Path) -> None:
 
 def test_short_runs_are_made_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     times = iter([2.0, 1.5, 4.0, 4.5, 6.0])
-    monkeypatch.setattr(measurement, "measure", lambda scene, variant: MeasuredRun(variant, 9.0, next(times)))
+    monkeypatch.setattr(
+        measurement, "measure", lambda scene, variant: MeasuredRun(variant, 9.0, next(times))
+    )
     assert [quicker(scene(), Variant(2, 1.0)).cpu for _ in range(3)] == [1.5, 4.0, 6.0]
     monkeypatch.setattr(
         measurement, "measure", lambda scene, variant: MeasuredRun(variant, 1.0, 1.0, failed="no")
@@ -298,7 +317,9 @@ def test_short_runs_are_made_twice(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_process_is_measured_from_outside(tmp_path: Path) -> None:
     text = "import os, sys; print(sys.stdin.read(), os.getcwd(), os.environ['A']); sys.exit('why')"
-    used = process.run([sys.executable, "-c", text], {**os.environ, "A": "b"}, tmp_path, given="given")
+    used = process.run(
+        [sys.executable, "-c", text], {**os.environ, "A": "b"}, tmp_path, given="given"
+    )
     assert (used.exit_code, used.output, used.errors) == (1, f"given {tmp_path} b\n", "why\n")
     assert used.wall > 0.0 and used.cpu > 0.0 and used.peak_mib > 1.0
     killed = process.run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], apart=True)
@@ -309,4 +330,6 @@ def test_scenes_of_studies_differ_by_more_than_how_they_are_solved() -> None:
     """The digest tells convection apart, which the calibration is to know, and not what a variant changes."""
     base = loads((SCENES / "vortex_street.toml").read_text())
     assert calibration.digest(Variant(2, 1.4, 0.01, "loose").of(base)) == calibration.digest(base)
-    assert calibration.digest(Variant(2, 1.4, 0.01, "extrapolated").of(base)) != calibration.digest(base)
+    assert calibration.digest(Variant(2, 1.4, 0.01, "extrapolated").of(base)) != calibration.digest(
+        base
+    )

@@ -43,7 +43,9 @@ def ball(request: pytest.FixtureRequest):
         yield part, Transient(fluid, 2, 1e-9, interface=coupling)
 
 
-def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart, Transient]) -> None:
+def test_a_ball_is_carried_along_and_turns_with_the_shear(
+    ball: tuple[RigidPart, Transient],
+) -> None:
     """It follows the stream at its centre, rolls about the axis across it, and feels no side."""
     part, transient = ball
     corrected = []
@@ -58,7 +60,10 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart,
     assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
     # 580 unstructured cells break the symmetry: 4e-4 of the stream and, with two versions of gmsh, a fiftieth and a
     # tenth of the spin. Earlier on, while the spin is small, its share is larger.
-    assert abs(state.velocity[1]) < 1e-3 * stream and np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
+    assert (
+        abs(state.velocity[1]) < 1e-3 * stream
+        and np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
+    )
     assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
 

@@ -33,7 +33,9 @@ def block(half_base, height, slope):
 
     The centre of mass is `height` above the base; gravity is turned by the slope, downhill is +x.
     """
-    contacts = Contacts([[-half_base, 0, 0], [half_base, 0, 0]], [DOWN, DOWN], [half_base, half_base])
+    contacts = Contacts(
+        [[-half_base, 0, 0], [half_base, 0, 0]], [DOWN, DOWN], [half_base, half_base]
+    )
     return load(weight=(np.sin(slope), -np.cos(slope)), centre=(0.0, height)), contacts
 
 
@@ -44,7 +46,9 @@ def disc_on_plane(force, couple, weight=1.0, radius=0.5):
 
 def pocket(angle, weight=1.0, radius=0.5):
     """Contacts of a disc in a symmetric pocket, normals `angle` to either side of down; centre at 0."""
-    normals = np.array([[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]])
+    normals = np.array(
+        [[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]]
+    )
     return Contacts(radius * normals, normals)
 
 
@@ -72,7 +76,9 @@ class TestBlockOnAnIncline:
         verdict = criteria.classify(*block(1.0, 0.5, slope), 0.5)
         # N = cos, T = sin for a weight of one; half at each end of the base.
         assert verdict.reaction == pytest.approx(np.tile([0.0, 0.5 * np.cos(slope), 0.0], (2, 1)))
-        assert verdict.friction_force == pytest.approx(np.tile([-0.5 * np.sin(slope), 0.0, 0.0], (2, 1)))
+        assert verdict.friction_force == pytest.approx(
+            np.tile([-0.5 * np.sin(slope), 0.0, 0.0], (2, 1))
+        )
         assert verdict.C_friction == pytest.approx([1.0, 1.0])
         assert verdict.minimum_2 == pytest.approx(-np.cos(slope))
 
@@ -98,7 +104,9 @@ class TestDiscOnAPlane:
     """One contact below the centre: (7) is zero, F_tau = (tau / R, 0), and (24), (25) can be written down."""
 
     @pytest.mark.parametrize("friction", [0.1, 0.5, 2.0])
-    @pytest.mark.parametrize(("force", "couple"), [(0.3, -0.1), (0.3, 0.1), (0.0, -0.2), (1.0, 0.5)])
+    @pytest.mark.parametrize(
+        ("force", "couple"), [(0.3, -0.1), (0.3, 0.1), (0.0, -0.2), (1.0, 0.5)]
+    )
     def test_resultants(self, force, couple, friction):
         verdict = criteria.classify(*disc_on_plane(force, couple), friction)
         # With R = 1/2 and N = 1: T = force + couple / R presses along the plane, friction answers C T.
@@ -326,7 +334,11 @@ class TestTable:
 
     @pytest.mark.parametrize(
         ("couple", "force", "friction", "row"),
-        [(0.2, (0.0, -1.0), 0.5, "2"), (-0.2, (0.0, -1.0), 0.5, "6"), (-0.2, (0.0, 0.0), 0.0, "5a")],
+        [
+            (0.2, (0.0, -1.0), 0.5, "2"),
+            (-0.2, (0.0, -1.0), 0.5, "6"),
+            (-0.2, (0.0, 0.0), 0.0, "5a"),
+        ],
     )
     def test_rows_reached_with_one_contact_downstream(self, couple, force, friction, row):
         contacts = Contacts([[0.5, -0.5, 0.0]], [DOWN])
@@ -352,7 +364,9 @@ class TestTable:
 class TestLocation:
     """x* when force and couple act together."""
 
-    CONTACTS = Contacts([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]])
+    CONTACTS = Contacts(
+        [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]]
+    )
 
     def test_force_first_unless_it_lifts(self):
         pressed = criteria.classify(load((0.3, -1.0), 0.2), self.CONTACTS, 0.5)
@@ -413,7 +427,9 @@ def cases(draw):
     place = [draw(st.integers(0, 40)) * np.pi / 40 for _ in range(count)]
     tilt = [draw(st.integers(-4, 4)) * 0.1 for _ in range(count)]
     points = np.array([[np.cos(a), -np.sin(a), 0.0] for a in place])
-    normals = np.array([[np.cos(a + t), -np.sin(a + t), 0.0] for a, t in zip(place, tilt, strict=True)])
+    normals = np.array(
+        [[np.cos(a + t), -np.sin(a + t), 0.0] for a, t in zip(place, tilt, strict=True)]
+    )
     acting = load(
         (draw(hundredths), draw(hundredths)), draw(hundredths), (draw(hundredths), draw(hundredths))
     )
@@ -435,7 +451,9 @@ class TestFrameIndifference:
     def test_verdict(self, case, angle, shift, length, strength, seed):
         acting, contacts, friction = case
         before = criteria.classify(acting, contacts, friction)
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        turn = np.array(
+            [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+        )
         order = np.random.default_rng(seed).permutation(len(contacts))
         order = np.append(order, order[0])
         offset = np.array([*shift, 0.0])
@@ -446,11 +464,15 @@ class TestFrameIndifference:
             length * turn @ (acting.centre + offset),
         )
         points = length * (contacts.points + offset) @ turn.T
-        after = criteria.classify(moved, Contacts(points[order], contacts.normals[order] @ turn.T), friction)
+        after = criteria.classify(
+            moved, Contacts(points[order], contacts.normals[order] @ turn.T), friction
+        )
         assert after.mode is before.mode
         scale = strength * before.force_scale
         assert after.force == pytest.approx(strength * turn @ before.force, abs=1e-7 * scale)
-        assert after.couple == pytest.approx(strength * length * before.couple, abs=1e-7 * scale * length)
+        assert after.couple == pytest.approx(
+            strength * length * before.couple, abs=1e-7 * scale * length
+        )
         assert {int(order[k]) for k in after.significant} == set(before.significant)
         assert {int(order[k]) for k in after.obstructed_by} == set(before.obstructed_by)
 
@@ -464,7 +486,9 @@ class TestFrameIndifference:
         answer = verdict.reaction + verdict.friction_force
         arms = contacts.points[at] - acting.centre
         assert verdict.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
-        assert verdict.couple == pytest.approx(acting.couple + np.cross(arms, answer).sum(axis=0), abs=1e-12)
+        assert verdict.couple == pytest.approx(
+            acting.couple + np.cross(arms, answer).sum(axis=0), abs=1e-12
+        )
         inward = -(answer * contacts.normals[at]).sum(axis=1)
         assert (inward >= -1e-12).all()
         along = np.linalg.norm(answer + inward[:, None] * contacts.normals[at], axis=1)

@@ -29,13 +29,16 @@ class TestRegionsOfFigure4:
 
     def test_box(self):
         points = [[-2.0, 3.0, 0], [0.0, 0.3, 0], [2.0, -1.0, 0], [-1.0, 7.0, 0], [1.0, 0.0, 0]]
-        assert kinds(points, BASE) == [
-            Axis.AWAY,  # counter-clockwise about a point to the left: both ends rise
-            Axis.ENCIRCLED,
-            Axis.PRESSED,
-            Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
-            Axis.PRESSED,
-        ]
+        assert (
+            kinds(points, BASE)
+            == [
+                Axis.AWAY,  # counter-clockwise about a point to the left: both ends rise
+                Axis.ENCIRCLED,
+                Axis.PRESSED,
+                Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
+                Axis.PRESSED,
+            ]
+        )
         assert kinds(points, BASE, -ABOUT_Z) == [
             Axis.PRESSED,
             Axis.ENCIRCLED,
@@ -59,7 +62,9 @@ class TestRegionsOfFigure4:
         contacts = Contacts(points, normals / np.linalg.norm(normals, axis=1)[:, None])
         axis, through = np.array([0.0, 0.6, 0.8]), rng.normal(size=(1, 3))
         velocity = np.cross(axis, points - through)
-        assert levers(through, axis, contacts)[0] == pytest.approx((velocity * contacts.normals).sum(axis=1))
+        assert levers(through, axis, contacts)[0] == pytest.approx(
+            (velocity * contacts.normals).sum(axis=1)
+        )
 
 
 class TestNearestAxis:
@@ -117,7 +122,9 @@ class TestNearestAxis:
         angles = rng.uniform(np.pi, 2.0 * np.pi, count)
         points = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
         leaning = angles + rng.uniform(-0.5, 0.5, count)
-        contacts = Contacts(points, np.column_stack([np.cos(leaning), np.sin(leaning), np.zeros(count)]))
+        contacts = Contacts(
+            points, np.column_stack([np.cos(leaning), np.sin(leaning), np.zeros(count)])
+        )
         found = nearest_axis(contacts, CENTRE, ABOUT_Z, TOLERANCE)
         x, y = np.meshgrid(np.linspace(-3, 3, 41), np.linspace(-3, 3, 41))
         grid = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
@@ -131,7 +138,9 @@ class TestNearestAxis:
     def test_hundreds_of_contacts(self):
         x = np.linspace(-1.0, 1.0, 200)
         patch = Contacts(np.column_stack([x, np.full(200, -0.5), np.zeros(200)]), [DOWN] * 200)
-        assert nearest_axis(patch, CENTRE, ABOUT_Z, TOLERANCE) == pytest.approx([-1.0, 0.0, 0.0], abs=1e-8)
+        assert nearest_axis(patch, CENTRE, ABOUT_Z, TOLERANCE) == pytest.approx(
+            [-1.0, 0.0, 0.0], abs=1e-8
+        )
 
 
 class TestInTheClassification:
@@ -166,7 +175,9 @@ class TestListOfModes:
 
     def test_pivot_and_slide_apart(self):
         # Force pressed at the right, couple at the left: (2) and (7) have their minima at different contacts.
-        contacts = Contacts([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]])
+        contacts = Contacts(
+            [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]]
+        )
         acting = Load([0.3, -1.0, 0.0], [0, 0, 0.2], [0, 0, 0], [0, 0, 0])
         verdict = criteria.classify(acting, contacts, 0.1)
         assert (verdict.mode, verdict.common_position) == (Mode.SLIDING_AND_PIVOTTING, False)

@@ -20,7 +20,9 @@ def ring(count, angle, radius=0.5):
     """Contacts of a sphere about the origin, `count` of them at `angle` from straight down."""
     turn = 2.0 * np.pi * np.arange(count) / count
     lean = np.full(count, np.sin(angle))
-    normals = np.column_stack([lean * np.cos(turn), lean * np.sin(turn), np.full(count, -np.cos(angle))])
+    normals = np.column_stack(
+        [lean * np.cos(turn), lean * np.sin(turn), np.full(count, -np.cos(angle))]
+    )
     return Contacts(radius * normals, normals)
 
 
@@ -43,7 +45,9 @@ class TestPlane:
     def test_couple_of_a_patch_is_that_of_its_centroid(self):
         contacts = Contacts([[-1, 0, -1], [2, 0, -1]], [DOWN] * 2, [2.0, 1.0])
         # Areas 2 and 1 at -1 and 2: the centroid lies below the centre, so the reaction has no couple.
-        assert distributed([0.0, 0.0, -3.0], contacts).couple == pytest.approx(np.zeros(3), abs=1e-15)
+        assert distributed([0.0, 0.0, -3.0], contacts).couple == pytest.approx(
+            np.zeros(3), abs=1e-15
+        )
 
     def test_a_force_that_lifts_is_not_answered(self):
         found = distributed([0.0, 0.0, 1.0], Contacts([[0, 0, -1]], [DOWN]))
@@ -70,10 +74,14 @@ class TestCurved:
         angles = (np.arange(rings) + 0.5) * edge / rings
         parts = [ring(8, angle) for angle in angles]
         areas = np.repeat(np.sin(angles) / 8.0, 8)
-        cup = Contacts(np.vstack([p.points for p in parts]), np.vstack([p.normals for p in parts]), areas)
+        cup = Contacts(
+            np.vstack([p.points for p in parts]), np.vstack([p.normals for p in parts]), areas
+        )
         found = distributed([0.0, 0.0, -1.0], cup)
         # n* is the innermost ring, half a step from straight down.
-        assert found.c_2 == pytest.approx(3.0 * (1.0 - np.cos(edge)) / (1.0 - np.cos(edge) ** 3), rel=1e-4)
+        assert found.c_2 == pytest.approx(
+            3.0 * (1.0 - np.cos(edge)) / (1.0 - np.cos(edge) ** 3), rel=1e-4
+        )
         assert found.force == pytest.approx([0.0, 0.0, 1.0], rel=1e-4)
 
     def test_one_scale_balances_one_component(self):

@@ -25,7 +25,9 @@ def load(force=(0.0, 0.0, 0.0), couple=(0.0, 0.0, 0.0)):
 
 class TestBlock:
     @pytest.mark.parametrize("direction", np.radians([0.0, 30.0, 77.0, 200.0]))
-    @pytest.mark.parametrize(("push", "mode"), [(0.39, Mode.NO_INCIPIENT_MOTION), (0.41, Mode.SLIDING)])
+    @pytest.mark.parametrize(
+        ("push", "mode"), [(0.39, Mode.NO_INCIPIENT_MOTION), (0.41, Mode.SLIDING)]
+    )
     def test_slides_in_any_direction_at_the_friction_angle(self, direction, push, mode):
         ahead = np.array([np.cos(direction), np.sin(direction), 0.0])
         verdict = criteria.classify(load(push * ahead), base(), 0.4)
@@ -61,7 +63,9 @@ class TestSphere:
 
     def test_downstream_contact_is_significant(self):
         angles = np.radians([60.0, -60.0, 180.0])
-        normals = np.column_stack([np.cos(angles), np.sin(angles), np.full(3, -np.sqrt(2.0))]) / np.sqrt(3.0)
+        normals = np.column_stack(
+            [np.cos(angles), np.sin(angles), np.full(3, -np.sqrt(2.0))]
+        ) / np.sqrt(3.0)
         contacts = Contacts(0.5 * normals, normals)
         for push, contact in (((0.1, 0.1, 0.0), 0), ((0.1, -0.1, 0.0), 1), ((-0.1, 0.0, 0.0), 2)):
             assert criteria.classify(load(push), contacts, 0.3).significant == (contact,)
@@ -79,7 +83,9 @@ def cases(draw):
     points = normals * rng.uniform(0.4, 0.6, (count, 1)) + 0.05 * rng.normal(size=(count, 3))
     couple = rng.normal(size=3) * draw(st.sampled_from([0.0, 0.2]))
     areas = rng.uniform(0.1, 1.0, count) if draw(st.booleans()) else None
-    acting = Load(rng.normal(size=3), couple, [0.0, 0.0, -draw(st.sampled_from([0.0, 1.0]))], np.zeros(3))
+    acting = Load(
+        rng.normal(size=3), couple, [0.0, 0.0, -draw(st.sampled_from([0.0, 1.0]))], np.zeros(3)
+    )
     return acting, Contacts(points, normals, areas), float(rng.uniform(0.0, 1.5))
 
 

@@ -10,11 +10,15 @@ from incipient.planning import meshing
 from incipient.planning.flow_setup import Setup
 from incipient.scene import loads
 
-ENDS_IN_A_CUSP = ("bed.offset=0.525", "numerics.mesh_size=2.0")  # 0.025 from the foot of its last half-disc
+ENDS_IN_A_CUSP = (
+    "bed.offset=0.525",
+    "numerics.mesh_size=2.0",
+)  # 0.025 from the foot of its last half-disc
 
 
 @pytest.mark.parametrize(
-    ("spacing", "order", "more"), [(1.0, 3, ()), (1.02, 2, ()), (1.05, 3, ()), (1.15, 2, ENDS_IN_A_CUSP)]
+    ("spacing", "order", "more"),
+    [(1.0, 3, ()), (1.02, 2, ()), (1.05, 3, ()), (1.15, 2, ENDS_IN_A_CUSP)],
 )
 def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     spacing: float, order: int, more: tuple[str, ...]
@@ -27,8 +31,12 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     with meshing.lay_out(Setup(scene), make_plan(scene)).gmsh_model():
         (kind,) = gmsh.model.mesh.getElements(2)[0]
         points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss6")
-        jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points)[0], (-1, len(weights), 3, 3))
-        names = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(1)}
+        jacobians = np.reshape(
+            gmsh.model.mesh.getJacobians(kind, points)[0], (-1, len(weights), 3, 3)
+        )
+        names = {
+            gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups(1)
+        }
         nodes = np.reshape(gmsh.model.mesh.getNodesForPhysicalGroup(*names["bed"])[1], (-1, 3))
     senses = np.linalg.det(jacobians[..., :2, :2])
     assert (senses > 0.0).all() or (senses < 0.0).all()

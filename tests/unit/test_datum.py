@@ -59,8 +59,16 @@ def speeds(velocity) -> np.ndarray:
         (Sinusoidal(amplitude=0.3, wavelength=40, phase=-90), 0.3, 0),  # no crest within the domain
         (HalfDiscs(radius=0.5, spacing=1.2), 0.5, np.pi * 0.5**2 / 2 / 1.2),
         (Polyline(points=[(0.5 * k, 0.2 * (k % 2)) for k in range(-3, 30)]), 0.2, 0.1),
-        (Polyline(points=[(-5, 3), (0, 0), (6, 0), (6.1, 0.4), (12, 0.4), (20, 9)]), 0, 0.4 * 5.95 / 12),
-        (Polyline(points=[(0, 0.4), (6, 0.4), (6.1, 0), (12, 0)]), 0.4, 0.4 * 6.05 / 12),  # a step down
+        (
+            Polyline(points=[(-5, 3), (0, 0), (6, 0), (6.1, 0.4), (12, 0.4), (20, 9)]),
+            0,
+            0.4 * 5.95 / 12,
+        ),
+        (
+            Polyline(points=[(0, 0.4), (6, 0.4), (6.1, 0), (12, 0)]),
+            0.4,
+            0.4 * 6.05 / 12,
+        ),  # a step down
         (Polyline(points=OBSTACLE), 0.01, None),
     ],
 )
@@ -68,9 +76,13 @@ def test_crest_and_mean_of_beds(bed, crest, mean):
     """Heights in the scene; the base line is where the domain begins. What is outside the domain does not count."""
     high = {"domain": Domain(length=12, height=6, origin=(0, 2)), "bed": bed, "body": None}
     high |= {"gravity": Gravity(acceleration=1), "fluid": {"reynolds": 20, "scale": "flow"}}
-    assert Setup(scene(**high, flow=Shear(datum="crest"))).base_flow.datum == pytest.approx(2 + crest)
+    assert Setup(scene(**high, flow=Shear(datum="crest"))).base_flow.datum == pytest.approx(
+        2 + crest
+    )
     if mean is not None:
-        assert Setup(scene(**high, flow=Shear(datum="mean"))).base_flow.datum == pytest.approx(2 + mean)
+        assert Setup(scene(**high, flow=Shear(datum="mean"))).base_flow.datum == pytest.approx(
+            2 + mean
+        )
 
 
 def test_a_number_is_a_height_above_the_base_line():
@@ -100,7 +112,10 @@ def test_a_number_is_a_height_above_the_base_line():
             {"bed": Sinusoidal(amplitude=0.1, wavelength=2), "flow": Shear(datum=0.05)},
             "y = 0.05: flow.datum = 0.05; the shear flow starts",
         ),
-        ({"bed": Polyline(points=OBSTACLE)}, "what is higher, up to y = 0.5, does not count; the shear flow"),
+        (
+            {"bed": Polyline(points=OBSTACLE)},
+            "what is higher, up to y = 0.5, does not count; the shear flow",
+        ),
     ],
 )
 def test_the_plan_tells_the_datum(changes, words):
@@ -124,7 +139,8 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
             speeds(Setup(moved).base_flow.velocity), speeds(Setup(first).base_flow.velocity)
         )
         from_crest = (
-            speeds(Setup(rough(one, kind=kind, datum="crest")).base_flow.entering) for one in (0.0, phase)
+            speeds(Setup(rough(one, kind=kind, datum="crest")).base_flow.entering)
+            for one in (0.0, phase)
         )
         assert np.array_equal(*from_crest)
         assert Setup(moved).bed_stress() == Setup(first).bed_stress()
@@ -142,9 +158,15 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
     """
     for phase in PHASES:
         moved = rough(phase, kind=kind, datum=datum)
-        there, everywhere = speeds(Setup(moved).base_flow.entering), speeds(Setup(moved).base_flow.velocity)
+        there, everywhere = (
+            speeds(Setup(moved).base_flow.entering),
+            speeds(Setup(moved).base_flow.velocity),
+        )
         y, bed = HEIGHTS, moved.bed_shape.height([0.0])[0]
-        assert there.min() == 0.0 and (there[y < max(bed, Setup(moved).base_flow.datum) - 1e-9] == 0.0).all()
+        assert (
+            there.min() == 0.0
+            and (there[y < max(bed, Setup(moved).base_flow.datum) - 1e-9] == 0.0).all()
+        )
         assert np.array_equal(there[y > 1.0], everywhere[y > 1.0])
         if kind != "uniform":
             assert there[y <= bed].max(initial=0.0) == 0.0
@@ -180,7 +202,9 @@ def test_the_wall_below_a_held_grain_is_at_the_datum():
 
 def test_the_shields_number_of_a_scene_is_told_by_the_plan() -> None:
     """tau_b = mu G in a shear flow; Re = G d^2/nu = 20, g = 10 d G^2, density 2.65; none without gravity."""
-    resting = scene(body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0))
+    resting = scene(
+        body=DISC.model_copy(update={"density": 2.65}), gravity=Gravity(acceleration=10.0)
+    )
     found = numbers_of(Setup(resting))
     assert found.shields == pytest.approx((1.0 / 20.0) / (1.65 * 10.0))
     assert found.shear_reynolds == pytest.approx((1.0 / 20.0) ** 0.5 * 20.0)

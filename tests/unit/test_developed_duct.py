@@ -41,11 +41,15 @@ def prandtl(reynolds):
         pytest.param(1e6, 1.0, (0.0, 0.05), marks=pytest.mark.slow),
     ],
 )
-def test_walls_bear_what_the_pressure_does_and_the_discharge_is_that_asked_for(reynolds, half_width, sand):
+def test_walls_bear_what_the_pressure_does_and_the_discharge_is_that_asked_for(
+    reynolds, half_width, sand
+):
     """Momentum: the mean stress on the walls is the pressure's gradient times area over length of walls (exact)."""
     found = developed_duct(reynolds, half_width, sand=sand)
     area = half_width
-    assert found.shear_velocity**2 * (1.0 + half_width) == pytest.approx(found.gradient * area, rel=1e-9)
+    assert found.shear_velocity**2 * (1.0 + half_width) == pytest.approx(
+        found.gradient * area, rel=1e-9
+    )
     y, z = (np.diff(ends) for ends in found.ends)
     assert (found.values[0] * np.outer(y, z)).sum() / area == pytest.approx(1.0, abs=1e-9)
 
@@ -59,14 +63,19 @@ def test_a_slow_flow_is_the_series_of_laminar_ducts(half_width):
         found = developed_duct(1.0, half_width, coarse)
         assert found.is_laminar
         errors.append(abs(found.gradient * duct_mean(width, depth) - 1.0))
-        y, z = (one.ravel() for one in np.meshgrid(*(middles(ends) for ends in found.ends), indexing="ij"))
+        y, z = (
+            one.ravel()
+            for one in np.meshgrid(*(middles(ends) for ends in found.ends), indexing="ij")
+        )
         exact = duct_speed(y, z, width, depth)
         assert np.abs(found.values[0].ravel() - exact).max() < 0.006 * exact.max()
     print(half_width, errors)
     assert errors[1] < 1.2e-3 and errors[0] / errors[1] > 3.0
 
 
-@pytest.mark.parametrize(("coarse", "near"), [(1.0, 0.015), pytest.param(0.5, 5e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("coarse", "near"), [(1.0, 0.015), pytest.param(0.5, 5e-3, marks=pytest.mark.slow)]
+)
 def test_amid_a_wide_duct_the_flow_is_that_between_planes(coarse, near):
     """At one Re_tau of the middle: mean speed of finite volumes in one dimension, and k at half the depth."""
     found = developed_duct(1.1e4, 8.0, coarse)
@@ -80,7 +89,9 @@ def test_amid_a_wide_duct_the_flow_is_that_between_planes(coarse, near):
     assert np.interp(0.5, heights, np.exp(log_k)) / u**2 == pytest.approx(k, rel=near)
 
 
-@pytest.mark.parametrize(("coarse", "near"), [(1.0, 0.015), pytest.param(0.5, 5e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("coarse", "near"), [(1.0, 0.015), pytest.param(0.5, 5e-3, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("side", [0.0, 0.05])
 def test_amid_a_wide_duct_over_sand_the_flow_is_that_over_a_rough_plane(side, coarse, near):
     """At the discharge of the middle: speeds, ln k and ln omega of finite volumes in one dimension, and u*.
@@ -93,7 +104,9 @@ def test_amid_a_wide_duct_over_sand_the_flow_is_that_over_a_rough_plane(side, co
     u = mean / plane.mean
     assert found.stresses[1][-1] == pytest.approx(u**2, rel=0.4 * near)
     z, y = np.geomspace(1e-3, 1.0, 20), np.full(20, 8.0)
-    assert found.speed(y, z) == pytest.approx(u * np.interp(z, plane.heights, plane.speed), rel=near)
+    assert found.speed(y, z) == pytest.approx(
+        u * np.interp(z, plane.heights, plane.speed), rel=near
+    )
     log_k = np.interp(z, plane.heights, plane.log_k) + 2.0 * np.log(u)
     log_omega = np.interp(z, plane.heights, plane.log_omega) + np.log(u)
     assert np.abs(found.logarithms(y, z) - [log_k, log_omega]).max() < near
@@ -115,7 +128,9 @@ def test_rough_square_ducts_bear_by_nikuradses_law(reynolds):
     side, floor = found.shear_velocities
     print(reynolds, side, floor)
     assert side == pytest.approx(floor, rel=1e-9)
-    assert found.shear_velocity == pytest.approx(8.0**-0.5 / (2.0 * np.log10(37.0 * 2.0)), rel=0.015)
+    assert found.shear_velocity == pytest.approx(
+        8.0**-0.5 / (2.0 * np.log10(37.0 * 2.0)), rel=0.015
+    )
 
 
 def test_a_stream_from_a_rough_bed_onto_a_smooth_one_comes_between_smooth_sides():
@@ -150,7 +165,9 @@ def test_a_stream_from_a_rough_bed_onto_a_smooth_one_comes_between_smooth_sides(
 @pytest.mark.slow
 def test_volumes_converge_at_second_order():
     """u* of a square duct at Re 100,000 by its width, on volumes 2, 1 and 1/2 times as large."""
-    coarse, usual, fine = (developed_duct(5e4, SQUARE, size).shear_velocity for size in (2.0, 1.0, 0.5))
+    coarse, usual, fine = (
+        developed_duct(5e4, SQUARE, size).shear_velocity for size in (2.0, 1.0, 0.5)
+    )
     print(coarse, usual, fine)
     assert (usual - coarse) / (fine - usual) > 3.5
     assert usual == pytest.approx(fine, rel=5e-4)
@@ -177,7 +194,10 @@ def test_friction_of_square_ducts(reynolds):
 def test_what_enters_is_what_was_found_and_next_to_walls_a_law():
     """At the volumes' middles the values themselves; nearer u = u*^2 z/nu, k as a power, omega by molecules."""
     found = developed_duct(5000.0, 0.8)
-    y, z = (one.ravel() for one in np.meshgrid(*(middles(ends)[1:] for ends in found.ends), indexing="ij"))
+    y, z = (
+        one.ravel()
+        for one in np.meshgrid(*(middles(ends)[1:] for ends in found.ends), indexing="ij")
+    )
     speed, log_k, log_omega = found.values[:, 1:, 1:].reshape(3, -1)
     assert found.speed(y, z) == pytest.approx(speed, rel=1e-9)
     assert found.logarithms(y, z) == pytest.approx(np.array([log_k, log_omega]), abs=1e-9)
@@ -196,10 +216,18 @@ def test_a_duct_to_the_wall_has_thin_cells_at_its_sides_and_lets_in_the_develope
     duct = Domain(length=8, height=1, width=1.6, origin=(0, -0.5, 2), sides="wall")
     fluid, numerics = Fluid(reynolds=2e4, scale="flow"), Numerics(order=2, mesh_size=2.0)
     scene = channel(
-        domain=duct, flow=flow, fluid=fluid, numerics=numerics, turbulence=Turbulence(model="k-omega-sst")
+        domain=duct,
+        flow=flow,
+        fluid=fluid,
+        numerics=numerics,
+        turbulence=Turbulence(model="k-omega-sst"),
     )
     setup, plan = Setup(scene), make_plan(scene)
-    walls, found, open_top = setup.resolved_walls, lay_out(setup, plan).shape, flow.kind == "open-channel"
+    walls, found, open_top = (
+        setup.resolved_walls,
+        lay_out(setup, plan).shape,
+        flow.kind == "open-channel",
+    )
     assert walls.names == ("bottom", *(() if open_top else ("top",)), "left")
     assert walls.depth == (1.0 if open_top else 0.5) and walls.reach == min(walls.depth, 0.8)
     assert any("no secondary flow" in line for line in plan.warnings)
@@ -229,5 +257,7 @@ def test_a_duct_to_the_wall_has_thin_cells_at_its_sides_and_lets_in_the_develope
     assert walls.shear_velocity**2 * wetted == pytest.approx(gradient, rel=1e-9)
     near = 0.1 * walls.first
     slope = walls.velocity(np.array([[0.0], [0.3], [2.0 + near]]), 0.0)[0, 0] / near
-    assert setup.bed_stress() == pytest.approx(walls.viscosity * slope, rel=0.02)  # in the middle of the bed
+    assert setup.bed_stress() == pytest.approx(
+        walls.viscosity * slope, rel=0.02
+    )  # in the middle of the bed
     assert calibration.kind(scene) == "steady in space with turbulence to the wall and to the sides"

@@ -34,7 +34,11 @@ NOT_KEYS = {
     "svg",
     "log",
 }  # endings of files
-MADE = {"reference/scene.md", "reference/commands.md", "reference/python.md"}  # by docs/reference.py
+MADE = {
+    "reference/scene.md",
+    "reference/commands.md",
+    "reference/python.md",
+}  # by docs/reference.py
 of_every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
@@ -81,7 +85,11 @@ def test_commands_are_taken(page: Path) -> None:
 def test_keys_exist(page: Path) -> None:
     """Whatever is written in code as section.key is a key of that section, or a module."""
     code = re.findall(r"`([^`\n]+)`", page.read_text())
-    named = {pair for text in code for pair in re.findall(r"(?<![\w./])([a-z]+)\.([a-z_]+)\b(?!\()", text)}
+    named = {
+        pair
+        for text in code
+        for pair in re.findall(r"(?<![\w./])([a-z]+)\.([a-z_]+)\b(?!\()", text)
+    }
     modules = {(path.parent.name, path.stem) for path in (ROOT / "incipient").rglob("*.py")}
     others = OTHER_KEYS.get(page.name, {})
     assert not {
@@ -109,8 +117,12 @@ def test_named_files_exist(page: Path) -> None:
 
 
 def test_the_navigation_names_pages_that_exist() -> None:
-    named = set(re.findall(r"^ *- (?:[^:\n]+: )?([\w/]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M))
-    assert len(named) > 20 and not {name for name in named - MADE if not (ROOT / "docs" / name).exists()}
+    named = set(
+        re.findall(r"^ *- (?:[^:\n]+: )?([\w/]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M)
+    )
+    assert len(named) > 20 and not {
+        name for name in named - MADE if not (ROOT / "docs" / name).exists()
+    }
 
 
 def test_the_page_on_python_says_what_calls_take_and_fields_are() -> None:
@@ -118,7 +130,10 @@ def test_the_page_on_python_says_what_calls_take_and_fields_are() -> None:
     pytest.importorskip("mkdocs")
     page = importlib.import_module("reference").python_page()
     assert not re.search(r"<class|<function|numpy\.dtype|\bat 0x", page)
-    assert "load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = None) -> Scene" in page
+    assert (
+        "load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = None) -> Scene"
+        in page
+    )
     plan = page.partition("### `Plan`")[2].partition("### ")[0]
     assert "- `warnings`: what in the scene makes the result less sure, in words" in plan
     assert "- `sought`: What mesh and order are chosen for by the run" in plan
@@ -128,7 +143,9 @@ def test_the_gallery_has_every_demo() -> None:
     """The scripts, the scenes and the cases, as far as they are not shown by another."""
     said = (ROOT / "docs" / "gallery.md").read_text()
     demos = [
-        path for folder in ("", "scenes", "cases") for path in (ROOT / "demos" / folder).glob("*.[pt][yo]*")
+        path
+        for folder in ("", "scenes", "cases")
+        for path in (ROOT / "demos" / folder).glob("*.[pt][yo]*")
     ]
     assert len(demos) > 30
     assert not [path for path in demos if path.stem.rstrip("_1234") not in said]

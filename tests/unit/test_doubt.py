@@ -97,18 +97,28 @@ def test_corrections_against_upwinding_that_do_not_settle_are_a_doubt() -> None:
 def test_nothing_is_certain_in_doubt(doubt: str) -> None:
     scene = loads(commented(grain_on_bed()), overrides=["contact.friction=5", "body.density=9"])
     run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
-    force = Forces(np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0]))
-    bars = with_safety(ErrorBars((term(doubt),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO))
+    force = Forces(
+        np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0])
+    )
+    bars = with_safety(
+        ErrorBars((term(doubt),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+    )
     assert bars.safety is not None
-    sure = with_safety(ErrorBars((term(),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)).safety
+    sure = with_safety(
+        ErrorBars((term(),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+    ).safety
     assert sure is not None and sure.certain
     assert bars.safety.certain == (not doubt)
     assert bars.safety.decisive == "discretisation"
-    assert any("more than twice as large: for a reason" in line for line in bars.lines()) == bool(doubt)
+    assert any("more than twice as large: for a reason" in line for line in bars.lines()) == bool(
+        doubt
+    )
 
 
 def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
-    search: Any = SimpleNamespace(numerics=SimpleNamespace(accuracy=0.1), suited=None, met=None, reason="")
+    search: Any = SimpleNamespace(
+        numerics=SimpleNamespace(accuracy=0.1), suited=None, met=None, reason=""
+    )
     AccuracySearch.conclude(search, 0.05, "for a reason")
     assert not search.met and search.reason == "not known to be reached: for a reason"
     AccuracySearch.conclude(search, 0.05)
@@ -154,7 +164,10 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
     """
     shear, _, _ = SPHERE.partition("[flow]")
     stream = (
-        shear.replace("200.0", "100.0").replace("16.0", "24.0").replace("10.0", "16.0").replace("8.0", "16.0")
+        shear.replace("200.0", "100.0")
+        .replace("16.0", "24.0")
+        .replace("10.0", "16.0")
+        .replace("8.0", "16.0")
     )
     scene = loads(
         f"{stream}[flow]\nkind = 'uniform'\n[body]\nshape = 'sphere'\ndiameter = 1.0\ncentre = [8.0, 8.0, 8.0]\n"

@@ -29,7 +29,11 @@ CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
 # Force and couple of a disc on a bed in a domain of 12 x 6, cells of half the default size in elements of order
 # four, improved by the estimate: see docs/accuracy.md. In Stokes flow the same.
 ON_BED = {True: (1.507031, 0.809692, -0.1948145), False: (0.38955958, 0.00290848, -0.09471539)}
-EXAMPLE = (1.354864, 0.718549, -0.1787733)  # of the example scene, by cells of a quarter of the default size
+EXAMPLE = (
+    1.354864,
+    0.718549,
+    -0.1787733,
+)  # of the example scene, by cells of a quarter of the default size
 SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
@@ -97,7 +101,8 @@ def readings(fluid: Fluid) -> dict[str, Any]:
 def test_effectivity_on_the_cylinder(order: int, mesh_size: float) -> None:
     """Estimated over true error of drag and lift of DFG 2D-1."""
     scene = changed(
-        load(DEMOS / "cylinder.toml"), numerics={"order": order, "mesh_size": mesh_size, "tolerance": 1e-10}
+        load(DEMOS / "cylinder.toml"),
+        numerics={"order": order, "mesh_size": mesh_size, "tolerance": 1e-10},
     )
     found = solved(scene)
     effectivity = found["estimate"][:2] / (found["load"][:2] - CYLINDER)
@@ -122,7 +127,11 @@ def test_effectivity_on_the_bed(order: int, mesh_size: float, inertia: bool) -> 
     numerics = {"order": order, "mesh_size": mesh_size}
     domain = {"length": 12.0, "height": 6.0}
     scene = changed(
-        grain_on_bed(), domain=domain, body={"x": 4.0}, numerics=numerics, fluid={"inertia": inertia}
+        grain_on_bed(),
+        domain=domain,
+        body={"x": 4.0},
+        numerics=numerics,
+        fluid={"inertia": inertia},
     )
     found = solved(scene)
     effectivity = found["estimate"] / (found["load"] - np.array(ON_BED[inertia]))
@@ -139,7 +148,8 @@ def test_effectivity_in_a_wide_domain(order: int, mesh_size: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("reynolds", "inertia"), [pytest.param(20.0, True, marks=pytest.mark.slow), (20.0, False), (100.0, True)]
+    ("reynolds", "inertia"),
+    [pytest.param(20.0, True, marks=pytest.mark.slow), (20.0, False), (100.0, True)],
 )
 def test_effectivity_in_a_cavity(reynolds: float, inertia: bool) -> None:
     """Straight walls and corners: the errors are those of a much finer run, whose own estimate improves it."""

@@ -42,12 +42,16 @@ def test_thin_high_blades():
     P. Luchini, F. Manzo & A. Pozzi (1991), Resistance of a grooved surface to parallel flow and cross-flow, JFM 228.
     Mirrored at its ends the polyline is such a row of blades.
     """
-    blade = polyline.Polyline([(0, 0), (0.4975, 0), (0.49751, 2), (0.50249, 2), (0.5025, 0), (1, 0)])
+    blade = polyline.Polyline(
+        [(0, 0), (0.4975, 0), (0.49751, 2), (0.50249, 2), (0.5025, 0), (1, 0)]
+    )
     assert 2.0 - effective_level(blade, 0.0, 1.0) == pytest.approx(0.0882, rel=0.03)
 
 
 def test_where_a_bed_begins_does_not_matter():
-    rows = [bed.HalfDiscs(0.5, 1.2, offset, base) for offset, base in ((0, 0), (0.7, 0), (1e4, 1e3))]
+    rows = [
+        bed.HalfDiscs(0.5, 1.2, offset, base) for offset, base in ((0, 0), (0.7, 0), (1e4, 1e3))
+    ]
     assert len({effective_level(row, 0.0, 12.0) for row in rows}) == 1
     heights = [(0.3 * k, 0.2 * (k % 2)) for k in range(41)]
     teeth = [effective_level(polyline.Polyline(heights, base), 0.0, 12.0) for base in (0.0, 5.0)]
@@ -67,25 +71,39 @@ def test_between_base_and_crests(spacing):
 @pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)
 def test_against_finite_elements(forms, reynolds, height, error):
     """With inertia within the uncertainty that is said; without the panels' error."""
-    found = Setup(scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"})).base_flow.effective_height
+    found = Setup(
+        scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"})
+    ).base_flow.effective_height
     assert found.height == pytest.approx(height, abs=error or found.uncertainty)
     assert found.height >= found.creeping
 
 
 def test_the_datum_is_the_effective_height_where_a_stream_shears_a_row_of_forms():
     row = HalfDiscs(radius=0.5, spacing=1.2)
-    assert Setup(scene(bed=row)).base_flow.datum == Setup(scene(bed=row)).base_flow.effective_height.height
+    assert (
+        Setup(scene(bed=row)).base_flow.datum
+        == Setup(scene(bed=row)).base_flow.effective_height.height
+    )
     slow = {"reynolds": 20, "scale": "grain", "inertia": False}
     assert Setup(scene(bed=row, fluid=slow)).base_flow.datum == pytest.approx(0.4468, abs=1e-4)
     between_walls = scene(bed=row, flow=Poiseuille(velocity=1.0))  # sheared at 6 V over the depth
-    same = scene(bed=row, flow=Shear(rate=6 / 5.5), fluid={"reynolds": 20 * 6 / 5.5, "scale": "grain"})
-    assert Setup(between_walls).base_flow.datum == pytest.approx(Setup(same).base_flow.datum, rel=1e-12)
-    for crests in ({"flow": Uniform()}, {"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)}):
+    same = scene(
+        bed=row, flow=Shear(rate=6 / 5.5), fluid={"reynolds": 20 * 6 / 5.5, "scale": "grain"}
+    )
+    assert Setup(between_walls).base_flow.datum == pytest.approx(
+        Setup(same).base_flow.datum, rel=1e-12
+    )
+    for crests in (
+        {"flow": Uniform()},
+        {"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)},
+    ):
         assert Setup(scene(**{"bed": row, **crests})).base_flow.datum == pytest.approx(0.5)
     points = [(0.6 * k, 0.5 * (k % 2)) for k in range(21)]
     assert Setup(scene(bed=Polyline(points=points))).base_flow.datum == 0.5
     assert (
-        0.3 < Setup(scene(bed=Polyline(points=points), flow=Shear(datum="effective"))).base_flow.datum < 0.5
+        0.3
+        < Setup(scene(bed=Polyline(points=points), flow=Shear(datum="effective"))).base_flow.datum
+        < 0.5
     )
 
 

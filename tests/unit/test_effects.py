@@ -69,7 +69,9 @@ def at(reynolds, **changes):
 
 def test_every_effect_is_decided_once_and_written_by_its_name():
     """Readers of results know effects by these names."""
-    names = [one["name"] for one in json.loads(json.dumps(make_plan(scene(**FREE)).to_dict()))["effects"]]
+    names = [
+        one["name"] for one in json.loads(json.dumps(make_plan(scene(**FREE)).to_dict()))["effects"]
+    ]
     assert sorted(names) == sorted(EffectName) and len(names) == 11
     assert {"inertia", "moving mesh", "free body", "third dimension"} < set(names)
 
@@ -86,7 +88,9 @@ def test_heights_are_counted_along_the_last_axis():
     """Gravity on a level bed points down, the undisturbed shear grows upwards; both have a component an axis."""
     level = scene()
     assert level.up == level.gdim - 1
-    assert level.gravity_vector.tolist() == [-10.0 * (axis == level.up) for axis in range(level.gdim)]
+    assert level.gravity_vector.tolist() == [
+        -10.0 * (axis == level.up) for axis in range(level.gdim)
+    ]
     places = np.zeros((3, 2))
     places[level.up] = [0.5, 1.0]
     assert Setup(level).base_flow.velocity(places, 0.0).tolist() == [[0.5, 1.0], [0.0, 0.0]]
@@ -134,12 +138,19 @@ def test_a_grain_in_the_open_feels_inertia_as_far_as_the_next_wall():
 
 def test_flows_that_are_not_parallel_count_on_their_own_scale():
     """A small grain in a large cavity: inertia bends the flow that it meets."""
-    box = {"domain": Domain(kind="box", length=40, height=40), "flow": Lid(), "bed": None, "contact": None}
+    box = {
+        "domain": Domain(kind="box", length=40, height=40),
+        "flow": Lid(),
+        "bed": None,
+        "contact": None,
+    }
     held = Disc(diameter=0.01, centre=(20, 20))
     assert at(0.001, **box, body=held).present
     ripples = Sinusoidal(amplitude=0.5, wavelength=4)
     flat, rippled = (numbers_of(Setup(scene(bed=bed))).bed_reynolds for bed in (Flat(), ripples))
-    assert flat is None and rippled == pytest.approx(20.0, rel=0.01)  # speed 1 at height 1, viscosity 1/20
+    assert flat is None and rippled == pytest.approx(
+        20.0, rel=0.01
+    )  # speed 1 at height 1, viscosity 1/20
 
 
 def test_the_reynolds_number_is_that_of_the_speed_at_the_grain():
@@ -177,12 +188,19 @@ def test_a_stream_that_oscillates_slowly_around_a_held_grain():
 
 
 def test_quasi_steady_flow_has_no_scheme_of_its_own():
-    plan = make_plan(scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False)))
+    plan = make_plan(
+        scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False))
+    )
     assert plan.scheme == "quasi-steady" and not plan.has(EffectName.UNSTEADINESS)
 
 
 def test_a_steady_flow_that_may_shed_vortices():
-    held = {"body": Disc(diameter=1, centre=(4, 3)), "bed": None, "contact": None, "flow": Uniform()}
+    held = {
+        "body": Disc(diameter=1, centre=(4, 3)),
+        "bed": None,
+        "contact": None,
+        "flow": Uniform(),
+    }
     fast = Fluid(reynolds=60, scale="grain")
     assert "sheds vortices from 46 on" in effect("unsteadiness", **held, fluid=fast).reason
     assert effect("unsteadiness", **held).reason == "no [time] section"
@@ -192,12 +210,17 @@ def test_a_steady_flow_that_may_shed_vortices():
 def test_gravity_is_left_out_where_that_is_said():
     assert effect("gravity").present
     without = scene(effects=Effects(gravity=False))
-    assert not make_plan(without).has(EffectName.GRAVITY) and abs(without.gravity_vector).max() == 0.0
+    assert (
+        not make_plan(without).has(EffectName.GRAVITY) and abs(without.gravity_vector).max() == 0.0
+    )
 
 
 def test_contact_is_left_out_where_that_is_said():
     assert effect("contact").present
-    assert effect("contact", effects=Effects(contact=False)).reason == "effects.contact = false: no verdict"
+    assert (
+        effect("contact", effects=Effects(contact=False)).reason
+        == "effects.contact = false: no verdict"
+    )
 
 
 @pytest.mark.parametrize("settle", [True, False])
@@ -227,16 +250,25 @@ def test_a_rigid_lid_in_place_of_a_surface():
 
 def test_channels_that_may_be_turbulent():
     fast = Fluid(reynolds=2000, scale="flow")
-    assert "may be turbulent from 1300 on" in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
+    assert (
+        "may be turbulent from 1300 on"
+        in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
+    )
     assert effect("turbulence", flow=Poiseuille()).reason == "only with effects.turbulence = true"
     # Half of a channel between walls, with half its height.
     found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
     assert "may be turbulent from 650 on" in found.reason
     assert found.reason.endswith('else take a mean profile, flow.kind = "log-law"')
     # Along a plate twice as long as the domain is high.
-    layers = [effect("turbulence", flow=Uniform(), fluid=Fluid(reynolds=r, scale="flow")) for r in (2e5, 3e5)]
+    layers = [
+        effect("turbulence", flow=Uniform(), fluid=Fluid(reynolds=r, scale="flow"))
+        for r in (2e5, 3e5)
+    ]
     assert layers[0].reason == "only with effects.turbulence = true"
-    assert "Re of the length 6e+05: boundary layers may be turbulent from 500000 on" in layers[1].reason
+    assert (
+        "Re of the length 6e+05: boundary layers may be turbulent from 500000 on"
+        in layers[1].reason
+    )
     # Endless shear: the domain's height says nothing of its depth.
     assert effect("turbulence", fluid=fast).reason == "only with effects.turbulence = true"
 
@@ -258,7 +290,8 @@ def test_auto_is_the_default_and_one_word():
     assert found.effects == Effects()
     assert loads(dumps(found)) == found
     some = loads(
-        plain.replace("auto", "x") + '[flow]\nkind = "shear"\n', overrides=["effects={inertia=false}"]
+        plain.replace("auto", "x") + '[flow]\nkind = "shear"\n',
+        overrides=["effects={inertia=false}"],
     )
     assert some.effects == Effects(inertia=False)
 
@@ -270,7 +303,10 @@ def test_auto_is_the_default_and_one_word():
             {"unsteadiness": True},
             "unsteadiness: is true but without [time] the flow is steady; add a section",
         ),
-        ({"free_body": True}, 'free_body: is true but body.motion = "fixed"; set body.motion = "free"'),
+        (
+            {"free_body": True},
+            'free_body: is true but body.motion = "fixed"; set body.motion = "free"',
+        ),
         (
             {"moving_mesh": True},
             'moving_mesh: is true but body.motion = "fixed"; set body.motion = "free" or',

@@ -137,7 +137,8 @@ def test_without_stations_there_are_a_few(text, places):
 
 def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
     assert (
-        "until the error of the elevation (of discretisation) is below 0.01" in make_plan(loads(WAVE)).text()
+        "until the error of the elevation (of discretisation) is below 0.01"
+        in make_plan(loads(WAVE)).text()
     )
 
 
@@ -175,7 +176,9 @@ def test_an_elevation_needs_a_surface():
         .replace("elevation =", "#")
     )
     text = text.replace("accuracy = 0.01", 'accuracy = 0.01\naccuracy_of = "elevation"')
-    text = text.replace("[time]", '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n[time]')
+    text = text.replace(
+        "[time]", '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n[time]'
+    )
     assert 'numerics.accuracy_of: "elevation" needs a free surface but there is none' in message(
         lambda: loads(text)
     )
@@ -219,10 +222,17 @@ WAVES = "wave = {amplitude = 0.01, period = 5.0}\nsponge"
         (CHANNEL.replace("sponge", WAVES), -1.0, 18.0, 6.0),
         (CHANNEL.replace("sponge", 'inflow = "0.1*sin(t)"\nsponge'), -1.0, 18.0, 6.0),
         # The flow comes in over the same place of the bed: three periods of 2.5 are the next above 6.
-        (CHANNEL + '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 2.5\n', -8.5, 19.5, 4.0),
+        (
+            CHANNEL + '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 2.5\n',
+            -8.5,
+            19.5,
+            4.0,
+        ),
     ],
 )
-def test_the_end_of_a_channel_moves_away_at_which_nothing_is_asked_for(text, origin, length, sponge):
+def test_the_end_of_a_channel_moves_away_at_which_nothing_is_asked_for(
+    text, origin, length, sponge
+):
     longer = farther(loads(text))
     assert (longer.domain.origin, longer.domain.length) == ((origin, 0.0), length)
     assert longer.surface.sponge == pytest.approx(sponge)

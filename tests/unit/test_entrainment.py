@@ -122,7 +122,9 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     assert twice.scene.gusts is not None
     itself = Stream(twice, twice.scene.gusts)
     for name in ("microscale", "integral_time"):
-        assert getattr(stream, name)(2.0) == pytest.approx(0.5 * getattr(itself, name)(1.0), rel=1e-9)
+        assert getattr(stream, name)(2.0) == pytest.approx(
+            0.5 * getattr(itself, name)(1.0), rel=1e-9
+        )
 
 
 @pytest.mark.parametrize("intensity", ["model", "near-wall"])
@@ -180,7 +182,9 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
     )
     stream = Stream(setup, gusts)
     assert stream.speed == pytest.approx(speed, rel=0.01)
-    assert stream.intensity(1.0) == pytest.approx(np.sqrt(2.0 / 3.0 * energy) * unit / speed, rel=0.02)
+    assert stream.intensity(1.0) == pytest.approx(
+        np.sqrt(2.0 / 3.0 * energy) * unit / speed, rel=0.02
+    )
     assert 0.1 < stream.intensity(1.0) < 0.5
 
 
@@ -252,7 +256,11 @@ class TestAcceleration:
         contacts = Contacts(0.5 * normals, normals)
         weight = np.array([0.0, -1.0, 0.0])
         push = np.array(
-            [safety_factor(Load([1.0, 0, 0], [0, 0, 0], weight, [0, 0, 0]), contacts, 0.3).value, 0, 0]
+            [
+                safety_factor(Load([1.0, 0, 0], [0, 0, 0], weight, [0, 0, 0]), contacts, 0.3).value,
+                0,
+                0,
+            ]
         )
         load = Load(push, [0, 0, 0], weight, [0, 0, 0])
         growth = np.concatenate([0.4 * push, np.zeros(3)])
@@ -260,7 +268,9 @@ class TestAcceleration:
         assert critical.at(0.0, relative=False) == pytest.approx(2.0, rel=1e-6)
         # (x/2)^2 + 0.4 = 1, and (x/2)^2 + 0.4 x = 1.
         assert critical.at(1.0, relative=False) == pytest.approx(2.0 * math.sqrt(0.6), rel=1e-6)
-        assert critical.at(1.0, relative=True) == pytest.approx(2.0 * (math.sqrt(1.16) - 0.4), rel=1e-6)
+        assert critical.at(1.0, relative=True) == pytest.approx(
+            2.0 * (math.sqrt(1.16) - 0.4), rel=1e-6
+        )
 
 
 @pytest.mark.parametrize(
@@ -268,7 +278,10 @@ class TestAcceleration:
     [
         ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
         ('law = "events"\npoints = [POINTS]', "gusts.record: is missing"),
-        ('law = "events"\nrecord = 10.0\npoints = [POINTS]', "gusts.record: is 10, less than the 20"),
+        (
+            'law = "events"\nrecord = 10.0\npoints = [POINTS]',
+            "gusts.record: is 10, less than the 20",
+        ),
         ('law = "events"\nrecord = 100.0\nintensity = 0.3\npoints = [POINTS]', "gusts.intensity"),
         ("intensity = 0.3\nrecord = 100.0", "gusts.record: is read only with"),
         (
@@ -286,9 +299,15 @@ def test_events_that_are_wrong_are_refused_by_name(words: str, said: str) -> Non
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ('intensity = "nearwall"', 'is "nearwall"; give a number above zero, or "near-wall" or "model"'),
+        (
+            'intensity = "nearwall"',
+            'is "nearwall"; give a number above zero, or "near-wall" or "model"',
+        ),
         ("intensity = 0", 'is 0; give a number above zero, or "near-wall" or "model"'),
-        ('intensity = 0.3\nmicroscale = "modell"', 'is "modell"; give a number above zero, or "model"'),
+        (
+            'intensity = 0.3\nmicroscale = "modell"',
+            'is "modell"; give a number above zero, or "model"',
+        ),
     ],
 )
 def test_words_that_are_not_known_are_told_with_those_that_are(words: str, said: str) -> None:
@@ -314,7 +333,9 @@ class TestEntrainment:
     def test_mean_flows_are_the_critical_one_over_the_levels(self, found: Entrainment) -> None:
         levels = [2.37282, 1.89617, 1.55236, 0.95783]  # see test_laws_of_gusts.py
         strengths = [one.strength for one in found.quantiles]
-        assert strengths == pytest.approx([found.threshold.factor / level for level in levels], rel=1e-5)
+        assert strengths == pytest.approx(
+            [found.threshold.factor / level for level in levels], rel=1e-5
+        )
         # The stress of a laminar shear goes with its strength.
         for one in found.quantiles:
             assert one.shields / found.threshold.shields == pytest.approx(
@@ -325,7 +346,9 @@ class TestEntrainment:
         first = found.quantiles[0]
         bars = found.threshold.bars
         assert bars is not None
-        share = max(bars.high, 2.0 * found.threshold.factor - bars.low) / found.threshold.factor - 1.0
+        share = (
+            max(bars.high, 2.0 * found.threshold.factor - bars.low) / found.threshold.factor - 1.0
+        )
         assert first.terms["flow"] == pytest.approx(first.shields * share, rel=0.05)
         # The normal law needs a flow stronger by 2.37282/1.92707.
         assert first.terms["law of fluctuations"] == pytest.approx(
@@ -337,23 +360,35 @@ class TestEntrainment:
         probabilities = [one.probability for one in found.curve]
         assert probabilities == sorted(probabilities)
         own = found.scene
-        assert own.probability == pytest.approx(Gaussian(0.3).exceeded(found.threshold.factor), rel=1e-9)
+        assert own.probability == pytest.approx(
+            Gaussian(0.3).exceeded(found.threshold.factor), rel=1e-9
+        )
         assert own.low <= own.probability <= own.high and own.rate is None
         # The normal law of the same intensity, far out less probable, is within the range.
-        assert own.low <= Gaussian(0.3, lognormal=False).exceeded(found.threshold.factor) < own.probability
+        assert (
+            own.low
+            <= Gaussian(0.3, lognormal=False).exceeded(found.threshold.factor)
+            < own.probability
+        )
 
     def motion(self, found: Entrainment, words: str, **changes: Any) -> Motion:
         """The motion of the disc by other gusts about the threshold that was found, or one that is changed."""
         scene = loads(POCKET.replace("intensity = 0.3", words))
         assert scene.gusts is not None
         return Motion(
-            scene.gusts, Stream(Setup(scene), scene.gusts), replace(found.threshold, **changes), None, 0.6
+            scene.gusts,
+            Stream(Setup(scene), scene.gusts),
+            replace(found.threshold, **changes),
+            None,
+            0.6,
         )
 
     def test_a_normal_law_that_does_not_reach_a_probability(self, found: Entrainment) -> None:
         """The factor is above zero with the probability of 1/I deviations: 0.977 at 0.5."""
         motion = self.motion(found, 'law = "normal"\nintensity = 0.5')
-        with pytest.raises(SceneError, match=r"probabilities: 0\.99 is not reached in any mean flow"):
+        with pytest.raises(
+            SceneError, match=r"probabilities: 0\.99 is not reached in any mean flow"
+        ):
             motion.strength(0.99)
         ended = motion.strength(0.99, clipped=True)
         assert ended == pytest.approx(10.0 * found.threshold.factor, rel=1e-6)
@@ -366,13 +401,19 @@ class TestEntrainment:
         times = np.arange(4000) * 0.25
         rows = ", ".join(f"[{t}, {1.0 + 2.0 * math.sin(t)}]" for t in times)
         motion = self.motion(found, f'law = "measured"\npoints = [{rows}]')
-        with pytest.raises(SceneError, match=r"probabilities: 0\.8 is not reached in any mean flow"):
+        with pytest.raises(
+            SceneError, match=r"probabilities: 0\.8 is not reached in any mean flow"
+        ):
             motion.strength(0.8)
-        assert motion.strength(0.8, clipped=True) == pytest.approx(10.0 * found.threshold.factor, rel=1e-3)
+        assert motion.strength(0.8, clipped=True) == pytest.approx(
+            10.0 * found.threshold.factor, rel=1e-3
+        )
 
     def test_a_threshold_without_an_upper_bound(self, found: Entrainment) -> None:
         assert found.threshold.bars is not None
-        motion = self.motion(found, "intensity = 0.3", bars=replace(found.threshold.bars, high=math.inf))
+        motion = self.motion(
+            found, "intensity = 0.3", bars=replace(found.threshold.bars, high=math.inf)
+        )
         assert motion.at(2.0).low == 0.0
         assert motion.quantile(0.01).terms["flow"] == math.inf
 
@@ -380,7 +421,9 @@ class TestEntrainment:
         """A hundred gusts for half a unit of time each, in 500: probabilities from 0.001 to 0.1."""
         rows = ", ".join(f"[{1.0 + 0.05 * k}, 0.5]" for k in range(1, 101))
         words = f'law = "events"\nrecord = 500.0\npoints = [{rows}]'
-        told = find_entrainment(Setup(loads(POCKET.replace("intensity = 0.3", words))), MPI.COMM_WORLD)
+        told = find_entrainment(
+            Setup(loads(POCKET.replace("intensity = 0.3", words))), MPI.COMM_WORLD
+        )
         assert [one.probability for one in told.quantiles] == [0.001, 0.01, 0.05]
         assert told.assumed[-1] == "left out, since the data cannot tell them: probabilities 0.5"
 
@@ -389,7 +432,9 @@ class TestEntrainment:
         scene = loads(POCKET + "microscale = 1000.0\n")
         assert scene.gusts is not None and scene.contact is not None
         growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
-        motion = Motion(scene.gusts, Stream(Setup(scene), scene.gusts), found.threshold, growth, 0.6)
+        motion = Motion(
+            scene.gusts, Stream(Setup(scene), scene.gusts), found.threshold, growth, 0.6
+        )
         assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)
 
     def test_scenes_that_lack_something(self) -> None:
@@ -397,7 +442,11 @@ class TestEntrainment:
         with pytest.raises(SceneError, match=r"gusts: is missing; add \[gusts\]"):
             find_entrainment(Setup(loads(text)), MPI.COMM_WORLD)
         shallow = POCKET.replace("intensity = 0.3", 'intensity = "near-wall"\ndepth = 0.01')
-        with pytest.raises(SceneError, match=r"gusts\.depth: is 0\.01, less than the grain's size of 1"):
+        with pytest.raises(
+            SceneError, match=r"gusts\.depth: is 0\.01, less than the grain's size of 1"
+        ):
             find_entrainment(Setup(loads(shallow)), MPI.COMM_WORLD)
-        with pytest.raises(SceneError, match="probabilities: give one or more, each between 0 and 1"):
+        with pytest.raises(
+            SceneError, match="probabilities: give one or more, each between 0 and 1"
+        ):
             find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD, probabilities=[1.5])

@@ -18,7 +18,9 @@ def entry():
     def velocity(x, t):
         return (1.0 + t) * x[1] * (2.0 - x[1])
 
-    return domain, Entry(domain, taylor_hood(domain.mesh, 2), Entering("left", 0, velocity, 0.4), ("bottom",))
+    return domain, Entry(
+        domain, taylor_hood(domain.mesh, 2), Entering("left", 0, velocity, 0.4), ("bottom",)
+    )
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.25, -0.5])
@@ -29,7 +31,9 @@ def test_the_discharge_is_that_through_the_end_as_it_was_made(entry, rise):
     assert made.influx == pytest.approx(1.5 * 2.0 / 3.0, rel=1e-14)
     on = compat.nodes_on(made.space, domain.facets_of("left"))
     height = made.space.tabulate_dof_coordinates()[on, 1] / (1.0 + rise)
-    assert made.values.x.array[on] == pytest.approx(1.5 / (1.0 + rise) * height * (2.0 - height), abs=1e-14)
+    assert made.values.x.array[on] == pytest.approx(
+        1.5 / (1.0 + rise) * height * (2.0 - height), abs=1e-14
+    )
 
 
 def test_a_profile_whose_discharge_vanishes_is_stretched_likewise(entry):

@@ -11,7 +11,12 @@ import pytest
 from scipy.optimize import linprog
 
 from incipient.contact import Contacts, Load, equilibrium
-from incipient.contact.equilibrium import ConeState, SafetyStatus, safety_factor, safety_over_direction
+from incipient.contact.equilibrium import (
+    ConeState,
+    SafetyStatus,
+    safety_factor,
+    safety_over_direction,
+)
 from incipient.errors import SceneError
 
 DOWN = [0.0, -1.0, 0.0]
@@ -39,7 +44,9 @@ def box(slope, force, half_base=1.0, height=0.5):
 def pocket(angle, other=None, radius=0.5):
     """Contacts of a disc about the origin in a pocket: normals at angles to either side of down."""
     other = angle if other is None else other
-    normals = np.array([[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(other), -np.cos(other), 0.0]])
+    normals = np.array(
+        [[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(other), -np.cos(other), 0.0]]
+    )
     return Contacts(radius * normals, normals)
 
 
@@ -51,13 +58,17 @@ def spheres(count, spacing, grain=0.5, bed=0.5):
     sine = spacing / (2.0 * math.sin(math.pi / count)) / (grain + bed)
     cosine = math.sqrt(1.0 - sine**2)
     around = 2.0 * np.pi * np.arange(count) / count
-    normals = np.column_stack([sine * np.cos(around), sine * np.sin(around), np.full(count, -cosine)])
+    normals = np.column_stack(
+        [sine * np.cos(around), sine * np.sin(around), np.full(count, -cosine)]
+    )
     return Contacts(grain * normals, normals), sine, cosine
 
 
 def wedge(half_angle):
     """A wedge driven into a slot: its sides at an angle to the vertical, a contact on each, the load between."""
-    normals = np.array([[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)])
+    normals = np.array(
+        [[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)]
+    )
     return Contacts([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], normals)
 
 
@@ -70,7 +81,12 @@ def balanced(result, acting, contacts, friction):
     shear = np.linalg.norm(forces + normal[:, None] * contacts.normals, axis=1)
     scale = 1e-10 * max(1.0, np.abs(forces).max())
     return (
-        max(np.abs(force).max(), np.abs(couple).max(), (shear - friction * normal).max(), -normal.min())
+        max(
+            np.abs(force).max(),
+            np.abs(couple).max(),
+            (shear - friction * normal).max(),
+            -normal.min(),
+        )
         <= scale
     )
 
@@ -199,7 +215,9 @@ class TestSphereOnSpheres:
         assert result.status is SafetyStatus.CRITICAL
         assert balanced(result, acting, contacts, friction)
 
-    @pytest.mark.parametrize(("count", "expected"), [(3, 0.5 / math.sqrt(2.0)), (4, 1.0 / math.sqrt(2.0))])
+    @pytest.mark.parametrize(
+        ("count", "expected"), [(3, 0.5 / math.sqrt(2.0)), (4, 1.0 / math.sqrt(2.0))]
+    )
     def test_equal_touching_spheres(self, count, expected):
         # Three: tan(theta) = 1/sqrt(2), through the gap half of it. Four: tan(theta) = 1, through the gap 1/sqrt(2).
         contacts, _, _ = spheres(count, 1.0)
@@ -266,7 +284,10 @@ class TestLadder:
         assert result.value == pytest.approx((k - 0.5) / (place - k), rel=1e-12)
         assert result.contact_states == (ConeState.EDGE, ConeState.EDGE)
         # Below k the ladder carries anyone.
-        assert safety_factor(*self.ladder(angle, 1.0, 0.99 * k), friction).status is SafetyStatus.UNLIMITED
+        assert (
+            safety_factor(*self.ladder(angle, 1.0, 0.99 * k), friction).status
+            is SafetyStatus.UNLIMITED
+        )
 
 
 class TestSphereOnAPlane:
@@ -306,7 +327,11 @@ class TestWedge:
     @pytest.mark.parametrize("way", [(0.0, 1.0), (0.0, -1.0), (0.3, 0.9)])
     def test_jams_below_the_friction_angle(self, way):
         result = safety_factor(load(way), wedge(math.atan(0.5) - 1e-6), 0.5)
-        assert (result.value, result.status, result.jams) == (math.inf, SafetyStatus.UNLIMITED, True)
+        assert (result.value, result.status, result.jams) == (
+            math.inf,
+            SafetyStatus.UNLIMITED,
+            True,
+        )
         assert result.factor == 1.0
         assert balanced(result, load(way), wedge(math.atan(0.5) - 1e-6), 0.5)
 
@@ -337,7 +362,9 @@ class TestSpecialLoads:
         assert (result.value, result.status) == (math.inf, SafetyStatus.NO_FLOW)
         # Frictionless: N = W / (2 cos) each.
         normal = (
-            0.5 / math.cos(0.5) * np.array([[math.sin(0.5), math.cos(0.5)], [-math.sin(0.5), math.cos(0.5)]])
+            0.5
+            / math.cos(0.5)
+            * np.array([[math.sin(0.5), math.cos(0.5)], [-math.sin(0.5), math.cos(0.5)]])
         )
         assert result.contact_forces[:, :2] == pytest.approx(normal)
 
@@ -374,14 +401,18 @@ class TestSpecialLoads:
         acting, contacts = box(0.0, [0.29, 0.0, -1.0], height=0.01)
         assert safety_factor(acting, contacts, 0.3).value == math.inf
         acting, contacts = box(0.0, [0.31, 0.0, -1.0], height=0.01)
-        assert safety_factor(acting, contacts, 0.3).value == pytest.approx(0.3 / (0.31 - 0.3), rel=1e-7)
+        assert safety_factor(acting, contacts, 0.3).value == pytest.approx(
+            0.3 / (0.31 - 0.3), rel=1e-7
+        )
 
     @pytest.mark.parametrize("friction", [1e3, 1e5, 1e7, math.inf])
     def test_huge_friction(self, friction):
         # Only toppling is left: s F height = W half base.
         acting, contacts = box(0.0, [1.0, 0.0, 0.0], height=2.0)
         assert safety_factor(acting, contacts, friction).value == pytest.approx(0.5, rel=1e-6)
-        assert safety_factor(*block(0.0, height=2.0), friction).value == pytest.approx(0.5, rel=1e-8)
+        assert safety_factor(*block(0.0, height=2.0), friction).value == pytest.approx(
+            0.5, rel=1e-8
+        )
 
     def test_tiny_friction(self):
         acting, contacts = box(0.0, [1.0, 0.0, 0.0])

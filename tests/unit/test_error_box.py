@@ -70,7 +70,9 @@ class TestClosedFormulas:
         found = safety_range(load, flat(0.5, (0.0, 0.0)), friction, box)
         assert (found.low, found.high) == (0.0, math.inf)
         aside = shifted(load, 0.1 * ALONG_X)
-        assert safety_range(aside, flat(0.5, (0.0, 0.0)), friction, box).high == pytest.approx(0.0, abs=1e-9)
+        assert safety_range(aside, flat(0.5, (0.0, 0.0)), friction, box).high == pytest.approx(
+            0.0, abs=1e-9
+        )
 
     @pytest.mark.parametrize("error", [0.0, 0.1, 0.95])
     def test_held_by_the_flow(self, error):
@@ -91,7 +93,10 @@ class TestClosedFormulas:
     def test_words_of_what_the_flow_holds(self):
         assert held_words(None, None) == "no multiple of the flow's load holds it"
         assert held_words((0.0, 0.0), (0.0, 0.0)) == "any part of the flow's load moves it"
-        assert held_words((0.1, 1.0), None) == "0.1 to 1 times the flow's load may hold it, none for certain"
+        assert (
+            held_words((0.1, 1.0), None)
+            == "0.1 to 1 times the flow's load may hold it, none for certain"
+        )
         assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
 
     def test_no_weight(self):
@@ -139,7 +144,9 @@ class Case:
 
     def at(self, shares):
         """The safety factor of one load of the box."""
-        return safety_factor(shifted(self.load, self.box.ways @ shares), self.contacts, self.friction)
+        return safety_factor(
+            shifted(self.load, self.box.ways @ shares), self.contacts, self.friction
+        )
 
 
 def random_case(rng, gdim):
@@ -153,11 +160,17 @@ def random_case(rng, gdim):
         lean = rng.uniform(0.3, 0.9)
         normals = np.stack([np.sin(lean) * np.cos(angles), np.sin(lean) * np.sin(angles)], axis=1)
         normals = np.column_stack([normals, np.full(count, -np.cos(lean))])
-        load = Load(0.15 * rng.normal(size=3), 0.03 * rng.normal(size=3), [0.0, 0.0, -1.0], np.zeros(3))
+        load = Load(
+            0.15 * rng.normal(size=3), 0.03 * rng.normal(size=3), [0.0, 0.0, -1.0], np.zeros(3)
+        )
     points = normals * rng.uniform(0.4, 0.6, (count, 1))
     which = np.array([1, 1, 0, 0, 0, 1] if gdim == 2 else np.ones(6)) * (rng.random(6) < 0.8)
-    errors = rng.uniform(0.0, 0.3, 6) * [1.0, 1.0, 1.0, 0.2, 0.2, 0.2] * which * rng.choice([0.2, 1.0])
-    return Case(load, Contacts(points, normals), float(rng.choice([0.1, 0.5, 1.0])), ErrorBox.of(errors))
+    errors = (
+        rng.uniform(0.0, 0.3, 6) * [1.0, 1.0, 1.0, 0.2, 0.2, 0.2] * which * rng.choice([0.2, 1.0])
+    )
+    return Case(
+        load, Contacts(points, normals), float(rng.choice([0.1, 0.5, 1.0])), ErrorBox.of(errors)
+    )
 
 
 def margin(factor):
@@ -189,7 +202,11 @@ class TestAgainstManyLoads:
             said.add((found.rests, found.moves))
             for shares in rng.uniform(-1.0, 1.0, (12, case.box.ways.shape[1])):
                 alone = case.at(shares)
-                assert margin(found.low) - ROUND_OFF <= margin(alone.value) <= margin(found.high) + ROUND_OFF
+                assert (
+                    margin(found.low) - ROUND_OFF
+                    <= margin(alone.value)
+                    <= margin(found.high) + ROUND_OFF
+                )
                 assert alone.held or not found.rests
                 assert not (alone.held and found.moves)
                 if alone.interval is not None:
@@ -209,11 +226,16 @@ class TestAgainstManyLoads:
             found = safety_range(case.load, case.contacts, case.friction, case.box)
             if not 0.05 < margin(found.high) < 0.95 or case.box.ways.shape[1] > 4:
                 continue
-            assert climbed(case, rng, margin(found.high)) == pytest.approx(margin(found.high), abs=0.01)
+            assert climbed(case, rng, margin(found.high)) == pytest.approx(
+                margin(found.high), abs=0.01
+            )
             corners = [
-                safety_factor(one, case.contacts, case.friction) for one in case.box.corners(case.load)
+                safety_factor(one, case.contacts, case.friction)
+                for one in case.box.corners(case.load)
             ]
-            assert min(corner.value for corner in corners) == pytest.approx(found.low, abs=ROUND_OFF)
+            assert min(corner.value for corner in corners) == pytest.approx(
+                found.low, abs=ROUND_OFF
+            )
             reached += 1
 
 

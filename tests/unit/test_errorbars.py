@@ -147,7 +147,9 @@ def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
     large = changed(scene, domain={"origin": (-64.0, 0.0), "length": 120.0, "height": 100.0})
     here, there, term = solve(scene), solve(large), of_domain(scene, solve)
     assert all(e < 0.02 * size for e, size in zip(estimated(term), sizes(here), strict=True))
-    assert all(d < 0.02 * size for d, size in zip(difference(here, there), sizes(there), strict=True))
+    assert all(
+        d < 0.02 * size for d, size in zip(difference(here, there), sizes(there), strict=True)
+    )
 
 
 def sizes(one: Loads) -> list[float]:
@@ -203,8 +205,13 @@ def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> 
 
     def exact(one: Scene) -> Loads:
         assert one.time is not None
-        of_step, of_mesh = one.time.step**order, 0.5 * (order_of(scene).number + 1 - order_of(one).number)
-        return Loads(np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step]))
+        of_step, of_mesh = (
+            one.time.step**order,
+            0.5 * (order_of(scene).number + 1 - order_of(one).number),
+        )
+        return Loads(
+            np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step])
+        )
 
     term = by_coarser_runs(scene, exact(scene), exact)
     assert [part.name for part in term.parts] == ["time step", "mesh"]
@@ -251,7 +258,9 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
 @pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1)])
 def test_there_are_eight_longer_steps_if_possible(steps: int, longer: int) -> None:
     scene = loads(IN_STREAM, overrides=(f"time={{end=1.0, step={1.0 / steps}}}",))
-    assert [1.0 / one.time.step for one in comparisons(scene) if one.time] == pytest.approx(2 * [longer])
+    assert [1.0 / one.time.step for one in comparisons(scene) if one.time] == pytest.approx(
+        2 * [longer]
+    )
 
 
 def test_a_part_that_is_known_spares_its_run() -> None:
@@ -280,7 +289,11 @@ def test_coarser_runs_against_a_much_finer_one() -> None:
     fine = changed(scene, time={"step": 0.0125}, numerics={"mesh_size": 1.0, "order": 3})
     computed = solve(scene)
     error = float(np.linalg.norm(computed.force - solve(fine).force))
-    assert error / WITHIN < np.linalg.norm(by_coarser_runs(scene, computed, solve).force) < WITHIN * error
+    assert (
+        error / WITHIN
+        < np.linalg.norm(by_coarser_runs(scene, computed, solve).force)
+        < WITHIN * error
+    )
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -288,20 +301,30 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ConvergenceError("no steady flow found")
 
     monkeypatch.setattr(simulation, "loads_of", fail)
-    scene = loads(commented(grain_on_bed()), overrides=("numerics.mesh_size=2", "output.fields=false"))
+    scene = loads(
+        commented(grain_on_bed()), overrides=("numerics.mesh_size=2", "output.fields=false")
+    )
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
     assert bars.failed == {"gap": "no steady flow found", "domain": "no steady flow found"}
     assert bars.safety is not None and bars.safety.unknown == ("gap", "domain")
     assert "  gap               not computed: no steady flow found" in bars.lines()
-    assert "certain but for the error of the gap and domain, which is not known" in bars.safety.sentence()
+    assert (
+        "certain but for the error of the gap and domain, which is not known"
+        in bars.safety.sentence()
+    )
 
 
 # -- what does not apply, and what it all costs ---------------------------------------------------------------------
 
 # A grain that moves in a closed box, for a few steps.
-IN_BOX = ("body.centre=[2.0, 2.0]", "time.end=0.4", "numerics.mesh_size=3", "numerics.error_bars=true")
+IN_BOX = (
+    "body.centre=[2.0, 2.0]",
+    "time.end=0.4",
+    "numerics.mesh_size=3",
+    "numerics.error_bars=true",
+)
 
 
 def test_what_does_not_apply_is_said() -> None:
@@ -353,7 +376,9 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
 def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
     """The term that needs no run of its own is there, the others say why not."""
     scene = changed(grain_on_bed(), numerics={"mesh_size": 2.0})
-    bars = simulate(scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")).error_bars
+    bars = simulate(
+        scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")
+    ).error_bars
     assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
     assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
 
@@ -369,7 +394,9 @@ def test_far_sides_matter_longer_over_forms() -> None:
     for scene, power in ((on_bed(), 2.0), (on_bed(bed=FORMS), 1.5), (grain_in_pocket(), 2.0)):
 
         def far(one: Scene, scene: Scene = scene, power: float = power) -> Loads:
-            return Loads(np.full(3, 1.0 + (one.domain.length / scene.domain.length) ** -power), np.zeros(3))
+            return Loads(
+                np.full(3, 1.0 + (one.domain.length / scene.domain.length) ** -power), np.zeros(3)
+            )
 
         grown = farther(scene).domain.length / scene.domain.length
         expected = (1.0 - grown**-power) / (1.0 - 1.5**-power)
@@ -400,15 +427,21 @@ def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, spee
 
     assert terms["datum"](solve).force[0] == pytest.approx(abs(datum_of(other) - datum_of(scene)))
     del asked[:]
-    terms["domain"](solve)  # by a stream that suits the bed, lest its slow adapting hides what the sides do
-    assert {datum_of(one) for one in asked} == {datum_of(scene) if datum == "auto" else datum_of(other)}
+    terms["domain"](
+        solve
+    )  # by a stream that suits the bed, lest its slow adapting hides what the sides do
+    assert {datum_of(one) for one in asked} == {
+        datum_of(scene) if datum == "auto" else datum_of(other)
+    }
 
 
 def test_where_a_datum_is_no_error() -> None:
     """Creeping flow over its effective height; level beds; in space; where forms do not repeat."""
     creeping = {"reynolds": 20, "scale": "grain", "inertia": False}
     assert with_other_datum(on_bed(bed=FORMS, fluid=creeping)) is None
-    assert with_other_datum(on_bed(bed=FORMS, fluid=creeping, flow={"kind": "shear", "datum": "crest"}))
+    assert with_other_datum(
+        on_bed(bed=FORMS, fluid=creeping, flow={"kind": "shear", "datum": "crest"})
+    )
     points = {"kind": "polyline", "points": ((0, 0), (5, 0.2), (24, 0))}
     for scene in (on_bed(), grain_in_pocket(), on_bed(bed=points)):
         assert "datum" not in of_the_model(scene)
@@ -424,10 +457,14 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     def solve(one: Scene) -> Loads:
         asked.append(one)
         away = one.numerics.meshed_bed
-        return Loads(np.array([7.0 - 0.2 / away, 0.0, 0.1]), np.array([0.0, 1.4 - 0.03 / away, 0.0]))
+        return Loads(
+            np.array([7.0 - 0.2 / away, 0.0, 0.1]), np.array([0.0, 1.4 - 0.03 / away, 0.0])
+        )
 
     term = of_level_ground(wider, solve(scene), solve)
-    assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx([0.0, 0.03, 0.0])
+    assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx(
+        [0.0, 0.03, 0.0]
+    )
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
     near, far = (resolved_bed(Setup(one).geometry, scene.placement, datum_of(one)) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
@@ -437,7 +474,10 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     everywhere = on_more_bed(nearly)
     assert everywhere is not None and everywhere.numerics.meshed_bed == 4.5
     whole = of_level_ground(everywhere, solve(nearly), solve)
-    assert whole.force == pytest.approx([0.2 / 3.0 - 0.2 / 4.5, 0.0, 0.0]) and "everywhere" in whole.how
+    assert (
+        whole.force == pytest.approx([0.2 / 3.0 - 0.2 / 4.5, 0.0, 0.0])
+        and "everywhere" in whole.how
+    )
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
     assert on_more_bed(wide) is None and on_more_bed(grain_on_bed()) is None
     # With an accuracy it is not estimated, so that none of all errors is known to be reached.

@@ -26,7 +26,13 @@ FILES = {
     "outline.csv": "0,0\n1,0\n1.1,0.6\n0.5,1\n0,0.7\n",
     "profile.csv": "0,0\n5,0.1\n7,0\n9,0.2\n16,0\n24,0\n",
 }
-WHOLE = {"domain", "fluid", "flow", "bed", "body"}  # sections of an example that is a scene by itself
+WHOLE = {
+    "domain",
+    "fluid",
+    "flow",
+    "bed",
+    "body",
+}  # sections of an example that is a scene by itself
 TUTORIAL = tomllib.loads(EXAMPLES["tutorial-0"])
 IN_SPACE = tomllib.loads(example(True))
 for base in (TUTORIAL, IN_SPACE):

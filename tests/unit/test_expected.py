@@ -146,7 +146,9 @@ def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
         ),
     ],
 )
-def test_what_helps_a_grain_that_cannot_be_meshed_is_said(across: list[list[float]], remedy: str) -> None:
+def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
+    across: list[list[float]], remedy: str
+) -> None:
     """A needle, whose cells made smaller again and again cross all the same, and a sheet."""
     vertices = [[0, 0, 0], [1, 0, 0], *across]
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
@@ -165,7 +167,9 @@ def test_a_bed_of_spikes_is_told_of_before_it_is_meshed(
     heights[1::2, 1::2] = relief
     np.save(tmp_path / "bed.npy", heights)
     bed = f'[bed]\nkind = "height-map"\nfile = "{tmp_path / "bed.npy"}"\ncell = [0.53, 0.53]\n'
-    scene = loads(f"{IN_SPACE}{SPHERE}{bed}[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\n")
+    scene = loads(
+        f"{IN_SPACE}{SPHERE}{bed}[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\n"
+    )
     with caplog.at_level("INFO", "incipient"):
         meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
     assert caplog.text.count("the bed rises by") == bool(said) and said in caplog.text

@@ -66,7 +66,8 @@ def test_the_branch_not_taken_may_be_undefined():
 
 
 @pytest.mark.parametrize(
-    ("text", "value"), [("1/x", "inf"), ("log(x)", "-inf"), ("sqrt(x - 1)", "nan"), ("10**1000", "inf")]
+    ("text", "value"),
+    [("1/x", "inf"), ("log(x)", "-inf"), ("sqrt(x - 1)", "nan"), ("10**1000", "inf")],
 )
 def test_values_that_are_not_finite(text, value):
     points = np.array([[1.0, 0.0], [2.0, 5.0], [0.0, 0.0]])

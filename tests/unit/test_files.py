@@ -12,7 +12,13 @@ import numpy as np
 import pytest
 
 from incipient.errors import OutputError
-from incipient.files import append_row, ends_with, insert_before_end, write_json, write_text_atomically
+from incipient.files import (
+    append_row,
+    ends_with,
+    insert_before_end,
+    write_json,
+    write_text_atomically,
+)
 
 ROW = {"time [scene units]": 0.1, "drag [scene units, + downstream]": np.float64(1 / 3)}
 
@@ -151,6 +157,9 @@ def test_text_is_put_before_the_end_of_a_file_in_place(tmp_path):
 def test_text_that_does_not_fit_before_the_end_is_taken_back(tmp_path):
     path = tmp_path / "fields.xdmf"
     path.write_text("<a>\n</a>\n")
-    with files_limited_to(12), pytest.raises(OutputError, match=r"fields\.xdmf: .*file too large; raise"):
+    with (
+        files_limited_to(12),
+        pytest.raises(OutputError, match=r"fields\.xdmf: .*file too large; raise"),
+    ):
         insert_before_end(path, 20 * "<b/>\n", "</a>\n")
     assert path.read_text() == "<a>\n</a>\n"

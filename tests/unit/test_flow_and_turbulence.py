@@ -15,7 +15,9 @@ ROWS = 40
 
 
 def sparse(entries):
-    matrix = PETSc.Mat().createDense(entries.shape, array=entries, comm=PETSc.COMM_SELF).convert("aij")
+    matrix = (
+        PETSc.Mat().createDense(entries.shape, array=entries, comm=PETSc.COMM_SELF).convert("aij")
+    )
     matrix.assemble()
     return matrix
 
@@ -41,7 +43,9 @@ def solver(blocks, monkeypatch):
             super().__init__(sparse(wrong))
 
     monkeypatch.setattr(linear, "CompressedFactors", Off)
-    nest = PETSc.Mat().createNest([[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF)
+    nest = PETSc.Mat().createNest(
+        [[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF
+    )
     nest.assemble()
     made = BlockByBlock(None, nest)
     made.prepare()
@@ -72,13 +76,18 @@ def test_together_both_are_solved_though_the_factors_are_off(solver, blocks):
 
 def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, caplog):
     """0.6 of 440 n^(4/3) bytes of 40 unknowns are 36 kB, of which twice as much must be free."""
-    nest = PETSc.Mat().createNest([[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF)
+    nest = PETSc.Mat().createNest(
+        [[sparse(one) for one in row] for row in blocks], comm=PETSc.COMM_SELF
+    )
     nest.assemble()
     for free, told in ((78e3, 0), (66e3, 1)):
         monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
         BlockByBlock(SimpleNamespace(triangle=CompressedFactors), nest).destroy()
         assert (
-            sum("more than half of the memory that is free" in one.message for one in caplog.records) == told
+            sum(
+                "more than half of the memory that is free" in one.message for one in caplog.records
+            )
+            == told
         )
 
 

@@ -30,14 +30,19 @@ def vector(values: np.ndarray, bracket: bool) -> str:
 def of_com(folder: Path, bracket: bool, rows: slice = slice(None), porous: bool = False) -> Path:
     """`force.dat` and `moment.dat`, with vectors in brackets as up to 2012 or in columns as later."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, parts in (("force.dat", (PRESSURE, VISCOUS)), ("moment.dat", (0.7 * TWIST, 0.3 * TWIST))):
+    for name, parts in (
+        ("force.dat", (PRESSURE, VISCOUS)),
+        ("moment.dat", (0.7 * TWIST, 0.3 * TWIST)),
+    ):
         parts = (*parts, 0.0 * PRESSURE) if porous else parts
         columns = (sum(parts), *parts)
         lines = [
             "\t".join([f"{time:g}", *(vector(one, bracket) for one in at)])
             for time, *at in zip(TIMES[rows], *(one[rows] for one in columns), strict=True)
         ]
-        head = f"# {name}\n{CENTRE}# Time total_x total_y total_z pressure_x pressure_y pressure_z\n"
+        head = (
+            f"# {name}\n{CENTRE}# Time total_x total_y total_z pressure_x pressure_y pressure_z\n"
+        )
         (folder / name).write_text(head + "\n".join(lines) + "\n")
     return folder
 
@@ -60,8 +65,16 @@ def of_org(folder: Path, porous: bool = False) -> Path:
 @pytest.mark.parametrize("made", ["brackets", "columns", "org"])
 def test_formats_are_told_by_header_and_columns(tmp_path: Path, made: str, porous: bool) -> None:
     folder = tmp_path / "forces" / "0"
-    folder = of_org(folder, porous) if made == "org" else of_com(folder, made == "brackets", porous=porous)
-    for path in (tmp_path / "forces", folder, folder / ("forces.dat" if made == "org" else "force.dat")):
+    folder = (
+        of_org(folder, porous)
+        if made == "org"
+        else of_com(folder, made == "brackets", porous=porous)
+    )
+    for path in (
+        tmp_path / "forces",
+        folder,
+        folder / ("forces.dat" if made == "org" else "force.dat"),
+    ):
         found = read_forces(path)
         assert found.times == pytest.approx(TIMES)
         assert found.forces == pytest.approx(PUSH, abs=1e-9)
@@ -138,7 +151,9 @@ def test_error_of_a_mean_is_that_of_its_batches() -> None:
         values, _ = lfilter([1.0], [1.0, -r], noise, zi=[r * random.standard_normal()])
         forces = np.zeros((n, 3))
         forces[:, 0] = values
-        mean, error = ForcesInTime(np.arange(n, dtype=float), forces, np.zeros((n, 3)), np.zeros(3)).mean()
+        mean, error = ForcesInTime(
+            np.arange(n, dtype=float), forces, np.zeros((n, 3)), np.zeros(3)
+        ).mean()
         means.append(mean[0])
         errors.append(error[0])
     exact = np.sqrt((1.0 + r) / ((1.0 - r) * n))
@@ -151,7 +166,10 @@ def test_the_point_of_the_moments_does_not_change_the_verdict() -> None:
     found = read_forces(BLOCK / "postProcessing" / "forces")
     shift = np.array([-3.0, 2.0, 0.0])
     moved = ForcesInTime(
-        found.times, found.forces, found.moments - np.cross(shift, found.forces), found.centre + shift
+        found.times,
+        found.forces,
+        found.moments - np.cross(shift, found.forces),
+        found.centre + shift,
     )
     plain, other = (judge_forces(case, one, 1.0, 5.0) for one in (found, moved))
     factors = [one.judgement["verdict"]["safety_factor"] for one in (plain, other)]
@@ -181,7 +199,12 @@ def test_the_block_tips_or_slides_as_statics_say() -> None:
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["judge", str(BLOCK / "case.toml"), "--forces", str(BLOCK / "postProcessing" / "forces")]
+    words = [
+        "judge",
+        str(BLOCK / "case.toml"),
+        "--forces",
+        str(BLOCK / "postProcessing" / "forces"),
+    ]
     assert main([*words, "--density", "1", "--since", "6", "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "mean from time 6 on" in said and "A block on a bed, forces of OpenFOAM\n" in said

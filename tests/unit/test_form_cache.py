@@ -104,7 +104,9 @@ def compiled_slowly(root: Path, log: Path) -> None:
 def test_of_four_at_once_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
     log = tmp_path / "log"
     them = [
-        multiprocessing.get_context("fork").Process(target=compiled_slowly, args=(tmp_path / "forms", log))
+        multiprocessing.get_context("fork").Process(
+            target=compiled_slowly, args=(tmp_path / "forms", log)
+        )
         for _ in range(4)
     ]
     for one in them:

@@ -45,7 +45,11 @@ def affine(x: np.ndarray) -> np.ndarray:
 def quadratic(x: np.ndarray) -> np.ndarray:
     """d of degree two in space, J between 0.6 and 1.5."""
     return np.array(
-        [0.2 * x[1] ** 2 + 0.1 * x[0] * x[1], 0.2 * x[0] * x[1], 0.1 * x[0] ** 2 + 0.1 * x[1] * x[2]]
+        [
+            0.2 * x[1] ** 2 + 0.1 * x[0] * x[1],
+            0.2 * x[0] * x[1],
+            0.1 * x[0] ** 2 + 0.1 * x[1] * x[2],
+        ]
     )
 
 
@@ -109,7 +113,9 @@ class Problem:
 def make_problem(gdim: int, order: int, displacement: Any) -> Problem:
     domain = curved_box(gdim, 2, order)
     space = taylor_hood(domain.mesh, 2)
-    d = dolfinx.fem.Function(compat.function_space(domain.mesh, compat.coordinate_element(domain.mesh)))
+    d = dolfinx.fem.Function(
+        compat.function_space(domain.mesh, compat.coordinate_element(domain.mesh))
+    )
     d.interpolate(lambda x: displacement(x)[:gdim])
     v_mesh = dolfinx.fem.Function(space.velocity)
     v_mesh.interpolate(lambda x: mesh_velocity(x)[:gdim])
@@ -123,12 +129,16 @@ def make_problem(gdim: int, order: int, displacement: Any) -> Problem:
 def difference(found: Any, expected: Any) -> float:
     """Largest of vector and matrix, relative to the largest entry."""
     return float(
-        np.max([np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found, expected, strict=True)])
+        np.max(
+            [np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found, expected, strict=True)]
+        )
     )
 
 
 CASES = pytest.mark.parametrize("gdim", [2, 3])
-MAPS = pytest.mark.parametrize(("order", "displacement"), [(1, affine), (2, affine), (2, quadratic)])
+MAPS = pytest.mark.parametrize(
+    ("order", "displacement"), [(1, affine), (2, affine), (2, quadratic)]
+)
 
 
 @CASES
@@ -146,7 +156,9 @@ def test_reference_form_equals_updated_form(gdim: int, order: int, displacement:
 
 @CASES
 @MAPS
-def test_reference_form_at_rest_equals_eulerian_form(gdim: int, order: int, displacement: Any) -> None:
+def test_reference_form_at_rest_equals_eulerian_form(
+    gdim: int, order: int, displacement: Any
+) -> None:
     problem = make_problem(gdim, order, displacement)
     problem.mesh_velocity.x.array[:] = 0.0
     reference = problem.assembled(
@@ -182,7 +194,9 @@ def operators(form: Any) -> set[type]:
 def test_without_a_map_no_determinant_and_no_inverse_is_in_the_form() -> None:
     problem = make_problem(2, 1, affine)
     costly = {ufl.tensoralgebra.Determinant, ufl.tensoralgebra.Inverse}
-    mapped = problem.form(forms.ReferenceMap(problem.displacement, problem.mesh_velocity), problem.velocity)
+    mapped = problem.form(
+        forms.ReferenceMap(problem.displacement, problem.mesh_velocity), problem.velocity
+    )
     fixed = problem.form(None, problem.velocity)
     assert operators(mapped) >= costly
     assert not operators(fixed) & costly
@@ -238,7 +252,9 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     matrix = petsc.assemble_matrix(compat.form(forms.residual(unknowns, terms, dx)))
     matrix.assemble()
     prescribed = [
-        boundary_blocks(space.velocity, domain.facets_of(name)) for name in domain.names if name != "right"
+        boundary_blocks(space.velocity, domain.facets_of(name))
+        for name in domain.names
+        if name != "right"
     ]
     held = gdim * np.concatenate(prescribed)[:, None] + np.arange(gdim)
     free = np.delete(np.arange(space.unknowns), space.velocity_map[held.ravel()])
@@ -369,7 +385,9 @@ def step_of(fluid: Fluid) -> list[np.ndarray]:
 
 @CELLS
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-def test_step_on_a_moved_mesh_equals_step_on_the_reference(gdim: int, order: int, convection: str) -> None:
+def test_step_on_a_moved_mesh_equals_step_on_the_reference(
+    gdim: int, order: int, convection: str
+) -> None:
     """The reference way, d and its backward difference as functions, and the updated way, the mesh moved."""
     domain = curved_box(gdim, 2, order)
     model = FlowModel(unsteady=True, convection=convection, body_force=lambda x, t: (1 + t) * x)
@@ -393,7 +411,9 @@ def test_measures_of_the_boundary_share_the_facet_tags() -> None:
     domain = unit_box(2, 2)
     with in_a_step(domain, FlowModel(unsteady=True, energy_stable=True)) as fluid:
         form = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
-    held = [one.subdomain_data() for one in form.integrals() if one.integral_type() == "exterior_facet"]
+    held = [
+        one.subdomain_data() for one in form.integrals() if one.integral_type() == "exterior_facet"
+    ]
     assert len(held) == 2
     assert all(tags is held[0] for tags in held)
 

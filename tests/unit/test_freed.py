@@ -35,7 +35,9 @@ def fail(*arguments: object) -> None:
     raise ConvergenceError("no solution")
 
 
-def test_an_error_estimate_that_fails(destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_estimate_that_fails(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The finer elements' memory goes, the flow itself stays."""
     with Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0) as fluid:
         monkeypatch.setattr(Fluid, "correct", fail)
@@ -46,13 +48,20 @@ def test_an_error_estimate_that_fails(destroyed: list[Fluid], monkeypatch: pytes
     assert destroyed == [finer, fluid]
 
 
-def test_a_fluid_that_fails_while_it_is_made(destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fluid_that_fails_while_it_is_made(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Matrix and vectors, made before the solver, go."""
     monkeypatch.setattr(Direct, "__init__", fail)
     with pytest.raises(ConvergenceError):
         Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
     (half_made,) = destroyed
-    for lent in (half_made._matrix, half_made._vector, half_made._correction, half_made._state_view):
+    for lent in (
+        half_made._matrix,
+        half_made._vector,
+        half_made._correction,
+        half_made._state_view,
+    ):
         assert not lent, "the handle of what has been destroyed is null"
 
 

@@ -28,7 +28,9 @@ def turning(x, t):
 def solved(around, rate):
     """Errors of the velocity, of the couple, and what crosses the inner circle, which turns; the outer turns at one."""
     moves = rate != 0.0
-    wall = Friction("inner", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed, moves=moves)
+    wall = Friction(
+        "inner", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed, moves=moves
+    )
     a, b = exact(rate)
     conditions = [wall, Prescribed("outer", turning)]
     with Fluid(ring(INNER, 1.0, around, 2), FlowModel(), conditions, 1 / VISCOSITY) as fluid:

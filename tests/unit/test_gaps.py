@@ -12,7 +12,9 @@ from incipient.geometry.plane.disc_near_bed import disc_near_bed
 from incipient.geometry.plane.grain import Disc, Ellipse
 from incipient.geometry.plane.polyline import Polyline
 
-RIDGE = Polyline(((-9.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.5, 0.2), (1.0, 0.2), (1.4, -0.3), (9.0, 0.4)))
+RIDGE = Polyline(
+    ((-9.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.5, 0.2), (1.0, 0.2), (1.4, -0.3), (9.0, 0.4))
+)
 
 
 def test_a_disc_between_two_half_discs_touches_both() -> None:
@@ -45,7 +47,9 @@ def test_formulas_agree_with_the_search_over_outlines(bed: Bed) -> None:
             assert formula[0][near] == pytest.approx(gap, abs=1e-6 * radius)
 
 
-def _searched(radius: float, centre: tuple[float, float], bed: Bed) -> tuple[np.ndarray, np.ndarray]:
+def _searched(
+    radius: float, centre: tuple[float, float], bed: Bed
+) -> tuple[np.ndarray, np.ndarray]:
     """Gaps, and the bed's points there."""
     found = NearBed(Ellipse((radius, radius)), bed).gaps(Placement(centre), 0.25)
     return found.gaps, found.points - found.gaps[:, None] * found.normals

@@ -83,7 +83,9 @@ class TestCurves:
 
     @pytest.mark.parametrize("curve", CURVES)
     def test_ends_and_tangents(self, curve):
-        assert curve.point([0.0, 1.0]) == pytest.approx(np.array([curve.start, curve.end]), abs=1e-14)
+        assert curve.point([0.0, 1.0]) == pytest.approx(
+            np.array([curve.start, curve.end]), abs=1e-14
+        )
         inner, h = S[1:-1] + 1e-4, 1e-6
         chord = curve.point(inner + h) - curve.point(inner - h)
         chord /= np.linalg.norm(chord, axis=1, keepdims=True)
@@ -92,7 +94,9 @@ class TestCurves:
     @pytest.mark.parametrize("curve", CURVES)
     def test_moved_curve_is_the_curve_of_moved_points(self, curve):
         placement = Placement((0.3, -2.0), 0.7)
-        assert curve.moved(placement).point(S) == pytest.approx(placement.to_scene(curve.point(S)), abs=1e-14)
+        assert curve.moved(placement).point(S) == pytest.approx(
+            placement.to_scene(curve.point(S)), abs=1e-14
+        )
 
     def test_arc_goes_the_short_way_round(self):
         middle = Arc((1.0, 0.0), (0.0, 0.0), (0.0, -1.0)).point([0.5])
@@ -132,7 +136,9 @@ class TestGrains:
     @grains
     def test_size_is_the_largest_diameter(self, grain):
         points = dense(grain.outline(), 101)
-        assert np.linalg.norm(points[:, None] - points[None], axis=2).max() == pytest.approx(grain.size, 1e-3)
+        assert np.linalg.norm(points[:, None] - points[None], axis=2).max() == pytest.approx(
+            grain.size, 1e-3
+        )
 
     @grains
     def test_normal_is_outward_and_level_grows_along_it(self, grain):
@@ -140,7 +146,9 @@ class TestGrains:
             inner = S[20:-20]
             points, tangents = curve.point(inner), curve.tangent(inner)
             normals = grain.normal(points)
-            assert normals == pytest.approx(np.column_stack([tangents[:, 1], -tangents[:, 0]]), abs=1e-9)
+            assert normals == pytest.approx(
+                np.column_stack([tangents[:, 1], -tangents[:, 0]]), abs=1e-9
+            )
             assert (grain.level(points + 1e-3 * normals) > 0.0).all()
             assert (grain.level(points - 1e-3 * normals) < 0.0).all()
 
@@ -151,8 +159,12 @@ class TestGrains:
         assert square.normal([[0.5, -0.5]]) == pytest.approx(bisector)
 
     def test_level_is_the_distance_for_boxes_and_polygons(self):
-        assert Rectangle(2.0, 1.0, 0.2).level([[2.0, 0.0], [0.0, 0.0]]) == pytest.approx([1.0, -0.5])
-        assert Polygon([(0, 0), (1, 0), (1, 1), (0, 1)]).level([[0.5 + 3.0, 0.5 + 4.0]]) == pytest.approx(5.0)
+        assert Rectangle(2.0, 1.0, 0.2).level([[2.0, 0.0], [0.0, 0.0]]) == pytest.approx(
+            [1.0, -0.5]
+        )
+        assert Polygon([(0, 0), (1, 0), (1, 1), (0, 1)]).level(
+            [[0.5 + 3.0, 0.5 + 4.0]]
+        ) == pytest.approx(5.0)
 
     @pytest.mark.parametrize(
         ("make", "reason"),
@@ -262,7 +274,9 @@ class TestRest:
     def test_disc_in_a_pocket_of_two_half_discs(self):
         # The centres of the three circles form a triangle with sides R + r, R + r and the spacing.
         expected = np.sqrt((0.5 + 0.4) ** 2 - 0.5**2)
-        assert self.height(Disc(1.0), HalfDiscs(0.4, 1.0), 0.5) == pytest.approx(expected, abs=1e-12)
+        assert self.height(Disc(1.0), HalfDiscs(0.4, 1.0), 0.5) == pytest.approx(
+            expected, abs=1e-12
+        )
 
     def test_disc_on_a_slope(self):
         # The contact is R along the normal from the centre: y = slope x + R / cos(angle).
@@ -274,7 +288,9 @@ class TestRest:
     def test_ellipse_on_a_plane(self, angle):
         # The support function of an ellipse in the direction straight down.
         expected = np.hypot(0.7 * np.sin(angle), 0.3 * np.cos(angle))
-        assert self.height(Ellipse((0.7, 0.3)), Flat(), 0.0, angle) == pytest.approx(expected, abs=1e-12)
+        assert self.height(Ellipse((0.7, 0.3)), Flat(), 0.0, angle) == pytest.approx(
+            expected, abs=1e-12
+        )
 
     def test_square_on_its_corner_and_on_its_side(self):
         square = Rectangle(1.0, 1.0)
@@ -289,8 +305,12 @@ class TestRest:
     def test_disc_on_a_crest_and_in_a_trough(self):
         # Flatter than the disc: it touches in one point, crest or trough.
         crest, trough = 0.25, 0.75
-        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), crest) == pytest.approx(0.52, abs=1e-12)
-        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), trough) == pytest.approx(0.48, abs=1e-12)
+        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), crest) == pytest.approx(
+            0.52, abs=1e-12
+        )
+        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), trough) == pytest.approx(
+            0.48, abs=1e-12
+        )
 
     def test_base_line_counts(self):
         low = self.height(Ellipse((0.5, 0.2)), Sinusoidal(0.1, 1.0), 0.3, 0.2)
@@ -366,7 +386,8 @@ def test_a_smooth_curve_through_points_of_a_circle_is_that_circle():
     within = np.linspace(-0.9, 0.9, 301)
     assert bed.height(within) == pytest.approx(np.sqrt(4.0 - within**2) - np.sqrt(3.0), abs=1e-4)
     assert bed.nearest([[0.5, 1.0]]) == pytest.approx(
-        np.array([[0.5, 1.0 + 3.0**0.5]]) * 2.0 / np.hypot(0.5, 1.0 + 3.0**0.5) - [0.0, 3.0**0.5], abs=2e-3
+        np.array([[0.5, 1.0 + 3.0**0.5]]) * 2.0 / np.hypot(0.5, 1.0 + 3.0**0.5) - [0.0, 3.0**0.5],
+        abs=2e-3,
     )
     assert Curved(arc).feature == pytest.approx(2.0, rel=1e-3)
     assert [type(one) for one in bed.curves(-3.0, 3.0)] == [Line, Spline, Line]
@@ -387,5 +408,7 @@ def test_a_polyline_may_step_vertically():
     ]
     assert bed.nearest([(2.5, 0.7)]) == pytest.approx(np.array([[2.0, 0.7]]))
     assert bed.corners(0, 6) == pytest.approx([0, 2, 6])
-    with pytest.raises(SceneError, match="polyline point 1 lies to the left of, or at, the one before"):
+    with pytest.raises(
+        SceneError, match="polyline point 1 lies to the left of, or at, the one before"
+    ):
         Polyline([(0, 1), (0, 1), (2, 1)])

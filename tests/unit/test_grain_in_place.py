@@ -95,7 +95,8 @@ def test_a_turned_frame_changes_nothing(tmp_path: Path) -> None:
 def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     """Three of radius one in a triangle, one upon them: contacts at 1/sqrt 3 of the radius off the axis."""
     middles = [
-        [2.0 / np.sqrt(3.0) * np.cos(a), 2.0 / np.sqrt(3.0) * np.sin(a)] for a in np.radians([0, 120, 240])
+        [2.0 / np.sqrt(3.0) * np.cos(a), 2.0 / np.sqrt(3.0) * np.sin(a)]
+        for a in np.radians([0, 120, 240])
     ]
     x, y = np.meshgrid(np.linspace(-1.2, 1.2, 121), np.linspace(-1.2, 1.2, 121))
     heights = np.max(
@@ -104,7 +105,10 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     points = np.stack([x, y, heights], axis=2).reshape(-1, 3)
     first = (np.arange(120)[:, None] * 121 + np.arange(120)).ravel()
     triangles = np.vstack(
-        [np.stack([first, first + 1, first + 122], 1), np.stack([first, first + 122, first + 121], 1)]
+        [
+            np.stack([first, first + 1, first + 122], 1),
+            np.stack([first, first + 122, first + 121], 1),
+        ]
     )
     trimesh.Trimesh(points, triangles, process=False).export(tmp_path / "bed.ply")
     height = np.sqrt(4.0 - 4.0 / 3.0)
@@ -122,7 +126,9 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     )
     points = case.to_contacts().points
     assert len(points) == 3
-    assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(np.full(3, 1.0 / np.sqrt(3.0)), abs=1e-2)
+    assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(
+        np.full(3, 1.0 / np.sqrt(3.0)), abs=1e-2
+    )
 
 
 @pytest.mark.parametrize(
@@ -144,14 +150,21 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
             Path("flat"),
             "direction: is zero",
         ),
-        ([*SET, DOWN, "bed.height=-0.1"], BLOCK / "block.stl", Path("flat"), "of its size above the bed"),
+        (
+            [*SET, DOWN, "bed.height=-0.1"],
+            BLOCK / "block.stl",
+            Path("flat"),
+            "of its size above the bed",
+        ),
         ([*SET, DOWN, "bed.height=1"], BLOCK / "block.stl", BLOCK / "bed.stl", "leave it out"),
         (SET, BLOCK / "bed.stl", Path("flat"), "bed.stl"),
         (SET, BLOCK / "absent.stl", Path("flat"), "absent.stl"),
         ([*SET, *BOX[:2]], None, Path("flat"), "neither x nor centre is given"),
     ],
 )
-def test_what_is_wrong_is_said(overrides: list[str], grain: Path | None, bed: Path | None, said: str) -> None:
+def test_what_is_wrong_is_said(
+    overrides: list[str], grain: Path | None, bed: Path | None, said: str
+) -> None:
     assert said in message(lambda: grain_in_place(grain, bed, overrides))
 
 
@@ -176,14 +189,18 @@ def test_motion_in_time_of_a_pulsating_force() -> None:
         assert threshold.mean[0] ** power == pytest.approx(2.5 / 2.0, rel=1e-3)
         for one in threshold.quantiles:
             # The drag is above 2 + cos(pi p) for a share p of the time.
-            assert one.factor**power == pytest.approx(2.5 / (2.0 + np.cos(np.pi * one.probability)), rel=2e-3)
+            assert one.factor**power == pytest.approx(
+                2.5 / (2.0 + np.cos(np.pi * one.probability)), rel=2e-3
+            )
             assert one.low <= one.factor <= one.high
 
 
 def test_a_series_that_never_moves(tmp_path: Path) -> None:
     case = in_place(*BOX, grain=None, bed=Path("flat"))
     times = np.arange(50.0)
-    columns = {name: 0.0 * times for name in ("force_y", "force_z", "couple_x", "couple_y", "couple_z")}
+    columns = {
+        name: 0.0 * times for name in ("force_y", "force_z", "couple_x", "couple_y", "couple_z")
+    }
     motion = judge_series(case, {"time": times, "force_x": 0.0 * times + 0.1, **columns}).motion
     assert (motion.probability, motion.error, motion.rate, motion.low) == (0.0, None, 0.0, 0.0)
     # No event in a time T: the rate is below 3/T with 95%, by Poisson's law.
@@ -191,7 +208,15 @@ def test_a_series_that_never_moves(tmp_path: Path) -> None:
 
 
 def test_the_command(tmp_path: Path, capsys: Any) -> None:
-    words = ["judge", "--forces", str(FORCES), "--density", "1", "--grain", str(BLOCK / "block.stl")]
+    words = [
+        "judge",
+        "--forces",
+        str(FORCES),
+        "--density",
+        "1",
+        "--grain",
+        str(BLOCK / "block.stl"),
+    ]
     words += ["--bed", str(BLOCK / "bed.stl"), "--law", "U2", "--out", str(tmp_path / "out")]
     words += [word for one in (*SET, DOWN) for word in ("--set", one)]
     assert cli.main(words) == 0

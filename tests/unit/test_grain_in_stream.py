@@ -74,7 +74,10 @@ def scene(**changes):
             {"turbulence": Turbulence(**STREAM, wall="rough", roughness=0.01)},
             'turbulence.wall: "rough" in a uniform stream is not simulated by this version',
         ),
-        ({"numerics": Numerics(accuracy=0.01)}, "numerics.accuracy: in a uniform stream is not simulated"),
+        (
+            {"numerics": Numerics(accuracy=0.01)},
+            "numerics.accuracy: in a uniform stream is not simulated",
+        ),
         (
             {"domain": Domain(length=22.0, height=20.0, origin=(-6.0, -10.0), top="wall")},
             'domain.top: "wall" contradicts a uniform stream',
@@ -114,7 +117,11 @@ def test_the_velocity_around_a_grain_may_be_upwinded_in_time():
     """Where a user switches stabilisation on; steady flow of the same scene has grad-div then."""
     in_time, on = {"time": Time(end=1.0, step=0.1)}, {"numerics": UPWINDED}
     plans = [make_plan(scene(**one)).stabilisation for one in (in_time | on, on, in_time)]
-    assert [(one.present, one.upwind) for one in plans] == [(True, True), (True, False), (False, False)]
+    assert [(one.present, one.upwind) for one in plans] == [
+        (True, True),
+        (True, False),
+        (False, False),
+    ]
 
 
 def test_where_the_flow_leaves_a_grain_is_where_the_stress_first_turns():
@@ -128,7 +135,9 @@ def test_where_the_flow_leaves_a_grain_is_where_the_stress_first_turns():
         pull.append(along[:, None] * np.column_stack([np.sin(angles), side * np.cos(angles)]))
     there, stress = np.concatenate(places), np.concatenate(pull)
     order = np.lexsort(there.T[::-1])
-    wall = AlongWall(there[order], there[order], np.ones(len(there)), stress[order], np.ones(len(there)))
+    wall = AlongWall(
+        there[order], there[order], np.ones(len(there)), stress[order], np.ones(len(there))
+    )
     assert wall.separates(np.array([2.0, 1.0])) == pytest.approx((100.0, 85.0), abs=0.1)
 
 
@@ -172,13 +181,17 @@ def test_a_peak_of_k_at_one_node_does_not_grow(gdim):
     mesh = box(MPI.COMM_SELF, *[8] * gdim)
     space = compat.space(mesh, ("Lagrange", 1))
     peak = dolfinx.fem.Function(space)
-    (node,) = np.nonzero(np.linalg.norm(space.tabulate_dof_coordinates()[:, :gdim] - 0.5, axis=1) < 1e-9)
+    (node,) = np.nonzero(
+        np.linalg.norm(space.tabulate_dof_coordinates()[:, :gdim] - 0.5, axis=1) < 1e-9
+    )
     peak.x.array[node] = 5.0
     test, slope, jacobian = ufl.TestFunction(space), ufl.grad(peak), ufl.Jacobian(mesh)
 
     def made(across):
         square = forms._square(slope, across)
-        form = (square * test - ufl.inner(slope, ufl.grad(test))) * ufl.dx(metadata={"quadrature_degree": 4})
+        form = (square * test - ufl.inner(slope, ufl.grad(test))) * ufl.dx(
+            metadata={"quadrature_degree": 4}
+        )
         return petsc.assemble_vector(compat.form(form)).array[node[0]]
 
     def across(vector):
@@ -248,7 +261,9 @@ def test_k_that_enters_a_layer_without_any_is_that_of_its_own_equation(step, err
     fine = np.linspace(0.0, 1.0, 4001)[1:]
     spread = viscosity * step / fine[0] ** 2
     lost = 0.09 * 6.0 * viscosity / 0.075 / fine**2
-    bands = np.array([np.full(4000, -spread), 1.0 + 2.0 * spread + step * lost, np.full(4000, -spread)])
+    bands = np.array(
+        [np.full(4000, -spread), 1.0 + 2.0 * spread + step * lost, np.full(4000, -spread)]
+    )
     bands[1, -1], bands[2, -2] = 1.0, 0.0
     k = np.full(4000, before)
     k[-1] = 1.0
@@ -266,7 +281,8 @@ def test_slow_flow_is_that_without_turbulence():
     finer = Numerics(mesh_size=1.0, order=2, error_bars=False)
     without = {"turbulence": None, "effects": Effects(), "numerics": finer}
     drag, laminar = (
-        incipient.run(scene(**slow, **sections)).force.flow[0] for sections in ({"turbulence": weak}, without)
+        incipient.run(scene(**slow, **sections)).force.flow[0]
+        for sections in ({"turbulence": weak}, without)
     )
     assert drag == pytest.approx(laminar, rel=1e-3)
 
@@ -281,6 +297,8 @@ def test_a_thin_layer_becomes_turbulent_within_long_steps(tmp_path):
     """
     fast = {"fluid": Fluid(reynolds=3.6e6, scale="grain"), "numerics": UPWINDED}
     incipient.run(scene(**fast, time=Time(end=0.1, step=0.1, first_step=0.01)), tmp_path)
-    rows = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    rows = np.genfromtxt(
+        tmp_path / "history.csv", delimiter=",", names=True, dtype=None, encoding=None
+    )
     assert len(rows) < 25
     assert min(rows["separation_above"][-1], rows["separation_below"][-1]) > 170.0

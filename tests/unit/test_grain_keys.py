@@ -25,7 +25,9 @@ def test_mass_or_density_give_the_same_grain(keys):
     mass, inertia = mass_and_inertia(found.body)
     assert mass == pytest.approx(MASS) and inertia == pytest.approx(MASS / 8 * np.eye(3), rel=1e-4)
     assert Setup(found).stress_unit == pytest.approx((MASS / AREA - 1) * 10)
-    free = scene(body=Disc(diameter=1, centre=(4, 2), motion="free", **keys), time=Time(end=1, step=0.1))
+    free = scene(
+        body=Disc(diameter=1, centre=(4, 2), motion="free", **keys), time=Time(end=1, step=0.1)
+    )
     inert = rigid_body(free.body).inertia
     assert (inert.mass, inert.moments[0]) == pytest.approx((MASS, MASS / 8), rel=1e-4)
     assert make_plan(found).numbers.density_ratio == pytest.approx(MASS / AREA)

@@ -72,13 +72,20 @@ def test_a_thousand_random_grains_resist_rolling() -> None:
         arms = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
         rows = np.vstack([wrenches(arms, ways, np.zeros(3)), 0.5 * turns(ways, 3).reshape(-1, 6)])
         falling = np.array([*random.normal(size=2), -1.0, *random.normal(size=3)])
-        friction, rolling = random.choice([0.0, 0.2, 0.7, 1.5], size=count), random.choice([0.01, 0.1, 0.5])
+        friction, rolling = (
+            random.choice([0.0, 0.2, 0.7, 1.5], size=count),
+            random.choice([0.01, 0.1, 0.5]),
+        )
         gain, free = rows @ INVERSE @ rows.T, rows @ falling
         impulses = resisted_impulses(gain, free, friction, rolling)
-        ended = falling + INVERSE @ rows[3 * count :].T @ (impulses[count:] * [0.0, 1.0, 1.0]).ravel()
+        ended = (
+            falling + INVERSE @ rows[3 * count :].T @ (impulses[count:] * [0.0, 1.0, 1.0]).ravel()
+        )
         own = gain[: 3 * count, : 3 * count]
         assert missed(own, rows[: 3 * count] @ ended, friction, impulses[:count]) < 1e-8
-        turning = (rows @ (ended + INVERSE @ rows[: 3 * count].T @ impulses[:count].ravel())).reshape(-1, 3)
+        turning = (
+            rows @ (ended + INVERSE @ rows[: 3 * count].T @ impulses[:count].ravel())
+        ).reshape(-1, 3)
         couples, turned = impulses[count:, 1:], turning[count:, 1:]
         limit = rolling * impulses[:count, 0]
         assert (np.linalg.norm(couples, axis=1) <= limit + 1e-8).all()

@@ -34,7 +34,9 @@ def load(force=(0.0, 0.0), couple=0.0, weight=(0.0, -1.0), centre=(0.0, 0.0)):
 
 def pocket(angle, radius=0.5):
     """Contacts of a disc about the origin in a pocket: normals at an angle to either side of down."""
-    normals = np.array([[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]])
+    normals = np.array(
+        [[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]]
+    )
     return Contacts(radius * normals, normals)
 
 
@@ -42,10 +44,14 @@ def box(force, half_base=1.0, height=0.5, slope=0.0, couple=(0.0, 0.0, 0.0)):
     """Load and contacts of a box in space on its four corners, downhill +x, unit weight, force at the centre."""
     corners = [[x, y, 0.0] for x in (-half_base, half_base) for y in (-half_base, half_base)]
     weight = [math.sin(slope), 0.0, -math.cos(slope)]
-    return Load(force, couple, weight, [0.0, 0.0, height]), Contacts(corners, [[0.0, 0.0, -1.0]] * 4)
+    return Load(force, couple, weight, [0.0, 0.0, height]), Contacts(
+        corners, [[0.0, 0.0, -1.0]] * 4
+    )
 
 
-ON_PLANE = Contacts([[0.0, 0.0, -0.5]], [[0.0, 0.0, -1.0]])  # a sphere of radius one half about the origin
+ON_PLANE = Contacts(
+    [[0.0, 0.0, -0.5]], [[0.0, 0.0, -1.0]]
+)  # a sphere of radius one half about the origin
 
 
 def sphere(force=(0, 0, 0), couple=(0, 0, 0), weight=(0, 0, -1)):
@@ -58,7 +64,9 @@ class TestBlock:
     def test_slides_down_an_incline(self, slope, friction):
         # a = g (sin - friction cos), without turning: low enough not to topple.
         expected = math.sin(slope) - friction * math.cos(slope)
-        result = incipient_motion(*box([0, 0, 0], height=0.1, slope=slope), friction, 1.0, np.eye(3))
+        result = incipient_motion(
+            *box([0, 0, 0], height=0.1, slope=slope), friction, 1.0, np.eye(3)
+        )
         assert result.mode is Mode.SLIDING
         assert result.acceleration == pytest.approx([expected, 0.0, 0.0], abs=1e-9)
         assert not result.angular_acceleration.any()
@@ -81,7 +89,9 @@ class TestBlock:
         # A row of seven: the same motion as on the two ends, with the smallest of all forces that give it.
         row = np.column_stack([np.linspace(-1.0, 1.0, 7), np.zeros((7, 2))])
         acting = load((0.4, 0.0), centre=(0.0, 0.3))
-        ends = incipient_motion(acting, Contacts(row[[0, -1]], [DOWN] * 2), friction, 1.0, np.eye(3))
+        ends = incipient_motion(
+            acting, Contacts(row[[0, -1]], [DOWN] * 2), friction, 1.0, np.eye(3)
+        )
         many = incipient_motion(acting, Contacts(row, [DOWN] * 7), friction, 1.0, np.eye(3))
         assert many.mode is ends.mode is (Mode.SLIDING if friction < 0.4 else Mode.REST)
         assert many.acceleration == pytest.approx(ends.acceleration, abs=1e-12)
@@ -111,7 +121,9 @@ class TestBlock:
         alpha = turn / (0.5 - turn)
         assert result.mode is Mode.PIVOTING_AND_SLIDING
         assert result.angular_acceleration == pytest.approx([0.0, alpha, 0.0], abs=1e-9)
-        assert result.acceleration == pytest.approx([3.0 - 0.6 * (1.0 + alpha), 0.0, alpha], abs=1e-9)
+        assert result.acceleration == pytest.approx(
+            [3.0 - 0.6 * (1.0 + alpha), 0.0, alpha], abs=1e-9
+        )
 
     def test_rests_with_its_smallest_forces(self):
         # Four corners, three equations: a quarter of the weight each is the least of all.
@@ -128,7 +140,9 @@ class TestBlock:
         assert not result.contact_forces.any()
 
     def test_lifts_and_rotates(self):
-        result = incipient_motion(*box([0.1, 0.0, 2.0], couple=[0.0, 0.1, 0.0]), 0.5, 1.0, 2.0 * np.eye(3))
+        result = incipient_motion(
+            *box([0.1, 0.0, 2.0], couple=[0.0, 0.1, 0.0]), 0.5, 1.0, 2.0 * np.eye(3)
+        )
         assert result.mode is Mode.LIFTING_AND_ROTATING
         assert result.acceleration == pytest.approx([0.1, 0.0, 1.0])
         assert result.angular_acceleration == pytest.approx([0.0, 0.05, 0.0])
@@ -137,7 +151,9 @@ class TestBlock:
         # A couple about the vertical, equal corners, friction W acting at r = sqrt(2): J alpha = tau - m W r.
         result = incipient_motion(*box([0, 0, 0], couple=[0, 0, 1.0]), 0.3, 1.0, np.eye(3))
         assert result.mode is Mode.PIVOTING_AND_SLIDING
-        assert result.angular_acceleration == pytest.approx([0, 0, 1.0 - 0.3 * math.sqrt(2.0)], abs=1e-9)
+        assert result.angular_acceleration == pytest.approx(
+            [0, 0, 1.0 - 0.3 * math.sqrt(2.0)], abs=1e-9
+        )
 
 
 class TestSphereOnAPlane:
@@ -148,7 +164,9 @@ class TestSphereOnAPlane:
         result = incipient_motion(acting, ON_PLANE, math.tan(slope) / 3.5 * 1.0001, 1.0, BALL)
         assert result.mode is Mode.ROLLING
         assert result.acceleration == pytest.approx([5.0 / 7.0 * math.sin(slope), 0.0, 0.0])
-        assert result.angular_acceleration == pytest.approx([0.0, 10.0 / 7.0 * math.sin(slope), 0.0])
+        assert result.angular_acceleration == pytest.approx(
+            [0.0, 10.0 / 7.0 * math.sin(slope), 0.0]
+        )
         slipping = incipient_motion(acting, ON_PLANE, math.tan(slope) / 3.5 * 0.9999, 1.0, BALL)
         assert slipping.mode is Mode.PIVOTING_AND_SLIDING
         assert slipping.contact_states == (SLIDE,)
@@ -159,7 +177,9 @@ class TestSphereOnAPlane:
         acting = sphere(weight=[math.sin(slope), 0.0, -math.cos(slope)])
         result = incipient_motion(acting, ON_PLANE, friction, 1.0, BALL)
         assert result.acceleration[0] == pytest.approx(math.sin(slope) - friction * math.cos(slope))
-        assert result.angular_acceleration[1] == pytest.approx(friction * math.cos(slope) * 0.5 / 0.1)
+        assert result.angular_acceleration[1] == pytest.approx(
+            friction * math.cos(slope) * 0.5 / 0.1
+        )
 
     @pytest.mark.parametrize("couple", [[0.0, 0.1, 0.0], [0.06, -0.08, 0.0]])
     def test_rolls_under_a_couple(self, couple):
@@ -167,8 +187,12 @@ class TestSphereOnAPlane:
         result = incipient_motion(sphere(couple=couple), ON_PLANE, 0.5, 1.0, BALL)
         size = 0.1 * 0.5 / (0.1 + 0.25)
         assert result.mode is Mode.ROLLING
-        assert result.acceleration == pytest.approx(size * np.cross(couple, [0, 0, 1]) / 0.1, abs=1e-12)
-        assert result.angular_acceleration == pytest.approx(2.0 * size * np.array(couple) / 0.1, abs=1e-12)
+        assert result.acceleration == pytest.approx(
+            size * np.cross(couple, [0, 0, 1]) / 0.1, abs=1e-12
+        )
+        assert result.angular_acceleration == pytest.approx(
+            2.0 * size * np.array(couple) / 0.1, abs=1e-12
+        )
         assert result.uniqueness is Uniqueness.ONLY
 
     def test_slips_under_a_couple(self):
@@ -194,7 +218,9 @@ class TestSphereOnAPlane:
 
     def test_rolls_in_space_with_a_spin(self):
         # Not planar: the spin about the normal adds to the rolling, and each has its own formula.
-        result = incipient_motion(sphere([0.2, 0.0, 0.0], [0.0, 0.0, 0.1]), ON_PLANE, 0.5, 1.0, BALL)
+        result = incipient_motion(
+            sphere([0.2, 0.0, 0.0], [0.0, 0.0, 0.1]), ON_PLANE, 0.5, 1.0, BALL
+        )
         assert result.mode is Mode.ROLLING
         assert result.acceleration == pytest.approx([0.2 / 1.4, 0.0, 0.0])
         assert result.angular_acceleration == pytest.approx([0.0, 0.4 / 1.4, 1.0])
@@ -220,15 +246,21 @@ class TestPocket:
         result = incipient_motion(load((0.8, 0.0)), pocket(0.5), 0.0, 1.0, np.eye(3))
         size = 0.8 * math.cos(0.5) - math.sin(0.5)
         assert (result.mode, result.contact_states) == (Mode.SLIDING, (LIFT, SLIDE))
-        assert result.acceleration == pytest.approx([size * math.cos(0.5), size * math.sin(0.5), 0.0])
+        assert result.acceleration == pytest.approx(
+            [size * math.cos(0.5), size * math.sin(0.5), 0.0]
+        )
 
     def test_sphere_over_a_gap(self):
         # Pocket of three, through the gap: turns about the line of two contacts, at height R cos below the
         # centre and R sin cos(60) ahead of it. Moment about it, and J + m times the square of the distance.
         sine, cosine = 1.0 / math.sqrt(3.0), math.sqrt(2.0 / 3.0)
         around = np.radians([60.0, 180.0, 300.0])
-        normals = np.column_stack([sine * np.cos(around), sine * np.sin(around), np.full(3, -cosine)])
-        result = incipient_motion(sphere([0.6, 0, 0]), Contacts(0.5 * normals, normals), 0.8, 1.0, BALL)
+        normals = np.column_stack(
+            [sine * np.cos(around), sine * np.sin(around), np.full(3, -cosine)]
+        )
+        result = incipient_motion(
+            sphere([0.6, 0, 0]), Contacts(0.5 * normals, normals), 0.8, 1.0, BALL
+        )
         below, ahead = 0.5 * cosine, 0.25 * sine
         alpha = (0.6 * below - ahead) / (0.1 + below**2 + ahead**2)
         assert result.mode is Mode.PIVOTING
@@ -242,7 +274,9 @@ class TestPocket:
         result = incipient_motion(load(couple=-0.5), pocket(angle), friction, 1.0, 0.1 * np.eye(3))
         total = 1.0 / (math.cos(angle) * (1.0 + friction**2))
         assert (result.mode, result.contact_states) == (Mode.PIVOTING_AND_SLIDING, (SLIDE, SLIDE))
-        assert result.angular_acceleration == pytest.approx([0, 0, -(0.5 - friction * 0.5 * total) / 0.1])
+        assert result.angular_acceleration == pytest.approx(
+            [0, 0, -(0.5 - friction * 0.5 * total) / 0.1]
+        )
 
 
 class TestDifferentContacts:
@@ -257,7 +291,9 @@ class TestDifferentContacts:
         assert result.mode is Mode.PIVOTING_AND_SLIDING_APART
         assert result.contact_states == (ROLL, SLIDE)
         assert result.acceleration == pytest.approx([a, 0.0, 0.0], abs=1e-9)
-        assert result.angular_acceleration == pytest.approx([0.0, a / 0.5, 0.3 * 0.3 * 0.5 / 0.1], abs=1e-9)
+        assert result.angular_acceleration == pytest.approx(
+            [0.0, a / 0.5, 0.3 * 0.3 * 0.5 / 0.1], abs=1e-9
+        )
 
     def test_ladder_slips_at_both_ends(self):
         # Smooth floor and wall: alpha = 3 g cos / (2 L) with J = m L^2 / 12.
@@ -275,14 +311,20 @@ class TestDifferentContacts:
 
 class TestDegenerate:
     def wedge(self, half_angle):
-        normals = np.array([[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)])
+        normals = np.array(
+            [[s * math.cos(half_angle), -math.sin(half_angle), 0.0] for s in (-1.0, 1.0)]
+        )
         return Contacts([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], normals)
 
     def test_wedge_stays_or_leaves(self):
         # Below the friction angle forces of any size brace the wedge: it may stay although it is pulled out. It
         # may as well leave, a = (F - W) / m.
         result = incipient_motion(load((0.0, 3.0)), self.wedge(0.4), 0.5, 1.0, np.eye(3))
-        assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.SEVERAL, True)
+        assert (result.mode, result.uniqueness, result.jams) == (
+            Mode.REST,
+            Uniqueness.SEVERAL,
+            True,
+        )
         assert [solution.mode for solution in result.solutions] == [Mode.REST, Mode.LIFTING]
         assert result.solutions[1].acceleration == pytest.approx([0.0, 2.0, 0.0])
         free = incipient_motion(load((0.0, 3.0)), self.wedge(0.5), 0.5, 1.0, np.eye(3))
@@ -294,14 +336,20 @@ class TestDegenerate:
         points = np.vstack([flat.points + np.array([0, 0, z]) for z in (-0.3, 0.3)])
         contacts = Contacts(points, np.vstack([flat.normals] * 2))
         result = incipient_motion(load((0.1, 3.0)), contacts, 0.5, 1.0, np.diag([1.0, 2.0, 3.0]))
-        assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.SEVERAL, True)
+        assert (result.mode, result.uniqueness, result.jams) == (
+            Mode.REST,
+            Uniqueness.SEVERAL,
+            True,
+        )
         assert Mode.LIFTING in {solution.mode for solution in result.solutions}
 
     def test_disc_between_walls_is_braked_as_hard_as_one_likes(self):
         # Fitted between two walls, turned by a couple: the walls may press with any force 0 <= N <= tau / (2 m R),
         # so that alpha may be anything from tau / J down to nothing.
         contacts = Contacts([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], [DOWN, UP])
-        result = incipient_motion(load(couple=0.2, weight=(0.0, 0.0)), contacts, 0.5, 1.0, 0.1 * np.eye(3))
+        result = incipient_motion(
+            load(couple=0.2, weight=(0.0, 0.0)), contacts, 0.5, 1.0, 0.1 * np.eye(3)
+        )
         assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.FAMILY, True)
         assert result.solutions[-1].angular_acceleration == pytest.approx([0.0, 0.0, 2.0])
 
@@ -309,7 +357,9 @@ class TestDegenerate:
         # A thin bar gripped by three contacts on one line of action, dragged along: 2 N - 2 N of pressure stay
         # free, so friction may brake it as hard as one likes.
         contacts = Contacts([[0.0, -0.1, 0.0], [0.0, 0.1, 0.0], [0.0, -0.2, 0.0]], [DOWN, UP, DOWN])
-        result = incipient_motion(load((1.0, 0.0), weight=(0.0, 0.0)), contacts, 0.5, 1.0, np.eye(3))
+        result = incipient_motion(
+            load((1.0, 0.0), weight=(0.0, 0.0)), contacts, 0.5, 1.0, np.eye(3)
+        )
         assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.FAMILY, True)
         assert result.solutions[-1].acceleration == pytest.approx([1.0, 0.0, 0.0])
         assert result.residual < 1e-9
@@ -335,8 +385,14 @@ class TestDegenerate:
         angle = 0.5
         result = incipient_motion(load((1.0, 0.0)), pocket(angle), math.inf, 1.0, np.eye(3) / 8.0)
         alpha = -(math.cos(angle) - math.sin(angle)) * 0.5 / (0.125 + 0.25)
-        assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.SEVERAL, True)
-        assert result.solutions[-1].angular_acceleration == pytest.approx([0.0, 0.0, alpha], rel=1e-5)
+        assert (result.mode, result.uniqueness, result.jams) == (
+            Mode.REST,
+            Uniqueness.SEVERAL,
+            True,
+        )
+        assert result.solutions[-1].angular_acceleration == pytest.approx(
+            [0.0, 0.0, alpha], rel=1e-5
+        )
         acting, contacts = box([0.6, 0.0, 0.0], height=2.0)
         toppled = incipient_motion(acting, contacts, math.inf, 1.0, np.eye(3))
         assert toppled.mode is Mode.PIVOTING
@@ -375,7 +431,9 @@ class TestConsistency:
         case = release(acting, Contacts(points, normals), 0.4, 1.0, 0.1 * np.eye(3))
         flat = incipient_motion(acting, Contacts(points, normals), 0.4, 1.0, 0.1 * np.eye(3))
         in_space = spatial_solutions(case, coulomb(case), frictionless(case), rest=not flat.moves)
-        known = [[*solution.acceleration, *solution.angular_acceleration] for solution in flat.solutions]
+        known = [
+            [*solution.acceleration, *solution.angular_acceleration] for solution in flat.solutions
+        ]
         units = case.force_unit / np.array([1.0] * 3 + [case.grasp.reach] * 3)
         assert in_space or not flat.moves
         if flat.uniqueness is not Uniqueness.FAMILY:

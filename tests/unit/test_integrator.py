@@ -73,7 +73,8 @@ def test_error_proportional_to_tolerance(order: int) -> None:
     tolerances = 10.0 ** -np.arange(4, 11)
     errors = [
         np.abs(
-            solved(tight(oscillator, tol, order=order), 0.0, [1.0, 0.0], 10.0) - [np.cos(10), -np.sin(10)]
+            solved(tight(oscillator, tol, order=order), 0.0, [1.0, 0.0], 10.0)
+            - [np.cos(10), -np.sin(10)]
         ).max()
         for tol in tolerances
     ]
@@ -93,7 +94,9 @@ def test_polynomials_are_exact() -> None:
 
 def test_lotka_volterra_keeps_its_invariant() -> None:
     """x - log x + y - log y of x' = x (1 - y), y' = y (x - 1) is constant."""
-    y = solved(tight(lambda t, y: np.array([y[0] * (1 - y[1]), y[1] * (y[0] - 1)])), 0.0, [0.5, 2.0], 50.0)
+    y = solved(
+        tight(lambda t, y: np.array([y[0] * (1 - y[1]), y[1] * (y[0] - 1)])), 0.0, [0.5, 2.0], 50.0
+    )
     assert (y - np.log(y)).sum() == pytest.approx((2.5 - np.log(1.0)), abs=1e-8)
 
 
@@ -138,7 +141,9 @@ def test_backwards_returns_to_the_start() -> None:
     assert integrator.advance(0.0).outcome is Outcome.END
     np.testing.assert_allclose(integrator.y, [0.4, 0.0, 0.0, 2.0], atol=1e-8)
     assert min(integrator.statistics.step_sizes) < 0.0
-    np.testing.assert_allclose(solved(tight(kepler, 1e-11), 3.0, y, 0.0), [0.4, 0.0, 0.0, 2.0], atol=1e-8)
+    np.testing.assert_allclose(
+        solved(tight(kepler, 1e-11), 3.0, y, 0.0), [0.4, 0.0, 0.0, 2.0], atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("order", [4, 5])
@@ -150,7 +155,9 @@ def test_dense_output_order(order: int) -> None:
         integrator.init(0.0, [1.0, 0.0])
         integrator.step()
         inner = np.linspace(0.0, h, 41)
-        errors.append(max(np.abs(integrator.interpolate(t) - [np.cos(t), -np.sin(t)]).max() for t in inner))
+        errors.append(
+            max(np.abs(integrator.interpolate(t) - [np.cos(t), -np.sin(t)]).max() for t in inner)
+        )
     assert rates(errors)[-1] == pytest.approx(order + 1, abs=0.05)
 
 
@@ -165,7 +172,9 @@ def test_dense_output_joins_the_steps() -> None:
         near = integrator.t - 1e-9 * (integrator.t - start)
         np.testing.assert_allclose(integrator.interpolate(near), integrator.y, rtol=1e-9)
         middle = 0.5 * (start + integrator.t)
-        assert integrator.interpolate(middle)[0] == pytest.approx(1 / (1 + np.sin(middle)), rel=1e-8)
+        assert integrator.interpolate(middle)[0] == pytest.approx(
+            1 / (1 + np.sin(middle)), rel=1e-8
+        )
     with pytest.raises(ValueError, match="not within the last step"):
         integrator.interpolate(0.0)
 

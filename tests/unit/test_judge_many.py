@@ -59,7 +59,8 @@ def random_cases(count: int, contacts: int, space: bool, flat: bool = False) -> 
 
 @pytest.mark.parametrize("flat", [False, True])
 @pytest.mark.parametrize(
-    ("contacts", "space"), [(1, False), (2, False), (3, False), (4, False), (1, True), (2, True), (4, True)]
+    ("contacts", "space"),
+    [(1, False), (2, False), (3, False), (4, False), (1, True), (2, True), (4, True)],
 )
 def test_as_one_by_one(contacts: int, space: bool, flat: bool) -> None:
     """In the plane to 1e-12; in space to 1e-9, which is what the single judge's cone solver leaves."""
@@ -117,7 +118,12 @@ def test_spheres_in_pockets_of_three() -> None:
     cosine = np.sqrt(1.0 - sine**2)
     around = np.radians([180.0, 60.0, -60.0])
     points = np.stack(
-        [sine[:, None] * np.cos(around), sine[:, None] * np.sin(around), np.tile(-cosine[:, None], 3)], axis=2
+        [
+            sine[:, None] * np.cos(around),
+            sine[:, None] * np.sin(around),
+            np.tile(-cosine[:, None], 3),
+        ],
+        axis=2,
     )
     cases = Cases(
         points=points,
@@ -143,7 +149,17 @@ def test_processes_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     assert twice.mode_names == once.mode_names and np.array_equal(twice.factors, once.factors)
 
 
-COLUMNS = ["force_x", "force_y", "couple", "weight_x", "weight_y", "centre_x", "centre_y", "friction", "mass"]
+COLUMNS = [
+    "force_x",
+    "force_y",
+    "couple",
+    "weight_x",
+    "weight_y",
+    "centre_x",
+    "centre_y",
+    "friction",
+    "mass",
+]
 COLUMNS += [
     "inertia",
     *(f"{kind}_{i}_{axis}" for i in (1, 2) for kind in ("contact", "normal") for axis in "xy"),
@@ -187,11 +203,19 @@ WRONG = [
     ("couple", "inf", "couple is empty or not finite; give a number"),
     ("friction", "", "friction is empty or not finite; give a number"),
     ("friction", "-0.5", "friction -0.5 is not a coefficient; give a number that is not negative"),
-    ("contact_1_x", "", "contacts: points contain a number that is not finite; give finite numbers"),
+    (
+        "contact_1_x",
+        "",
+        "contacts: points contain a number that is not finite; give finite numbers",
+    ),
     ("normal_2_y", "7", "give unit normals"),
     ("mass", "-1", "mass -1.0 is not positive; give the grain's mass"),
     ("mass", "", "mass nan is not positive; give the grain's mass"),
-    ("inertia", "0", "inertia is not positive definite; give positive moments about every axis, also in 2D"),
+    (
+        "inertia",
+        "0",
+        "inertia is not positive definite; give positive moments about every axis, also in 2D",
+    ),
     ("force_x", "1e300", None),
     ("weight_y", "1e-200", None),
     ("contact_2_x", "1e160", None),
@@ -202,22 +226,31 @@ WRONG = [
 def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) -> None:
     """10,000 rows, of which 1,500 hold nonsense, and some have cells too many or no contact."""
     rows = rows_of(random_cases(10_000, 2, space=False))
-    right = judge_table(open_table(write(tmp_path / "right.csv", rows), []), tmp_path / "right", 1, Silent())
+    right = judge_table(
+        open_table(write(tmp_path / "right.csv", rows), []), tmp_path / "right", 1, Silent()
+    )
     assert right.failed == 0
     expected, rng = written(tmp_path / "right"), np.random.default_rng(3)
     said: dict[int, str | None] = {}
-    for place in rng.choice([one for one in range(10_000) if one % 1000 > 1], 1500, replace=False).tolist():
+    for place in rng.choice(
+        [one for one in range(10_000) if one % 1000 > 1], 1500, replace=False
+    ).tolist():
         column, value, reason = WRONG[int(rng.integers(len(WRONG)))]
         rows[place][COLUMNS.index(column)] = value
         said[place] = reason
     for place in range(0, 10_000, 1000):
-        rows[place], said[place] = [*rows[place], "0"], "has 19 cells for 18 columns; give one for each"
+        rows[place], said[place] = (
+            [*rows[place], "0"],
+            "has 19 cells for 18 columns; give one for each",
+        )
         none = [*rows[place + 1][:10], *[""] * 8]
         rows[place + 1], said[place + 1] = (
             none,
             "there is none; a grain that touches nothing cannot be judged",
         )
-    found = judge_table(open_table(write(tmp_path / "wrong.csv", rows), []), tmp_path / "wrong", 1, Silent())
+    found = judge_table(
+        open_table(write(tmp_path / "wrong.csv", rows), []), tmp_path / "wrong", 1, Silent()
+    )
     answers = written(tmp_path / "wrong")
     assert [row["row"] for row in answers] == [str(place + 1) for place in range(10_000)]
     for place, (answer, before) in enumerate(zip(answers, expected, strict=True)):
@@ -227,7 +260,9 @@ def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) 
             reason and ("mass" in reason or "inertia" in reason) and before["mode"] == "rest"
         ):
             assert answer | {"safety_factor": ""} == before | {"safety_factor": ""}
-            assert float(answer["safety_factor"]) == pytest.approx(float(before["safety_factor"]), rel=1e-12)
+            assert float(answer["safety_factor"]) == pytest.approx(
+                float(before["safety_factor"]), rel=1e-12
+            )
         elif reason is not None:
             assert reason in answer["reason"] and answer["safety_factor"] == answer["mode"] == ""
         else:
@@ -256,7 +291,9 @@ def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(KeyboardInterrupt):
         judge_table(open_table(path, []), tmp_path / "out", jobs, Killed(2))
     chunks = sorted((tmp_path / "out" / "verdicts.chunks").glob("*.csv"))
-    assert len(chunks) == 2 or (jobs == 2 and len(chunks) > 2)  # workers finish what they have begun
+    assert len(chunks) == 2 or (
+        jobs == 2 and len(chunks) > 2
+    )  # workers finish what they have begun
     before = {one: one.stat().st_mtime_ns for one in chunks}
     other = write(tmp_path / "other.csv", rows_of(random_cases(310, 2, space=False, flat=True)))
     with pytest.raises(OutputError, match="holds chunks of another table"):
@@ -275,16 +312,22 @@ def test_parquet_as_csv(tmp_path: Path) -> None:
     rows = rows_of(random_cases(60, 2, space=False))
     rows[7][COLUMNS.index("contact_2_x")] = rows[8][COLUMNS.index("force_x")] = ""
     judge_table(open_table(write(tmp_path / "cases.csv", rows), []), tmp_path, 1, Silent())
-    columns = [[float(cell) if cell else None for cell in column] for column in zip(*rows, strict=True)]
+    columns = [
+        [float(cell) if cell else None for cell in column] for column in zip(*rows, strict=True)
+    ]
     parquet.write_table(pyarrow.table(columns, names=COLUMNS), tmp_path / "cases.parquet")
     judge_table(open_table(tmp_path / "cases.parquet", []), tmp_path, 1, Silent())
     stored = parquet.read_table(tmp_path / "verdicts.parquet").to_pylist()
     for one, other in zip(stored, written(tmp_path), strict=True):
         assert (one["mode"], one["reason"]) == (other["mode"], other["reason"])
-        assert one["safety_factor"] == (float(other["safety_factor"]) if other["safety_factor"] else None)
+        assert one["safety_factor"] == (
+            float(other["safety_factor"]) if other["safety_factor"] else None
+        )
 
 
-def test_parquet_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+def test_parquet_without_pyarrow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert cli.main(["judge", "--batch", str(tmp_path / "cases.parquet")]) == 6
     complaint = capsys.readouterr().err
@@ -335,7 +378,13 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     assert 'row 6: force_x is "x"; give a number' in capsys.readouterr().out
     *rows, wrong = written(tmp_path / "out")
     # Statics: moments about a contact; the same in twice the flow; friction; a lever; a disc that nothing holds.
-    expected = [0.25 / (0.3 * 0.5 * np.cos(np.radians(30)) + 0.04), None, 0.5 / 0.6, 0.2 / 0.5 / 0.6, 0.0]
+    expected = [
+        0.25 / (0.3 * 0.5 * np.cos(np.radians(30)) + 0.04),
+        None,
+        0.5 / 0.6,
+        0.2 / 0.5 / 0.6,
+        0.0,
+    ]
     expected[1] = 0.5 * expected[0]
     assert [float(row["safety_factor"]) for row in rows] == pytest.approx(expected, rel=1e-5)
     assert [row["mode"] for row in rows] == ["rest", "pivoting", "sliding", "pivoting", "rolling"]
@@ -366,7 +415,17 @@ def test_killed_outright_it_leaves_no_process_and_goes_on(killed: str, tmp_path:
     """SIGKILL to the parent or to one of two workers; a second call ends with what one call gives."""
     rows = rows_of(random_cases(10_000, 2, space=False))
     path = write(tmp_path / "cases.csv", [row for _ in range(8) for row in rows])
-    order = [sys.executable, "-m", "incipient", "judge", "--batch", str(path), "--jobs", "2", "--out"]
+    order = [
+        sys.executable,
+        "-m",
+        "incipient",
+        "judge",
+        "--batch",
+        str(path),
+        "--jobs",
+        "2",
+        "--out",
+    ]
     whole = subprocess.run([*order, str(tmp_path / "whole")], check=True, capture_output=True)
     assert b"cases               80000" in whole.stdout
     parent = subprocess.Popen(
@@ -377,12 +436,18 @@ def test_killed_outright_it_leaves_no_process_and_goes_on(killed: str, tmp_path:
         assert parent.poll() is None
         time.sleep(0.02)
     children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
-    workers = [one for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    workers = [
+        one for one in children if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]
     assert len(workers) == 2
     os.kill(parent.pid if killed == "parent" else int(workers[0]), signal.SIGKILL)
     _, complaint = parent.communicate(timeout=60)
     if killed == "worker":
-        assert parent.returncode == 4 and b"a process was ended" in complaint and complaint.count(b"\n") == 1
+        assert (
+            parent.returncode == 4
+            and b"a process was ended" in complaint
+            and complaint.count(b"\n") == 1
+        )
     time.sleep(1.0)
     for child in map(Path("/proc").joinpath, children):
         assert not child.exists() or "\nState:\tZ" in (child / "status").read_text()

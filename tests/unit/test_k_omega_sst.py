@@ -24,7 +24,9 @@ BETA, GAMMA, BETA_STAR = 0.0828, 0.44, 0.09  # of the outer model, which holds f
 
 
 def far_from_walls(k, omega):
-    return KOmegaSST(rectangle((0, 0), (1, 1), (1, 1)), TurbulenceConditions((), uniform(k, omega)), 2, 0.01)
+    return KOmegaSST(
+        rectangle((0, 0), (1, 1), (1, 1)), TurbulenceConditions((), uniform(k, omega)), 2, 0.01
+    )
 
 
 def test_homogeneous_turbulence_decays_as_it_must():
@@ -97,7 +99,9 @@ def test_next_to_sand_without_flow_only_molecules_matter():
 
     def exact(x):
         away = (x[1] + beyond) / beyond
-        k = np.log(LITTLE_K * 1e-20 * (sand * 1e-10 / 0.01 / SMOOTHEST_SAND) ** 2) + EXPONENT * np.log(away)
+        k = np.log(
+            LITTLE_K * 1e-20 * (sand * 1e-10 / 0.01 / SMOOTHEST_SAND) ** 2
+        ) + EXPONENT * np.log(away)
         return np.array([k, np.log(25e3 * 0.01 / sand**2) - 2.0 * np.log(away)])
 
     errors = []
@@ -245,9 +249,15 @@ def test_long_steps_become_sweeps_where_the_flow_changes_more_and_more():
         return swept_where_it_changes_more(2.0 * courant, rounds, fast)
 
     assert after(100.0, 0.01) == after(100.0, 0.02, 0.01) == 200.0
-    assert after(100.0, 0.01, 0.02) == SWEEPING > after(100.0, 0.02, 0.01, fast=True) == SWEEPING_FAST
+    assert (
+        after(100.0, 0.01, 0.02) == SWEEPING > after(100.0, 0.02, 0.01, fast=True) == SWEEPING_FAST
+    )
     assert after(2.0, 0.01, 0.02) == after(2.0, 0.01, 0.02, fast=True) == 4.0
-    assert after(100.0, 0.1 * LITTLE, 0.9 * LITTLE) == after(100.0, 0.02, 0.9 * LITTLE, fast=True) == 200.0
+    assert (
+        after(100.0, 0.1 * LITTLE, 0.9 * LITTLE)
+        == after(100.0, 0.02, 0.9 * LITTLE, fast=True)
+        == 200.0
+    )
 
 
 def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
@@ -257,7 +267,9 @@ def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
 
     def spread(*changes):
         sizes = [*[0.01] * (LINGERING - len(changes)), *changes]
-        return spread_if_it_lingers([Round(i, SWEEPING, one, 0.1, (1.0, 0.0)) for i, one in enumerate(sizes)])
+        return spread_if_it_lingers(
+            [Round(i, SWEEPING, one, 0.1, (1.0, 0.0)) for i, one in enumerate(sizes)]
+        )
 
     assert spread(0.01, 0.01) == spread(0.01, 0.02) == 0.0
     assert spread(0.01, 0.004) == spread(0.01, 0.12) == np.inf

@@ -76,7 +76,9 @@ def test_a_disc_that_lands_in_a_pocket_has_both_contacts():
     height = math.sqrt((1.0 + GAP) ** 2 - 0.6**2)
     found = landed(scene(body=body, bed=bed), (2.0, height), (0.0, 0.0, 0.0))
     assert len(found.contacts.points) == 2
-    assert found.contacts.normals[:, 0].tolist() == pytest.approx([-0.6 / (1 + GAP), 0.6 / (1 + GAP)])
+    assert found.contacts.normals[:, 0].tolist() == pytest.approx(
+        [-0.6 / (1 + GAP), 0.6 / (1 + GAP)]
+    )
     assert not found.verdict["moves"]
 
 
@@ -94,7 +96,10 @@ def test_a_contact_that_is_farther_than_the_gap_is_none():
     [
         ({"contact": None}, "it needs a section [contact] with a friction"),
         ({"effects": Effects(contact=False)}, "effects.contact is false"),
-        ({"body": BOX.model_copy(update={"locked": ("angle",)})}, "body.locked holds motions of the grain"),
+        (
+            {"body": BOX.model_copy(update={"locked": ("angle",)})},
+            "body.locked holds motions of the grain",
+        ),
     ],
 )
 def test_why_there_is_no_verdict(changes, why):

@@ -39,7 +39,9 @@ def case(number: int) -> tuple[SweepCase, CaseOutcome]:
         result, reason = None, "too heavy"
     text = json.dumps({"a": {"x": x, "y": y}})
     outcome = CaseOutcome(result, reason, 0.5, 0.25, 80.0, {"incipient": "1", "numpy": "2"})
-    return SweepCase(f"{number:05d}", "judge", f"made {number % 2}", (f"a.x={x}",), text, ""), outcome
+    return SweepCase(
+        f"{number:05d}", "judge", f"made {number % 2}", (f"a.x={x}",), text, ""
+    ), outcome
 
 
 @pytest.fixture
@@ -55,14 +57,18 @@ def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_the_quick_table_is_that_of_the_results(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_quick_table_is_that_of_the_results(
+    large: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """But for the keys of cases that wait, whose scenes are not read."""
     quick = rows(large)
     monkeypatch.setattr(stores, "LARGE", NUMBER)
     slow = rows(large)
     finished = [row for row in slow if row["status"] != "waiting"]
     assert [row for row in quick if row["status"] != "waiting"] == finished
-    assert [type(value) for value in quick[0].values()] == [type(slow[0][name]) for name in quick[0]]
+    assert [type(value) for value in quick[0].values()] == [
+        type(slow[0][name]) for name in quick[0]
+    ]
     assert [row["id"] for row in quick] == [row["id"] for row in slow]
     assert any(math.isinf(row.get("safety_factor", 0.0)) for row in quick)
 
@@ -86,20 +92,26 @@ def test_the_table_prints_the_first_cases_and_counts_all(
 ) -> None:
     assert main(["table", str(large)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1].startswith("400 cases: 370 done, 10 failed, 20 waiting; the first 300 are shown")
+    assert lines[-1].startswith(
+        "400 cases: 370 done, 10 failed, 20 waiting; the first 300 are shown"
+    )
     assert len(lines) == 302
     assert main(["table", str(large), "--csv"]) == 0
     quick = capsys.readouterr().out.splitlines()
     monkeypatch.setattr(stores, "LARGE", NUMBER)
     assert main(["table", str(large), "--csv"]) == 0
     slow = capsys.readouterr().out.splitlines()
-    assert sorted(quick[0].split(",")) == sorted(slow[0].split(",")) and len(quick) == len(slow) == 401
+    assert (
+        sorted(quick[0].split(",")) == sorted(slow[0].split(",")) and len(quick) == len(slow) == 401
+    )
     for one, other in zip(csv.DictReader(quick[:380]), csv.DictReader(slow[:380]), strict=True):
         assert one == other
 
 
 def lines_of(figure: Figure) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    return {str(line.get_label()): (line.get_xdata(), line.get_ydata()) for line in figure.axes[0].lines}
+    return {
+        str(line.get_label()): (line.get_xdata(), line.get_ydata()) for line in figure.axes[0].lines
+    }
 
 
 def test_curves_are_medians_of_the_results(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +129,9 @@ def test_curves_are_medians_of_the_results(large: Path, monkeypatch: pytest.Monk
         assert len(x) > 6 and len(place) > 100
         ratio = (place.max() / place.min()) ** (0.5 / 12)
         for middle, median in zip(x, y, strict=True):
-            inside = factor[(place >= middle / ratio * (1 - 1e-12)) & (place <= middle * ratio * (1 + 1e-12))]
+            inside = factor[
+                (place >= middle / ratio * (1 - 1e-12)) & (place <= middle * ratio * (1 + 1e-12))
+            ]
             assert len(inside) >= many_cases.LEAST
             low, high = (np.quantile(inside, 0.5, method=one) for one in ("lower", "higher"))
             assert low <= median <= high
@@ -128,7 +142,9 @@ def test_a_map_is_of_the_results(large: Path) -> None:
     with Store(large) as store:
         figure = many_cases.figures(store, None, "a.x", "a.y")["map"]
     (mesh,) = (
-        one for one in figure.axes[0].collections if one.get_array() is not None and one.get_array().ndim == 2
+        one
+        for one in figure.axes[0].collections
+        if one.get_array() is not None and one.get_array().ndim == 2
     )
     means = mesh.get_array()
     done = [row for row in rows(large) if math.isfinite(row.get("safety_factor", math.inf))]
@@ -137,7 +153,8 @@ def test_a_map_is_of_the_results(large: Path) -> None:
     sums: dict[tuple[int, int], list[float]] = {}
     for row in done:
         column = min(
-            int((math.log(row["a.x"]) - low) / (high - low) * many_cases.CELLS), many_cases.CELLS - 1
+            int((math.log(row["a.x"]) - low) / (high - low) * many_cases.CELLS),
+            many_cases.CELLS - 1,
         )
         sums.setdefault((row["a.y"] - 1, column), []).append(math.log10(row["safety_factor"]))
     assert means.count() == len(sums)
@@ -163,4 +180,7 @@ def test_pictures_and_page_of_a_large_sweep(large: Path, monkeypatch: pytest.Mon
     """In processes of their own, for which this one is no large one: as they were before."""
     assert main(["report", str(large)]) == 0
     page = large.with_name("large_report.html").read_text()
-    assert "400 cases: 370 computed, 10 failed, 20 not computed yet. Tables are of the first 300." in page
+    assert (
+        "400 cases: 370 computed, 10 failed, 20 not computed yet. Tables are of the first 300."
+        in page
+    )

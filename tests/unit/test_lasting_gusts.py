@@ -53,7 +53,9 @@ class TestLasting:
 
     def test_times_that_no_correlation_has_are_refused(self) -> None:
         """T1 + T2 is at least the root of 4 T1 T2, the microscale times the root of two."""
-        with pytest.raises(SceneError, match=r"gusts\.integral_time: is 0\.7, less than the microscale 0\.5"):
+        with pytest.raises(
+            SceneError, match=r"gusts\.integral_time: is 0\.7, less than the microscale 0\.5"
+        ):
             Course.of(Gaussian(0.3, True, 0.5), 0.7)
 
     def test_gusts_of_another_flow_are_refused(self) -> None:
@@ -65,7 +67,8 @@ class TestLasting:
 
     def test_errors_that_are_not_known_are_not_taken_as_known(self) -> None:
         points = [
-            {"duration": one, "strength": 3.0, "error": error} for one, error in ((1.0, 0.1), (2.0, None))
+            {"duration": one, "strength": 3.0, "error": error}
+            for one, error in ((1.0, 0.1), (2.0, None))
         ]
         found = WeakestGusts.of({"static": 1.5, "points": points})
         assert not found.known and found.errors.tolist() == [0.1, 0.0]

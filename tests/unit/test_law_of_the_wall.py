@@ -49,8 +49,12 @@ def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_it
     scene = grain(0.2)
     twice = Setup(scene).faster(2.0).scene
     assert twice.viscosity == pytest.approx(0.5 * scene.viscosity)
-    assert 2.0 * Setup(scene).bed_stress(2.0) == pytest.approx(4.0 * Setup(twice).walls.shear_velocity ** 2)
-    assert Setup(scene).bed_stress() < Setup(scene).bed_stress(2.0) < 2.0 * Setup(scene).bed_stress()
+    assert 2.0 * Setup(scene).bed_stress(2.0) == pytest.approx(
+        4.0 * Setup(twice).walls.shear_velocity ** 2
+    )
+    assert (
+        Setup(scene).bed_stress() < Setup(scene).bed_stress(2.0) < 2.0 * Setup(scene).bed_stress()
+    )
     slow = Setup(scene).faster(slowest(Setup(scene))).scene
     assert grain_number(Setup(slow)) == pytest.approx(300.0, rel=1e-3)
     assert Setup(slow).walls.distance < 0.2
@@ -70,7 +74,9 @@ def test_a_measured_profile_enters_with_the_law_of_the_wall_below_and_above_it()
     assert enters.energy(near[[0, 1, 3]]) == pytest.approx(k, rel=1e-6)
     length = 0.41 * near[[0, 1, 3]].clip(max=0.01 + 0.005)
     length[-1] = 0.41 * 0.01
-    assert enters.dissipation(near[[0, 1, 3]]) == pytest.approx(0.09**0.75 * k**1.5 / length, rel=1e-6)
+    assert enters.dissipation(near[[0, 1, 3]]) == pytest.approx(
+        0.09**0.75 * k**1.5 / length, rel=1e-6
+    )
     third = Turbulence(**MEASURED, profile=[[*row, 0.01] for row in rows.tolist()])
     assert entering_of(channel(turbulence=third)).energy(near) == pytest.approx(0.01 + 1.5e-4)
 
@@ -106,7 +112,9 @@ def test_rough_walls_are_judged_by_sand_and_depth_and_smooth_ones_by_viscosity()
     assert law.bounds(0.05, 1e-6, 1.0) == pytest.approx((0.01, 0.2))
     assert WallLaw().bounds(0.05, 1e-6, 1.0) == pytest.approx((6e-4, 6e-3))
     assert WallLaw(roughness=4e-5).bounds(0.05, 1e-6, 1.0) == pytest.approx((6e-4, 6e-3))
-    between = WallLaw(roughness=2.85e-4).bounds(0.05, 1e-6, 1.0)  # u* k/nu = 14.2, half way in its logarithm
+    between = WallLaw(roughness=2.85e-4).bounds(
+        0.05, 1e-6, 1.0
+    )  # u* k/nu = 14.2, half way in its logarithm
     assert between == pytest.approx((6e-4, 6e-3 * (0.2 / 6e-3) ** 0.7071), rel=2e-3)
 
 
@@ -117,13 +125,22 @@ def test_sand_that_is_too_high_for_the_depth_is_refused_by_a_remedy_that_helps()
     ):
         make_plan(channel(turbulence=Turbulence(wall="rough", roughness=0.3), fluid=fluid))
     gravel = Turbulence(wall="rough", roughness=0.15)
-    with pytest.raises(SceneError, match=r"is 75% of the grain, at most 50%; use a smaller roughness"):
+    with pytest.raises(
+        SceneError, match=r"is 75% of the grain, at most 50%; use a smaller roughness"
+    ):
         make_plan(
-            channel(turbulence=gravel, fluid=fluid, body=Disc(diameter=0.2, centre=(10, 0.5)), bed=Flat())
+            channel(
+                turbulence=gravel,
+                fluid=fluid,
+                body=Disc(diameter=0.2, centre=(10, 0.5)),
+                bed=Flat(),
+            )
         )
 
 
-@pytest.mark.parametrize("turbulence", [None, Turbulence(inflow="given", intensity=0.1, length=0.05)])
+@pytest.mark.parametrize(
+    "turbulence", [None, Turbulence(inflow="given", intensity=0.1, length=0.05)]
+)
 @pytest.mark.parametrize("flow", [OpenChannel(velocity=3.0), Poiseuille(velocity=3.0)])
 def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, turbulence):
     """With the law's share between mesh and walls."""
@@ -137,4 +154,6 @@ def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, turbulence):
     k, epsilon = enters.energy(inner), enters.dissipation(inner)
     assert (k > 0).all() and (epsilon > 0).all()
     if turbulence is not None:
-        assert k == pytest.approx(1.5 * 0.3**2) and epsilon == pytest.approx(0.09**0.75 * k**1.5 / 0.05)
+        assert k == pytest.approx(1.5 * 0.3**2) and epsilon == pytest.approx(
+            0.09**0.75 * k**1.5 / 0.05
+        )

@@ -23,7 +23,9 @@ class TestLaws:
 
     def test_levels_of_a_normal_factor(self) -> None:
         found = [Gaussian(0.3, lognormal=False).level(one) for one in PROBABILITIES]
-        assert found == pytest.approx([1.0 + 0.3 * z for z in (3.090232, 2.326348, 1.644854, 0.0)], abs=1e-6)
+        assert found == pytest.approx(
+            [1.0 + 0.3 * z for z in (3.090232, 2.326348, 1.644854, 0.0)], abs=1e-6
+        )
 
     @pytest.mark.parametrize("lognormal", [True, False])
     def test_mean_and_intensity(self, lognormal: bool) -> None:
@@ -47,7 +49,9 @@ class TestLaws:
             expected = law.upcrossings(level)
             assert expected is not None
             # Three standard errors of the count, and what steps of lambda/10 miss.
-            assert rises == pytest.approx(expected * count * step, rel=3.0 / math.sqrt(rises) + 0.01)
+            assert rises == pytest.approx(
+                expected * count * step, rel=3.0 / math.sqrt(rises) + 0.01
+            )
 
     def test_without_a_microscale_rates_are_not_known(self) -> None:
         assert Gaussian(0.3).upcrossings(1.5) is None
@@ -80,7 +84,9 @@ class TestMeasured:
     def test_probability_beyond_the_series_is_refused(self) -> None:
         times = np.linspace(0.0, 200.0, 2001)
         law = Measured.of(np.column_stack([times, 2.0 + np.sin(times)]), integral_time=1.0)
-        with pytest.raises(SceneError, match=r"0\.001 is beyond what the series can tell, 0\.01 to 0\.99"):
+        with pytest.raises(
+            SceneError, match=r"0\.001 is beyond what the series can tell, 0\.01 to 0\.99"
+        ):
             law.level(0.001)
 
 
@@ -94,7 +100,9 @@ class TestEvents:
             [0.05, 0.02, 0.005, 0.0]
         )
         assert self.LAW.upcrossings(1.4) == pytest.approx(0.03)
-        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx((0.005, 0.05))
+        assert self.LAW.level(0.02) == pytest.approx(1.5) and self.LAW.told == pytest.approx(
+            (0.005, 0.05)
+        )
         # The sum of a Poisson number of lengths has the variance of the sum of their squares: 0.25 + 0.25 + 1.
         assert self.LAW.spread(0.02) == pytest.approx(math.sqrt(1.5) / 100.0)
 
@@ -104,7 +112,9 @@ class TestEvents:
         shares, spreads = [], []
         for _ in range(2000):
             count = chance.poisson(100)
-            points = np.column_stack([chance.uniform(1.0, 2.0, count), chance.exponential(0.5, count)])
+            points = np.column_stack(
+                [chance.uniform(1.0, 2.0, count), chance.exponential(0.5, count)]
+            )
             law = Events.of(points, 1000.0)
             shares.append(law.exceeded(1.6))
             spreads.append(law.spread(shares[-1]))
@@ -133,6 +143,8 @@ class TestEvents:
         strengths = np.random.default_rng(5).lognormal(
             -0.5 * math.log(1.09), math.sqrt(math.log(1.09)), 200_000
         )
-        law = Events.of(np.column_stack([strengths, np.full(len(strengths), 0.5)]), 0.5 * len(strengths))
+        law = Events.of(
+            np.column_stack([strengths, np.full(len(strengths), 0.5)]), 0.5 * len(strengths)
+        )
         assert law.level(0.01) == pytest.approx(1.8962, rel=3.0 * 0.0025)
         assert law.upcrossings(1.8962) == pytest.approx(0.02, rel=0.1)

@@ -139,5 +139,7 @@ def test_the_memory_of_the_process_that_started_this_one_is_not_counted() -> Non
         "import subprocess, sys; held = bytearray(b'x') * 600_000_000\n"
         f"print(subprocess.run([sys.executable, '-c', {child!r}], capture_output=True, text=True).stdout)"
     )
-    done = subprocess.run([sys.executable, "-c", parent], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", parent], capture_output=True, text=True, timeout=60
+    )
     assert 5.0 < float(done.stdout) < 300.0

@@ -142,7 +142,9 @@ def test_a_solver_of_singular_matrices_gets_the_pressure_without_a_level(level: 
 def test_singular_matrix_is_an_error() -> None:
     A = random_entries(1)
     A[3] = 0.0
-    with pytest.raises(ConvergenceError, match="could not be factorised, it is singular: use another"):
+    with pytest.raises(
+        ConvergenceError, match="could not be factorised, it is singular: use another"
+    ):
         solved(Direct(sparse(A)), np.ones(ROWS))
 
 
@@ -150,18 +152,24 @@ def test_not_a_number_is_an_error() -> None:
     """Neither a coarser mesh nor more ranks help against it, so that neither is advised."""
     b = np.ones(ROWS)
     b[0] = np.nan
-    with pytest.raises(ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"):
+    with pytest.raises(
+        ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"
+    ):
         solved(Direct(sparse(random_entries(1))), b)
     A = random_entries(1)
     A[2, 2] = np.nan
-    with pytest.raises(ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"):
+    with pytest.raises(
+        ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"
+    ):
         solved(Direct(sparse(A)), np.ones(ROWS))
 
 
 def test_an_iteration_that_does_not_converge_says_so() -> None:
     """A residual of zero is out of reach of new factors, and GMRES is allowed no iterations."""
     solver = Direct(sparse(random_entries(1)), patience=0)
-    with pytest.raises(ConvergenceError, match="was not solved in 0 iterations with a new factorisation"):
+    with pytest.raises(
+        ConvergenceError, match="was not solved in 0 iterations with a new factorisation"
+    ):
         solved(solver, np.ones(ROWS), rtol=0.0)
 
 
@@ -174,7 +182,9 @@ def test_recovers_after_an_error() -> None:
         solved(solver, np.ones(ROWS))
     A = random_entries(1)
     refill(matrix, A)
-    assert solved(solver, np.ones(ROWS)) == pytest.approx(np.linalg.solve(A, np.ones(ROWS)), rel=1e-10)
+    assert solved(solver, np.ones(ROWS)) == pytest.approx(
+        np.linalg.solve(A, np.ones(ROWS)), rel=1e-10
+    )
 
 
 def test_more_workspace_when_the_first_was_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,4 +226,6 @@ def test_projection_onto_a_boundary() -> None:
     x, into = ufl.SpatialCoordinate(domain.mesh), dolfinx.fem.Function(space)
     solve_mass_matrix(*mass_problem(domain.measure("left"), space, 1 + x[1]), into)
     points = space.tabulate_dof_coordinates()
-    assert into.x.array == pytest.approx(np.where(points[:, 0] < 1e-9, 1 + points[:, 1], 0.0), abs=1e-10)
+    assert into.x.array == pytest.approx(
+        np.where(points[:, 0] < 1e-9, 1 + points[:, 1], 0.0), abs=1e-10
+    )

@@ -18,7 +18,9 @@ def places_again(mesh: Any, places: Any) -> Any:
     space = compat.function_space(mesh, compat.coordinate_element(mesh))
     identity = dolfinx.fem.Function(space)
     nodes = identity.x.array.reshape(-1, mesh.geometry.dim)
-    nodes[compat.cell_dofs(space)] = mesh.geometry.x[compat.geometry_dofs(mesh), : mesh.geometry.dim]
+    nodes[compat.cell_dofs(space)] = mesh.geometry.x[
+        compat.geometry_dofs(mesh), : mesh.geometry.dim
+    ]
     return evaluate(identity, places)
 
 
@@ -152,7 +154,9 @@ def test_values_are_the_librarys(gdim: int, order: int) -> None:
     random = np.random.default_rng(5)
     function.x.array[:] = random.standard_normal(len(function.x.array))
     inner = random.dirichlet(np.ones(gdim + 1), 100)[:, 1:]
-    points = Locator(mesh).mapped(inner, np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 100))
+    points = Locator(mesh).mapped(
+        inner, np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 100)
+    )
     places = Locator(mesh).inside(points)
     spatial = np.pad(points, ((0, 0), (0, 3 - gdim)))
     expected = function.eval(spatial, places.cells.astype(np.int32))

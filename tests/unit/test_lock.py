@@ -71,7 +71,9 @@ def test_the_second_is_told_who_is_at_work(tmp_path: Path) -> None:
         with pytest.raises(OutputError) as told, locked(tmp_path, COMM):
             raise AssertionError("two at once")
         assert (tmp_path / LOCK).exists()
-    assert str(told.value).startswith(f"{tmp_path}: another run is using it (process {os.getpid()} on ")
+    assert str(told.value).startswith(
+        f"{tmp_path}: another run is using it (process {os.getpid()} on "
+    )
     assert str(told.value).endswith("; wait for it or choose another directory")
     with locked(tmp_path, COMM):
         pass
@@ -94,7 +96,9 @@ def test_the_lock_of_a_killed_process_is_taken_over(tmp_path: Path) -> None:
     ):
         pass
     process.kill()
-    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # it stays a zombie, as under a careless parent
+    os.waitid(
+        os.P_PID, process.pid, os.WEXITED | os.WNOWAIT
+    )  # it stays a zombie, as under a careless parent
     with locked(tmp_path, COMM):
         assert Holder.read((tmp_path / LOCK).read_bytes()).process == os.getpid()  # type: ignore[union-attr]
     process.communicate()
@@ -128,7 +132,10 @@ def test_what_cannot_be_known_is_left_to_the_user(tmp_path: Path, holder: str) -
         left_by(tmp_path, host="cluster7 pid:[1]", process=1, began="1")
     else:
         (tmp_path / LOCK).touch()
-    with pytest.raises(OutputError, match=rf"or remove {tmp_path / LOCK} if "), locked(tmp_path, COMM):
+    with (
+        pytest.raises(OutputError, match=rf"or remove {tmp_path / LOCK} if "),
+        locked(tmp_path, COMM),
+    ):
         pass
     assert (tmp_path / LOCK).exists()
 

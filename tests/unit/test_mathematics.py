@@ -16,7 +16,9 @@ SPEC.loader.exec_module(mathematics)
 def parts(page: str) -> list[str]:
     """Names of the elements, with the text of those that have one."""
     tree = ElementTree.fromstring(f"<p>{mathematics.on_page_content(page)}</p>")
-    names = (one.tag.rpartition("}")[2] + (f" {one.text}" if one.text else "") for one in tree.iter())
+    names = (
+        one.tag.rpartition("}")[2] + (f" {one.text}" if one.text else "") for one in tree.iter()
+    )
     return [name for name in names if name != "mrow"]
 
 

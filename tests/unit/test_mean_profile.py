@@ -29,7 +29,9 @@ def test_a_smooth_bed_has_the_profile_of_direct_simulations():
     with DNS.open(newline="") as file:
         rows = csv.DictReader(line for line in file if not line.startswith("#"))
         found = [
-            (float(row["y_plus"]), float(row["U_plus"])) for row in rows if row["re_tau"].startswith("518")
+            (float(row["y_plus"]), float(row["U_plus"]))
+            for row in rows
+            if row["re_tau"].startswith("518")
         ]
     y, u = np.transpose([pair for pair in found if pair[0] < 500])
     assert len(y) > 10
@@ -56,7 +58,9 @@ def test_a_rough_bed_has_the_law_of_nikuradse(k):
 def test_the_profile_in_the_scene_s_units():
     """Lengths over nu/u*, speeds over u*; it starts at the datum, and its top is the domain's."""
     flow = LogLaw(shear_velocity=2.0, roughness=0.3, datum=0.1)
-    found = scene(flow=flow, bed=HalfDiscs(radius=0.5, spacing=1.2), fluid=Fluid(reynolds=50, scale="grain"))
+    found = scene(
+        flow=flow, bed=HalfDiscs(radius=0.5, spacing=1.2), fluid=Fluid(reynolds=50, scale="grain")
+    )
     assert found.reference_velocity == 2.0 and found.viscosity == pytest.approx(2.0 / 50)
     heights = np.array([0.05, 0.1, 0.6, 6.0])
     points = np.vstack([np.zeros(4), heights, np.zeros(4)])
@@ -74,7 +78,9 @@ def test_in_si_units_the_velocity_is_that_of_shear():
     found = loads(text + "".join(f"{key}={value}\n" for key, value in units.items()))
     assert found.fluid.reynolds == pytest.approx(20.0)
     told = in_si(found)
-    assert told["bed_stress"] == pytest.approx(0.4) and told["shear_velocity"] == pytest.approx(0.02)
+    assert told["bed_stress"] == pytest.approx(0.4) and told["shear_velocity"] == pytest.approx(
+        0.02
+    )
 
 
 def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
@@ -93,9 +99,9 @@ def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
         dolfinx.mesh.CellType.quadrilateral,
     )
     measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 8})
-    force = sustaining_force(Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up)(
-        ufl.SpatialCoordinate(mesh), None
-    )
+    force = sustaining_force(
+        Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up
+    )(ufl.SpatialCoordinate(mesh), None)
     whole = dolfinx.fem.assemble_scalar(compat.form(force[0] * measure))
     top = MeanProfile(2.0, found.viscosity, 0.0, 6.0).speed(np.array([6.0 - 1e-4, 6.0]))
     assert whole == pytest.approx(4.0 - found.viscosity * (top[1] - top[0]) / 1e-4, rel=1e-5)
@@ -107,23 +113,32 @@ def test_the_plan_tells_what_the_stream_is():
     numbers, text = numbers_of(Setup(found)), make_plan(found).text()
     assert numbers.shear_reynolds == pytest.approx(20.0)
     assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
-    assert "mean profile of a turbulent flow, kept by a force in place of its turbulent stress" in text
+    assert (
+        "mean profile of a turbulent flow, kept by a force in place of its turbulent stress" in text
+    )
     assert (
         "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"
         in text
     )
     assert "between smooth and rough, u* k_s/nu = 20" in text and "channels are laminar" not in text
     slow = scene(flow=LogLaw(), fluid=Fluid(reynolds=30, scale="flow"))
-    assert "hydraulically smooth" in make_plan(slow).text() and "laminar to 650" in make_plan(slow).text()
+    assert (
+        "hydraulically smooth" in make_plan(slow).text()
+        and "laminar to 650" in make_plan(slow).text()
+    )
 
 
 def test_cells_at_the_bed_follow_the_profile():
     """Ten wall units: 10/20; below a stream of another kind there are none."""
     found = scene(flow=LogLaw(), fluid=Fluid(reynolds=20, scale="grain"))
-    (near,) = [one for one in lay_out(Setup(found), make_plan(found)).sizes.near if one.boundary == "bed"]
+    (near,) = [
+        one for one in lay_out(Setup(found), make_plan(found)).sizes.near if one.boundary == "bed"
+    ]
     assert near.size == pytest.approx(0.5)
     other = scene(flow=Uniform())
-    assert not [one for one in lay_out(Setup(other), make_plan(other)).sizes.near if one.boundary == "bed"]
+    assert not [
+        one for one in lay_out(Setup(other), make_plan(other)).sizes.near if one.boundary == "bed"
+    ]
 
 
 @pytest.mark.parametrize(

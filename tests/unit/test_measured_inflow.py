@@ -23,7 +23,13 @@ def scene(turbulence, flow=None, domain=None, reynolds=20000.0):
 
 
 def asked(rows, **changes):
-    kind = {"model": "k-omega-sst", "inflow": "profile", "profile": rows, "intensity": 1e-6, "length": 0.1}
+    kind = {
+        "model": "k-omega-sst",
+        "inflow": "profile",
+        "profile": rows,
+        "intensity": 1e-6,
+        "length": 0.1,
+    }
     return Turbulence(**{**kind, **changes})
 
 
@@ -33,7 +39,9 @@ def test_rows_of_developed_flow_give_it_back(flow, sand):
     """u* and, below the first row, speed, k and omega of the flow in one dimension; between rows they interpolate."""
     wall = {"wall": "rough", "roughness": sand} if sand else {}
     developed = Setup(scene(Turbulence(model="k-omega-sst", **wall), flow)).resolved_walls
-    heights = np.array([0.03, 0.06, 0.1, 0.15, 0.25, 0.4, *([0.6, 0.8] if developed.number == 1 else [])])
+    heights = np.array(
+        [0.03, 0.06, 0.1, 0.15, 0.25, 0.4, *([0.6, 0.8] if developed.number == 1 else [])]
+    )
     if developed.number == 2:
         heights = np.concatenate([heights, 1.0 - heights[::-1]])
     places = np.zeros((3, len(heights)))
@@ -123,7 +131,9 @@ def test_a_row_at_the_water_surface_is_a_row_like_others(model):
     found = []
     for top in (1.0, 1.0 - 1e-9):
         setup = Setup(scene(asked([[0.1, 0.7], [0.5, 0.9], [top, 1.0]], model=model)))
-        rows = setup.resolved_walls.measured.rows if model == "k-omega-sst" else entering_rows(setup)
+        rows = (
+            setup.resolved_walls.measured.rows if model == "k-omega-sst" else entering_rows(setup)
+        )
         found.append(rows.speed(np.array([0.3, 0.7, 0.95])))
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
@@ -131,7 +141,9 @@ def test_a_row_at_the_water_surface_is_a_row_like_others(model):
 def entering_rows(setup):
     """The measured rows between walls with wall functions."""
     asked_for = setup.turbulence
-    return Measured.of(setup.walls, asked_for.profile, asked_for.intensity, asked_for.length, asked_for.c_mu)
+    return Measured.of(
+        setup.walls, asked_for.profile, asked_for.intensity, asked_for.length, asked_for.c_mu
+    )
 
 
 @pytest.mark.parametrize("model", ["k-omega-sst", "k-epsilon"])

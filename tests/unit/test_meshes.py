@@ -33,7 +33,9 @@ def corners(model: Any) -> np.ndarray:
     place = dict(zip(tags, np.reshape(coordinates, (-1, 3))[:, :2], strict=True))
     kinds, _, members = model.mesh.getElements(2)
     per_cell = model.mesh.getElementProperties(kinds[0])[3]
-    return np.array([[place[n] for n in cell[:3]] for cell in np.reshape(members[0], (-1, per_cell))])
+    return np.array(
+        [[place[n] for n in cell[:3]] for cell in np.reshape(members[0], (-1, per_cell))]
+    )
 
 
 def edge_lengths(model: Any) -> np.ndarray:
@@ -56,7 +58,9 @@ def names(model: Any) -> list[str]:
 def senses(model: Any, points: Any) -> np.ndarray:
     """Determinants with their sign, (cells, points); gmsh's own have lost it for cells in the plane."""
     kinds, _, _ = model.mesh.getElements(2)
-    jacobians = np.reshape(model.mesh.getJacobians(kinds[0], points)[0], (-1, len(points) // 3, 3, 3))
+    jacobians = np.reshape(
+        model.mesh.getJacobians(kinds[0], points)[0], (-1, len(points) // 3, 3, 3)
+    )
     return np.linalg.det(jacobians[..., :2, :2])
 
 
@@ -95,7 +99,11 @@ def test_sides_may_share_a_name() -> None:
 
 def test_grid_has_its_names() -> None:
     with grid_model(Grid((1.0, -1.0), 2.0, 1.0, 4, 3), 1) as model:
-        found, bottom, right = names(model), on_boundary(model, "bottom"), on_boundary(model, "right")
+        found, bottom, right = (
+            names(model),
+            on_boundary(model, "bottom"),
+            on_boundary(model, "right"),
+        )
     assert found == ["bottom", "left", "right", "top"]
     assert len(bottom) == 5
     assert len(right) == 4
@@ -140,8 +148,12 @@ def test_one_factor_scales_all_sizes() -> None:
 
 
 def test_scaled_sizes() -> None:
-    sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))).scaled(0.5)
-    assert sizes == Sizes(0.5, (Near(0.05, 0.1, points=((0.0, 0.0),)), Near(0.15, 0.25, boundary="bed")))
+    sizes = Sizes(
+        1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))
+    ).scaled(0.5)
+    assert sizes == Sizes(
+        0.5, (Near(0.05, 0.1, points=((0.0, 0.0),)), Near(0.15, 0.25, boundary="bed"))
+    )
 
 
 def test_cells_along_a_bed_are_larger_far_away() -> None:
@@ -203,9 +215,15 @@ def test_rows_of_a_grid_end_where_they_are_told_to() -> None:
 
 def test_columns_of_a_grid_end_where_they_are_told_to_and_the_first_have_a_name() -> None:
     ends = (0.2, 0.3, 0.6, 1.0)
-    grid = Grid((1.0, 0.0), 2.0, 1.0, 4, 2, 1.0, ends=(0.1, 1.0), column_ends=ends, ahead=("ahead", 2))
+    grid = Grid(
+        (1.0, 0.0), 2.0, 1.0, 4, 2, 1.0, ends=(0.1, 1.0), column_ends=ends, ahead=("ahead", 2)
+    )
     with grid_model(grid, 1) as model:
-        for side, parts in (("ahead", (0.0, 0.2, 0.3)), ("bottom", (0.3, 0.6, 1.0)), ("top", (0.0, *ends))):
+        for side, parts in (
+            ("ahead", (0.0, 0.2, 0.3)),
+            ("bottom", (0.3, 0.6, 1.0)),
+            ("top", (0.0, *ends)),
+        ):
             found = np.sort(on_boundary(model, side)[:, 0])
             assert found == pytest.approx([1.0 + 2.0 * one for one in parts])
         assert len(corners(model)) == 2 * 4 * 2 and area(model) == pytest.approx(2.0)
@@ -229,13 +247,17 @@ def test_order_of_the_geometry(order: int, error: float) -> None:
     off = abs(found / (2 - np.pi * 0.04) - 1)
     print(order, off)
     assert 0 < off < error
-    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(np.full(len(body), 0.2), rel=1e-6)
+    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(
+        np.full(len(body), 0.2), rel=1e-6
+    )
 
 
 def test_folded_cells_are_refused() -> None:
     """A disc hardly above the floor in cells far larger than the gap: they bulge through those below."""
     low = Placement((0.8, 0.201), np.pi / 4)
-    region = Region(FLOOR, 1.0, {"body": tuple(curve.moved(low) for curve in Disc(diameter=0.4).outline())})
+    region = Region(
+        FLOOR, 1.0, {"body": tuple(curve.moved(low) for curve in Disc(diameter=0.4).outline())}
+    )
     with (
         pytest.raises(MeshError, match="fold over on a curved boundary"),
         region_model(region, Sizes(0.15), 2),
@@ -255,7 +277,10 @@ def test_folded_cells_are_refused() -> None:
 def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
     """gmsh must not take the process down with it."""
     region = Region(FLOOR, 1.0, {"body": outline})
-    with pytest.raises(MeshError, match="could not be meshed: "), region_model(region, Sizes(0.2), 1):
+    with (
+        pytest.raises(MeshError, match="could not be meshed: "),
+        region_model(region, Sizes(0.2), 1),
+    ):
         pass
 
 

@@ -30,7 +30,10 @@ def entering_of(scene):
 
 def test_the_mesh_ends_where_the_law_of_the_wall_begins():
     """50 nu/u* from one wall, or from two; the mean of the logarithmic law over the depth is u+(h) - 1/kappa."""
-    one, two = channel(), channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3)))
+    one, two = (
+        channel(),
+        channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3))),
+    )
     found = Setup(one).walls
     mean = np.log(found.shear_velocity * 11000) / 0.41 + 5.2 - 1 / 0.41
     assert found.shear_velocity * mean == pytest.approx(1.0, rel=1e-6)
@@ -58,14 +61,20 @@ def test_a_bed_with_forms_bounds_the_mesh_itself():
     assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
     inner = np.linspace(0.1, 2.0 - walls.distance, 20001)
     mean = entering_of(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
-    layer = walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance) * walls.shear_velocity
+    layer = (
+        walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance)
+        * walls.shear_velocity
+    )
     assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
 
 
 def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
     """Half of it where it is its own mirror image; two cells across at the least."""
     scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
-    found, plane = lay_out(Setup(scene), make_plan(scene)).shape, channel(numerics=Numerics(order=2))
+    found, plane = (
+        lay_out(Setup(scene), make_plan(scene)).shape,
+        channel(numerics=Numerics(order=2)),
+    )
     of_plane = lay_out(Setup(plane), make_plan(plane)).shape
     assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
     assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
@@ -85,10 +94,14 @@ def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     assert found.across == pytest.approx((0.4, 0.8 - away)) and found.sides == ("symmetry", "left")
     thickness = np.diff([0.0, *found.ends])
     assert found.ends[-1] == 1.0 and (np.diff(thickness) < 0.0).all()
-    rubbing = {one.boundary: one.axis for one in conditions(Setup(scene)) if isinstance(one, Friction)}
+    rubbing = {
+        one.boundary: one.axis for one in conditions(Setup(scene)) if isinstance(one, Friction)
+    }
     assert rubbing == {"bottom": 2, "left": 1} | ({} if open_top else {"top": 2})
 
-    y, z = (np.linspace(low, high, 801) for low, high in ((away, 0.8 - away), (away, walls.ceiling)))
+    y, z = (
+        np.linspace(low, high, 801) for low, high in ((away, 0.8 - away), (away, walls.ceiling))
+    )
     places = np.meshgrid(0.5 * (z[1:] + z[:-1]), 0.5 * (y[1:] + y[:-1]))
     assert walls.from_next(np.array([0.5]), np.array([0.1])) == pytest.approx(0.1)
     mean = entering_of(scene).speed(*(one.ravel() for one in places)).mean()
@@ -97,7 +110,9 @@ def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     assert mean * (y[-1] - y[0]) * (z[-1] - z[0]) + along * beyond == pytest.approx(0.8, rel=1e-3)
     assert "no secondary flow" in make_plan(scene).text()
     hydraulic = 0.8 / (0.8 * walls.number + 2.0)
-    estimate = walls.law.velocity(walls.shear_velocity, scene.viscosity, hydraulic) - 1 / walls.law.kappa
+    estimate = (
+        walls.law.velocity(walls.shear_velocity, scene.viscosity, hydraulic) - 1 / walls.law.kappa
+    )
     assert walls.shear_velocity * estimate == pytest.approx(1.0)
 
 
@@ -120,13 +135,17 @@ def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow
     scene = channel(flow=flow, fluid=Fluid(reynolds=1e6, scale="flow"), numerics=numerics)
     walls, grid = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
     thick = np.diff([0.0, *grid.ends]) * grid.height
-    assert len(thick) == grid.rows and thick.sum() == pytest.approx(1.0 - walls.number * walls.distance)
+    assert len(thick) == grid.rows and thick.sum() == pytest.approx(
+        1.0 - walls.number * walls.distance
+    )
     assert 0.7 < thick[0] / (mesh_size * walls.distance) < 1.4
     assert thick.max() <= 0.75 * mesh_size * walls.depth / 14 * (1 + 1e-9)
     if walls.number == 2:
         assert thick == pytest.approx(thick[::-1])
         thick = thick[: len(thick) // 2]
-    assert (np.diff(thick) > -1e-12).all() and (thick[1:] / thick[:-1]).max() < 1.0 + 0.45 * mesh_size
+    assert (np.diff(thick) > -1e-12).all() and (
+        thick[1:] / thick[:-1]
+    ).max() < 1.0 + 0.45 * mesh_size
 
 
 def test_level_ground_about_a_grain_in_space_is_at_the_datum():
@@ -136,7 +155,9 @@ def test_level_ground_about_a_grain_in_space_is_at_the_datum():
         fluid=Fluid(reynolds=20_000.0, scale="grain"),
         flow=OpenChannel(velocity=20.0, datum=0.7),
         body=Sphere(diameter=1.0, centre=(5.0, 5.0, 1.7)),
-        bed=HeapBed(spheres=((5.0, 4.0, 0.9, 0.45), (5.0, 6.0, 0.9, 0.45)), posts=((4.0, 5.0, 0.5, 0.5),)),
+        bed=HeapBed(
+            spheres=((5.0, 4.0, 0.9, 0.45), (5.0, 6.0, 0.9, 0.45)), posts=((4.0, 5.0, 0.5, 0.5),)
+        ),
         numerics=Numerics(error_bars=False, meshed_bed=0.6),
     )
     assert Setup(scene).walls.depth == pytest.approx(4.3)
@@ -150,10 +171,12 @@ def test_the_first_cells_at_resolved_walls_are_as_thick_as_asked():
     plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
     rows = lay_out(plane, make_plan(plane.scene)).shape.ends
     unit = plane.resolved_walls.unit
-    assert rows[0] == pytest.approx(2.0 * unit, rel=0.2)  # of a height of one; rows grow from the wall on
+    assert rows[0] == pytest.approx(
+        2.0 * unit, rel=0.2
+    )  # of a height of one; rows grow from the wall on
     assert "first cells 2 nu/u* thick" in plane.resolved_walls.text()
     sand = Setup(grain(0.05).model_copy(update={"turbulence": asked})).resolved_walls
     layers = sand.thin_layers(2).first
-    assert layers[sand.names[0]] == pytest.approx(2.0 * sand.unit) and layers["body"] == pytest.approx(
-        sand.unit
-    )
+    assert layers[sand.names[0]] == pytest.approx(2.0 * sand.unit) and layers[
+        "body"
+    ] == pytest.approx(sand.unit)

@@ -49,7 +49,9 @@ def laid_out(name: str, *overrides: str) -> Layout:
 @pytest.mark.parametrize("order", [2, 4])
 def test_cells_follow_the_bed(factor: float, order: int) -> None:
     """Neither mesh_size nor a coarse beginning of a search makes cells larger than the bed's shape bears."""
-    layout = laid_out("sphere_in_pocket.toml", f"numerics.mesh_size={factor}", f"numerics.order={order}")
+    layout = laid_out(
+        "sphere_in_pocket.toml", f"numerics.mesh_size={factor}", f"numerics.order={order}"
+    )
     for sizes in (layout.sizes, layout.sizes.coarsened(4.0, 0.5)):
         bed = next(near for near in sizes.near if near.boundary == "bed")
         assert bed.away is not None
@@ -80,7 +82,9 @@ def over_spheres(x: float, motion: str) -> Scene:
         domain=Domain(length=9.0, width=5.0, height=5.866),
         fluid=Fluid(reynolds=300.0, scale="grain"),
         flow=OpenChannel(),
-        bed=SphereBed(radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)),
+        bed=SphereBed(
+            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(4.2887, 3.0)
+        ),
         body=Sphere(diameter=1.0, centre=(x, 2.5, 1.6), motion=motion, density=2.65),
         gravity=Gravity(acceleration=0.2),
         contact=Contact(friction=0.6),
@@ -127,7 +131,9 @@ def test_the_gap_is_named_where_it_asks_for_most_cells() -> None:
 def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     """The rounded surface is that of all balls, as defined: max(f, min d) - sqrt(sum max(f - d, 0)^2)."""
     bed = Hemispheres(0.1, spacing, "triangular", (0.03, 0.02), 0.3)
-    region = SolidRegion((-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2))
+    region = SolidRegion(
+        (-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2)
+    )
     frame = SolidFrame.of(region)
     x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
     local = frame.local(x)
@@ -173,7 +179,9 @@ def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
     More than a tenth above it plans would promise too little. Debian 12 takes 199 of 186 MiB, 6 of them for OpenBLAS,
     Debian 13 268 to 282 of 280, the packages of PyPI 262 to 271.
     """
-    told = subprocess.run([sys.executable, "-c", TINY_RUN], capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", TINY_RUN], capture_output=True, text=True, check=True
+    )
     assert 0.9 < float(told.stdout) / memory_of_libraries() < 1.1
 
 

@@ -88,12 +88,17 @@ def test_all_errors_are_brought_below_the_accuracy() -> None:
     assert [line.split()[0] for line in found.changes] == ["contact.gap", "domain"]
     assert "(of discretisation, gap and domain), asked for 0.03: reached" in result.text()
     much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
-    large = changed(narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0})
+    large = changed(
+        narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0}
+    )
     true = loads_of(changed(large, numerics={"error_bars": False}), MPI.COMM_SELF)
     assert result.force is not None
     assert relative(result.force.flow, true.force) < asked
     assert (
-        relative(loads_of(changed(narrow(), numerics={"error_bars": False}), MPI.COMM_SELF).force, true.force)
+        relative(
+            loads_of(changed(narrow(), numerics={"error_bars": False}), MPI.COMM_SELF).force,
+            true.force,
+        )
         > 0.2
     )
     # The error bars are those of the scene that was computed.
@@ -114,7 +119,10 @@ def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> 
     assert domain.startswith("beside it the error of the domain, ") and domain.endswith(" would do")
     assert "numerics.accuracy_includes" in last
     overrides = (
-        domain.split("; ")[1].removesuffix(" would do").replace("], ", "]; ").replace(", domain", "; domain")
+        domain.split("; ")[1]
+        .removesuffix(" would do")
+        .replace("], ", "]; ")
+        .replace(", domain", "; domain")
     )
     advised = loads(commented(scene), overrides=tuple(overrides.split("; ")))
     assert advised.domain.height > 2.0 * scene.domain.height
@@ -151,7 +159,9 @@ def test_the_power_of_the_gap_is_measured() -> None:
 def test_the_smallest_gap_is_said() -> None:
     """A disc on a bed cannot have a smaller one; the domain is large enough."""
     scene = changed(
-        grain_on_bed(), contact={"gap": SMALLEST_GAP}, numerics={"accuracy": 1e-4, "correction": False}
+        grain_on_bed(),
+        contact={"gap": SMALLEST_GAP},
+        numerics={"accuracy": 1e-4, "correction": False},
     )
 
     def solve(one: Scene) -> Loads:
@@ -183,7 +193,9 @@ def by_a_power(power: float, sizes: list[float]) -> Solve:
 
     def solve(one: Scene) -> Loads:
         sizes.append(one.domain.length)
-        return Loads(np.array([1.0 - 0.2 * (one.domain.length / 8.0) ** -power, 0.0, 0.0]), np.zeros(3))
+        return Loads(
+            np.array([1.0 - 0.2 * (one.domain.length / 8.0) ** -power, 0.0, 0.0]), np.zeros(3)
+        )
 
     return solve
 
@@ -220,7 +232,10 @@ def test_over_half_discs_the_search_ends() -> None:
 
     crest = changed(scene, flow={"datum": "crest"})
     (slow, short), (fast, limit) = sought(crest), sought(scene)
-    assert slow.unmet.startswith("the error of the datum, ") and 'flow.datum = "auto" has less' in slow.unmet
+    assert (
+        slow.unmet.startswith("the error of the datum, ")
+        and 'flow.datum = "auto" has less' in slow.unmet
+    )
     assert not fast.unmet and fast.error < 0.005
     of_datum_alone = float(np.linalg.norm(slow.terms[-1].force) / np.linalg.norm(short))
     assert relative(short, limit) / 3.0 < of_datum_alone < 3.0 * relative(short, limit)
@@ -236,7 +251,9 @@ def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
     assert search.asked == pytest.approx(0.006)
     search.conclude(0.005)
     assert (search.reason, search.met) == ("reached", True)
-    search.suited = Suited(search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be made smaller")
+    search.suited = Suited(
+        search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be made smaller"
+    )
     assert search.asked == pytest.approx(0.005)
     search.conclude(0.005)
     assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be made smaller"
@@ -294,7 +311,8 @@ def test_all_errors_of_flow_in_time() -> None:
     assert result.scene["domain"]["height"] > 6.0
     middle = {"origin": [-57.0, -58.0], "length": 120.0, "height": 120.0}
     true = loads_of(
-        changed(still, domain=middle, numerics={"error_bars": False, "mesh_size": 1.0}), MPI.COMM_SELF
+        changed(still, domain=middle, numerics={"error_bars": False, "mesh_size": 1.0}),
+        MPI.COMM_SELF,
     )
     assert result.force is not None and relative(result.force.flow, true.force) < 0.05
 

@@ -41,7 +41,9 @@ class TestSmallestForces:
         # With multipliers a, b, t of the three balances: N_i = a + b x_i, T_i = t inside the cones, and on their
         # edge T = -m N the nearest to it, N_i = (a + b x_i - m t) / (1 + m^2). The first two contacts are.
         friction, edge = 0.5, X < -0.5
-        normal = np.where(edge, 1.0 / (1.0 + friction**2), 1.0) * np.array([np.ones(5), X, -friction * edge])
+        normal = np.where(edge, 1.0 / (1.0 + friction**2), 1.0) * np.array(
+            [np.ones(5), X, -friction * edge]
+        )
         shear = np.where(edge, -friction * normal, [[0.0], [0.0], [1.0]])
         balances = np.array([normal.sum(axis=1), (X * normal).sum(axis=1), shear.sum(axis=1)])
         multipliers = np.linalg.solve(balances, [1.0, 0.1 + 0.4 * 1.0, -0.4])
@@ -88,7 +90,9 @@ ask(corners, [0.1, 0.1, 0], 0.5), ask(corners, [0.7, 0.1, 0], 0.5)
 class TestCompiled:
     def test_loaded_only_for_motions_in_space_with_friction(self):
         # The plane at rest and sliding, space without friction, space at rest; then sliding with friction.
-        done = subprocess.run([sys.executable, "-c", FRESH], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", FRESH], capture_output=True, text=True, check=True
+        )
         assert done.stdout.split() == ["False"] * 4 + ["True"]
 
     def test_derivative(self):

@@ -49,7 +49,9 @@ def square_bed() -> Spheres:
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 10.0, 22.5, 37.0, 45.0])
-def test_pivot_angles_of_a_square_substrate_are_exact(natural_bed: ModuleType, azimuth: float) -> None:
+def test_pivot_angles_of_a_square_substrate_are_exact(
+    natural_bed: ModuleType, azimuth: float
+) -> None:
     """A bead on four spheres leaves over the line between the two ahead: tan = sqrt(1/2)/cos of the azimuth."""
     found = list(natural_bed.free_grains(square_bed(), azimuth))
     beads = [one for one in found if one.protrusion > 0.5]
@@ -68,7 +70,8 @@ def test_protrusion_is_above_the_mean_level_of_the_bed(natural_bed: ModuleType) 
         for shift in (-12.0, 0.0):
             away = (x - sphere[0] - shift) ** 2 + (y - sphere[1]) ** 2
             height = np.maximum(
-                height, np.where(away < 0.25, sphere[2] + np.sqrt(np.maximum(0.25 - away, 0.0)), 0.0)
+                height,
+                np.where(away < 0.25, sphere[2] + np.sqrt(np.maximum(0.25 - away, 0.0)), 0.0),
             )
     beads = [one for one in natural_bed.free_grains(spheres, 0.0) if one.protrusion > 0.5]
     assert beads[0].protrusion == pytest.approx(1.0 + math.sqrt(0.5) - height.mean(), abs=5e-3)
@@ -76,7 +79,9 @@ def test_protrusion_is_above_the_mean_level_of_the_bed(natural_bed: ModuleType) 
 
 def test_the_joint_distribution_counts_every_grain_once(natural_bed: ModuleType) -> None:
     protrusions, pivots = np.array([-0.2, 0.1, 0.5, 0.5]), np.array([20.0, 95.0, 10.0, 40.0])
-    shares = natural_bed.joint(protrusions, pivots, (np.array([0.0, 0.4, 0.8]), np.array([0.0, 30.0, 90.0])))
+    shares = natural_bed.joint(
+        protrusions, pivots, (np.array([0.0, 0.4, 0.8]), np.array([0.0, 30.0, 90.0]))
+    )
     assert shares == pytest.approx(np.array([[0.25, 0.25], [0.25, 0.25]]))
     assert shares.sum() == pytest.approx(1.0, abs=1e-15)
 
@@ -93,7 +98,9 @@ def test_quantiles_of_two_pockets_by_hand(curve: ModuleType) -> None:
 def bed_of(curve: ModuleType, steady: float) -> Any:
     """Three grains whose loads over bed stress are the same in all flows."""
     heights = np.array([0.3, 0.6, 0.9])
-    return curve.NaturalBed(curve.MeanFlows(heights), np.array([0.0, 10.0, 1000.0]), np.full((3, 3), steady))
+    return curve.NaturalBed(
+        curve.MeanFlows(heights), np.array([0.0, 10.0, 1000.0]), np.full((3, 3), steady)
+    )
 
 
 def test_in_the_viscous_layer_velocity_goes_as_stress(curve: ModuleType) -> None:
@@ -121,7 +128,8 @@ def test_gusts_are_as_fast_as_asked_at_the_top(curve: ModuleType) -> None:
         faster = bed.flows.as_fast(at, np.array(factors))
         for height, one, factor in zip((0.3, 0.6, 0.9), faster.tolist(), factors, strict=True):
             speeds = [
-                u * float(MeanProfile(1.0, 1.0 / u, 1.0, 5.0).speed(np.array([height]))[0]) for u in (at, one)
+                u * float(MeanProfile(1.0, 1.0 / u, 1.0, 5.0).speed(np.array([height]))[0])
+                for u in (at, one)
             ]
             assert speeds[1] / speeds[0] == pytest.approx(factor, rel=3e-3)
 
@@ -162,12 +170,22 @@ def test_runs_are_stored_once(
     natural_bed: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(natural_bed, "STORE", tmp_path / "runs.csv")
-    row = {"pocket": 7, "shear_reynolds": 3.0, "model": "laminar", "check": "", "speed": 0.5, "seconds": 20}
+    row = {
+        "pocket": 7,
+        "shear_reynolds": 3.0,
+        "model": "laminar",
+        "check": "",
+        "speed": 0.5,
+        "seconds": 20,
+    }
     row |= dict.fromkeys(natural_bed.COMPONENTS, 1.0)
     natural_bed.store([row])
     natural_bed.store([row | {"force_x": 2.0}, row | {"check": "gap"}])
     found = natural_bed.stored()
-    assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [(7, "", 2.0), (7, "gap", 1.0)]
+    assert [(one["pocket"], one["check"], one["force_x"]) for one in found] == [
+        (7, "", 2.0),
+        (7, "gap", 1.0),
+    ]
 
 
 def flows_by(
@@ -212,7 +230,9 @@ def test_turbulent_loads_follow_from_laminar_ones(
     assert levels == {0.0: creeping, 30.0: fast}
 
 
-def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(curve: ModuleType) -> None:
+def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(
+    curve: ModuleType,
+) -> None:
     """Two forces along x, of 1 and 3, times 1.1 and 1.3: 5 over 4; without itself each is missed by 0.2 of itself."""
     lower = np.array([[1.0, 0, 0, 0, 2.0, 0], [3.0, 0, 0, 0, 1.0, 0]])
     values = lower * np.array([[1.1], [1.3]])
@@ -230,7 +250,10 @@ def test_what_factors_miss_is_drawn_with_a_variance_like_the_size_of_the_force(c
 def test_few_turbulent_runs_are_not_taken(
     curve: ModuleType, natural_bed: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert [one.model for one in flows_by(curve, natural_bed, monkeypatch, 4)] == ["creeping", "laminar"]
+    assert [one.model for one in flows_by(curve, natural_bed, monkeypatch, 4)] == [
+        "creeping",
+        "laminar",
+    ]
 
 
 def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
@@ -238,7 +261,10 @@ def test_a_fifth_of_the_runs_is_left_out_of_all_flows(
 ) -> None:
     sample = curve.Sample([], np.empty(0, dtype=int), flows_by(curve, natural_bed, monkeypatch, 8))
     creeping, laminar, fast = sample.without(3).loads
-    assert creeping.numbers == laminar.numbers == (0, 1, 2, 4, 5, 6, 7) and fast.numbers == laminar.numbers
+    assert (
+        creeping.numbers == laminar.numbers == (0, 1, 2, 4, 5, 6, 7)
+        and fast.numbers == laminar.numbers
+    )
     assert fast.below is laminar and laminar.below is creeping
 
 

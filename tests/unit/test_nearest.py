@@ -29,10 +29,12 @@ def test_distances_are_those_of_all_pairs(frequency):
     grain = scanned(frequency)
     points = np.random.default_rng(4).uniform(-0.7, 0.7, (60, 3))
     corners = grain.vertices[grain.triangles]
-    outward = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(
-        axis=1
+    outward = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]
+    ).sum(axis=1)
+    assert (outward > 0.0).all(), (
+        "it is star-shaped, so that rays from the centre tell what is inside"
     )
-    assert (outward > 0.0).all(), "it is star-shaped, so that rays from the centre tell what is inside"
     assert np.abs(grain.level(points)) == pytest.approx(by_all(points, corners), abs=1e-15)
     shares = np.linalg.inv(corners.transpose(0, 2, 1)) @ points.T
     inside = ((shares.sum(axis=1) < 1.0) | (shares < 0.0).any(axis=1)).all(axis=0)

@@ -112,7 +112,9 @@ def test_linear_systems_are_solved_ever_more_exactly() -> None:
 
 def test_watch_hears_of_every_correction() -> None:
     heard: list[tuple[int, float]] = []
-    report = newton.solve(square_root_of_two(1.0), 1e-9, 20, lambda i, size: heard.append((i, size)))
+    report = newton.solve(
+        square_root_of_two(1.0), 1e-9, 20, lambda i, size: heard.append((i, size))
+    )
     assert heard == list(enumerate(report.corrections))
 
 
@@ -131,7 +133,9 @@ class Chords:
         return next(self.sizes)
 
 
-def chords(known: newton.Contraction | None, *sizes: float, fresh: bool = False) -> newton.NewtonReport:
+def chords(
+    known: newton.Contraction | None, *sizes: float, fresh: bool = False
+) -> newton.NewtonReport:
     return newton.solve_by_chords(Chords(*sizes), 1e-4, 9, fresh=fresh, contraction=known)
 
 
@@ -164,7 +168,9 @@ def test_new_factors_say_nothing_of_older_ones() -> None:
     first = chords(newton.Contraction(0.01, 9, 9), 1e-3, 1e-9, fresh=True)
     assert first.iterations == 2 and first.contraction == newton.Contraction()
     second = chords(first.contraction, 1e-3, 1e-6)
-    assert second.iterations == 2 and second.contraction == newton.Contraction(pytest.approx(1e-3), 1, 1)
+    assert second.iterations == 2 and second.contraction == newton.Contraction(
+        pytest.approx(1e-3), 1, 1
+    )
 
 
 def test_young_factors_are_taken_to_age() -> None:

@@ -38,7 +38,11 @@ def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
     made = scene(**changes)
     plan = make_plan(made)
     assert (order_of(made).number, plan.order) == (order, order)
-    told = [line for line in plan.text().splitlines() if line.startswith(f"  velocity of order {order}: ")]
+    told = [
+        line
+        for line in plan.text().splitlines()
+        if line.startswith(f"  velocity of order {order}: ")
+    ]
     assert len(told) == 1 and told[0].endswith(plan.why_order) and plan.why_order
     assert f"  P{order}-P{order - 1} Taylor-Hood" in plan.text()
 
@@ -68,7 +72,9 @@ def test_auto_is_written_and_read() -> None:
     assert 'order = "auto"' in dumps(made)
     assert loads(dumps(made)).numerics.order == "auto"
     assert (
-        order_of(loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',))).number
+        order_of(
+            loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',))
+        ).number
         == 3
     )
     assert order_of(loads(dumps(made), overrides=("numerics.order=auto",))).number == 3
@@ -80,7 +86,8 @@ def test_the_examples(made: Any, order: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "order"), [("grain_on_bed", 3), ("vortex_street", 3), ("pothole_1", 2), ("sphere_in_pocket", 3)]
+    ("name", "order"),
+    [("grain_on_bed", 3), ("vortex_street", 3), ("pothole_1", 2), ("sphere_in_pocket", 3)],
 )
 def test_the_shipped_scenes(name: str, order: int) -> None:
     found: Scene = load(DEMOS / f"{name}.toml")

@@ -44,7 +44,9 @@ friction = 0.5
 def written_scene(directory: Path, count: int, settle: bool) -> Path:
     """A scene file with a pebble of so many vertices in a file of its own."""
     points = pebble(count)
-    np.savetxt(directory / "grain.csv", np.vstack([points, points[:1]]), delimiter=",", header="x,y")
+    np.savetxt(
+        directory / "grain.csv", np.vstack([points, points[:1]]), delimiter=",", header="x,y"
+    )
     path = directory / "scene.toml"
     path.write_text(SCENE.replace("density", f"settle = {str(settle).lower()}\ndensity"))
     return path
@@ -53,7 +55,9 @@ def written_scene(directory: Path, count: int, settle: bool) -> Path:
 def pebble(count: int) -> Floats:
     """Vertices of a smooth outline that is nowhere convex for long."""
     a = 2.0 * np.pi * np.arange(count) / count
-    r = 0.5 * (1.0 + 0.15 * np.cos(3.0 * a + 1.0) + 0.08 * np.sin(5.0 * a) + 0.02 * np.cos(17.0 * a))
+    r = 0.5 * (
+        1.0 + 0.15 * np.cos(3.0 * a + 1.0) + 0.08 * np.sin(5.0 * a) + 0.02 * np.cos(17.0 * a)
+    )
     return np.column_stack([r * np.cos(a), r * np.sin(a)])
 
 
@@ -78,7 +82,8 @@ def met(corners: Sequence[Sequence[float]]) -> tuple[int, int] | None:
         for j in range(i + 2, n - (i == 0)):
             a, b, c, d = corners[i], corners[i + 1], corners[j], corners[(j + 1) % n]
             boxes = all(
-                max(a[k], b[k]) >= min(c[k], d[k]) and max(c[k], d[k]) >= min(a[k], b[k]) for k in (0, 1)
+                max(a[k], b[k]) >= min(c[k], d[k]) and max(c[k], d[k]) >= min(a[k], b[k])
+                for k in (0, 1)
             )
             if boxes and side(a, b, c) * side(a, b, d) <= 0 and side(c, d, a) * side(c, d, b) <= 0:
                 return i, j
@@ -126,7 +131,9 @@ def test_a_grain_comes_down_where_its_points_first_meet_the_bed(bed: Flat, count
 def test_an_outline_of_many_points_is_drawn_as_curves_between_its_corners() -> None:
     s = np.linspace(-0.5, 0.5, 500, endpoint=False)
     edge = np.column_stack([s, np.full(500, -0.5)])
-    square = np.vstack([edge @ np.array([[c, d], [-d, c]]) for c, d in ((1, 0), (0, 1), (-1, 0), (0, -1))])
+    square = np.vstack(
+        [edge @ np.array([[c, d], [-d, c]]) for c, d in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    )
     drawn = Polygon(square).drawn()
     assert sorted((round(c.start[0], 9), round(c.start[1], 9)) for c in drawn) == [
         (-0.5, -0.5),
@@ -166,6 +173,7 @@ def test_files_of_points_have_a_limit(tmp_path) -> None:  # type: ignore[no-unty
     (tmp_path / "grain.csv").write_text("1,0\n" * 100_001)
     found = message(lambda: load(tmp_path / "scene.toml"))
     assert (
-        "body.file: " in found and "grain.csv has 100001 points; give three or more points, 100000" in found
+        "body.file: " in found
+        and "grain.csv has 100001 points; give three or more points, 100000" in found
     )
     assert "cannot be read (it is larger" in message(lambda: load("/dev/zero"))

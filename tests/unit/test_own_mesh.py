@@ -44,12 +44,17 @@ class Pretended:
         return load(strength)
 
     def threshold(self, scene):
-        return meshes.on_its_own_mesh(scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found)
+        return meshes.on_its_own_mesh(
+            scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found
+        )
 
 
 def load(strength):
     return Load(
-        strength * np.array([1.0, 0.5, 0.0]), strength * np.array([0.0, 0.0, 0.2]), np.zeros(3), np.zeros(3)
+        strength * np.array([1.0, 0.5, 0.0]),
+        strength * np.array([0.0, 0.0, 0.2]),
+        np.zeros(3),
+        np.zeros(3),
     )
 
 
@@ -62,7 +67,9 @@ def test_the_mesh_is_made_anew_until_the_law_of_the_wall_is_its_own(monkeypatch)
     assert found.factor == pytest.approx(on_third) and len(found.trials) == 3
     strength = (on_third / (1.24 + 0.34 * on_third)) ** 2
     assert found.own_mesh.safety_factor == pytest.approx(1.0 / strength)
-    assert found.own_mesh.change == pytest.approx((1.0 - strength) * np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.2]))
+    assert found.own_mesh.change == pytest.approx(
+        (1.0 - strength) * np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.2])
+    )
 
 
 def test_one_mesh_does_where_the_law_of_the_wall_hardly_changes(monkeypatch):
@@ -75,7 +82,9 @@ def test_one_mesh_does_where_the_law_of_the_wall_hardly_changes(monkeypatch):
 
 def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     pretended = Pretended(monkeypatch, lambda speed: 2.0 / speed)
-    with pytest.raises(ConvergenceError, match=r"differs from mesh to mesh.*: it is 2, 1, 2, .* smaller"):
+    with pytest.raises(
+        ConvergenceError, match=r"differs from mesh to mesh.*: it is 2, 1, 2, .* smaller"
+    ):
         pretended.threshold(grain(0.2))
     assert len(pretended.made_for) == meshes.MOST_MESHES
 

@@ -28,7 +28,9 @@ FOREIGN = {
 @pytest.mark.parametrize("name", FOREIGN)
 def test_what_others_wrote_is_refused_and_stays(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(FOREIGN[name])
-    with pytest.raises(OutputError, match=f"{name}: is not of an incipient run.* choose another directory"):
+    with pytest.raises(
+        OutputError, match=f"{name}: is not of an incipient run.* choose another directory"
+    ):
         refuse_foreign(tmp_path)
     assert (tmp_path / name).read_text() == FOREIGN[name]
 

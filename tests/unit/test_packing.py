@@ -16,10 +16,15 @@ def test_a_single_layer_is_that_of_half_balls(arrangement):
     known = Hemispheres(0.5, 1.1, arrangement, (0.3, 0.2), 1.0, 0.4)
     assert found.height(PLACES) == pytest.approx(known.height(PLACES), abs=1e-12)
     assert found.gradient(PLACES) == pytest.approx(known.gradient(PLACES), rel=1e-6, abs=1e-9)
-    assert len(found.centres((1, 2), 4.0)) == len(known.centres((1, 2), 4.0)) and found.crest == known.crest
+    assert (
+        len(found.centres((1, 2), 4.0)) == len(known.centres((1, 2), 4.0))
+        and found.crest == known.crest
+    )
 
 
-@pytest.mark.parametrize(("arrangement", "rise"), [("square", 0.5**0.5), ("triangular", (2.0 / 3.0) ** 0.5)])
+@pytest.mark.parametrize(
+    ("arrangement", "rise"), [("square", 0.5**0.5), ("triangular", (2.0 / 3.0) ** 0.5)]
+)
 def test_layers_lie_in_pockets_and_touch(arrangement, rise):
     """Spheres that touch: the height of a pyramid on a square, and on a triangle, with equal edges."""
     bed = Packing(0.5, 1.0, arrangement, layers=3)
@@ -28,7 +33,9 @@ def test_layers_lie_in_pockets_and_touch(arrangement, rise):
     apart = np.linalg.norm(centres[:, None] - centres, axis=2) + 9.0 * np.eye(len(centres))
     assert apart.min() == pytest.approx(1.0)
     assert (
-        bed.crest == pytest.approx(2 * rise + 0.5) == pytest.approx(float(bed.height(centres[:, :2]).max()))
+        bed.crest
+        == pytest.approx(2 * rise + 0.5)
+        == pytest.approx(float(bed.height(centres[:, :2]).max()))
     )
 
 
@@ -40,7 +47,9 @@ def test_disorder_is_the_same_wherever_it_is_looked_at_and_keeps_spheres_apart()
     apart = np.linalg.norm(whole[:, None, :2] - whole[:, :2], axis=2) + 9.0 * np.eye(len(whole))
     assert 1.0 <= apart.min() < 1.05
     assert -LOWEST * 0.5 <= whole[:, 2].min() < -0.2 and whole[:, 2].max() <= 0.0
-    assert not np.allclose(whole[:5], Packing(0.5, 1.2, "random", seed=4).centres((0.0, 0.0), 15.0)[:5])
+    assert not np.allclose(
+        whole[:5], Packing(0.5, 1.2, "random", seed=4).centres((0.0, 0.0), 15.0)[:5]
+    )
 
 
 def test_a_sphere_rests_on_disorder():

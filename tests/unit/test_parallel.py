@@ -65,7 +65,9 @@ def test_all_ranks_raise_the_first_error(mpirun: Any) -> None:
     done = mpirun(3, RANKS, "own", 0, 1, 2, timeout=60)
     assert done.returncode == 0, done.stderr
     expected = [
-        f"{failing} {rank}: OutputError: rank {failing} failed" for failing in range(3) for rank in range(3)
+        f"{failing} {rank}: OutputError: rank {failing} failed"
+        for failing in range(3)
+        for rank in range(3)
     ]
     assert sorted(done.stdout.splitlines()) == expected
 

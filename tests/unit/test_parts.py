@@ -36,7 +36,9 @@ def nodes_at(domain: Domain, radius: float) -> np.ndarray:
 def test_each_part_moves_its_own_boundary() -> None:
     domain = ring(INNER, OUTER, 16, 2)
     motion, made = MeshMotion(domain), domain.mesh.geometry.x.copy()
-    inner, outer = (RigidDisplacement(domain, name, CENTRE, turning=True) for name in ("inner", "outer"))
+    inner, outer = (
+        RigidDisplacement(domain, name, CENTRE, turning=True) for name in ("inner", "outer")
+    )
     at = {radius: nodes_at(domain, radius) for radius in (INNER, OUTER)}
     motion.move(inner.at(Placement((0.05, 0.0))), outer.at(Placement((0.0, -0.03), 0.1)))
     moved = domain.mesh.geometry.x

@@ -36,7 +36,8 @@ def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
         figure, axes = sheet("The grain stays at rest.", "So does the paper's.", LONG)
         small = np.array([-1.234e-5, 2.345e-5, -3.456e-5])
         write_numbers(
-            axes, [load_rows({"flow": small, "weight": small}, small, "[scene units]", planar=False)]
+            axes,
+            [load_rows({"flow": small, "weight": small}, small, "[scene units]", planar=False)],
         )
         found = boxes(figure)
     column = [(words, box) for words, box in found if box.x0 > axes.bbox.x1]
@@ -53,7 +54,12 @@ def test_titles_are_wrapped_not_cut(view: style.View) -> None:
         figure, ((axes, _),) = style.panels([view], LONG)
         ((title, box), *_) = boxes(figure)
     assert title.replace("\n", " ") == LONG and "\n" in title
-    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1 and box.y0 > axes.bbox.y1
+    assert (
+        box.x0 >= 0.0
+        and box.x1 <= figure.bbox.x1
+        and box.y1 <= figure.bbox.y1
+        and box.y0 > axes.bbox.y1
+    )
 
 
 def test_the_subject_of_a_verdict_is_not_cut() -> None:

@@ -66,7 +66,9 @@ class TestPlaneGrains:
 
     def test_superellipse_of_exponent_two_is_the_ellipse(self):
         grain, ellipse = Superellipse((0.7, 0.3), 2.0), Ellipse((0.7, 0.3))
-        assert (grain.volume, grain.polar_moment) == pytest.approx((ellipse.volume, ellipse.polar_moment))
+        assert (grain.volume, grain.polar_moment) == pytest.approx(
+            (ellipse.volume, ellipse.polar_moment)
+        )
         assert grain.size == ellipse.size
 
     def test_one_disc_and_two_discs(self):

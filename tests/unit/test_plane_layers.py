@@ -77,7 +77,8 @@ def test_cells_follow_curved_walls():
 def test_thinner_layers_grow_less():
     """Half as large cells are everywhere half as large: 4 times as many, to a tenth."""
     number = [
-        meshed(step(), order=1, factor=factor).mesh.topology.index_map(2).size_global for factor in (1.0, 0.5)
+        meshed(step(), order=1, factor=factor).mesh.topology.index_map(2).size_global
+        for factor in (1.0, 0.5)
     ]
     assert number[1] / number[0] == pytest.approx(4.0, rel=0.1)
 

@@ -19,7 +19,15 @@ from incipient.cost.command import predicted_plan
 from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
 from incipient.cost.markdown import write
 from incipient.cost.measurement import MeasuredRun, Variant
-from incipient.cost.prediction import COARSE, KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
+from incipient.cost.prediction import (
+    COARSE,
+    KnownLaws,
+    LastMesh,
+    Prediction,
+    first_mesh,
+    known_laws,
+    predict,
+)
 from incipient.cost.study import findings
 from incipient.effects.plan import make_plan
 from incipient.errors import OutputError
@@ -40,7 +48,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def calibrated(made: Scene, law: ErrorLaw, goal: str = "force") -> None:
     """A machine on which the law of times and that of one error are known."""
-    found = Findings("a study", calibration.kind(made), TIME, 1.1, {goal: {2: law}}, {"chords": 0.6})
+    found = Findings(
+        "a study", calibration.kind(made), TIME, 1.1, {goal: {2: law}}, {"chords": 0.6}
+    )
     calibration.add({calibration.digest(made): found})
 
 
@@ -78,7 +88,9 @@ def test_laws_of_errors_are_found_again() -> None:
     laws = fitted_errors(np.array(seen), rate=2.0)
     assert error_at(laws, 2, 0.7, 0.02)[0] == pytest.approx(0.03 * 0.7**3 + 2.0 * 0.02**2, rel=1e-6)
     assert error_at(laws, 3, 0.5, 0.0) == pytest.approx((0.01 / 32, 1.0), rel=1e-6)
-    assert error_at(laws, 4, 0.5, 0.0)[1] >= 3.0, "an order that was not measured is known less well"
+    assert error_at(laws, 4, 0.5, 0.0)[1] >= 3.0, (
+        "an order that was not measured is known less well"
+    )
     assert fitted_errors(np.empty((0, 4)), 2.0) == {}
     # Off by a factor of two up and down at each size: the straight line in logarithms, found by hand.
     scattered = [(2, h, 0.0, 0.01 * h**3 * off) for h in (2.0, 1.0, 0.5) for off in (2.0, 0.5)]
@@ -184,7 +196,9 @@ def test_the_plan_tells_of_ways_that_a_study_found_to_be_cheaper(tmp_path: Path)
     other = known_laws(scene("fluid.reynolds=21.0"), tmp_path / "study")
     assert other.cheaper() == [f'{set_by} in the study of "{scene().title}"']
     stokes = scene("fluid.inertia=false")
-    assert not known_laws(stokes, tmp_path / "study").cheaper(), "chords are nothing to a linear system"
+    assert not known_laws(stokes, tmp_path / "study").cheaper(), (
+        "chords are nothing to a linear system"
+    )
 
 
 def test_plan_as_data_and_in_words() -> None:
@@ -214,13 +228,19 @@ def test_the_plan_says_that_the_run_chooses() -> None:
     assert not make_plan(scene()).sought
     assert "cell sizes x 1" in make_plan(scene()).text()
     assert "until the verdict is decided" in make_plan(scene("numerics.accuracy=verdict")).text()
-    assert "steps, mesh and order are chosen" in make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
+    assert (
+        "steps, mesh and order are chosen"
+        in make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
+    )
 
 
 def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     made = scene(TIMED, "numerics.accuracy=0.01")
     coarse = balance.first(made)
-    assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.08))
+    assert (coarse.numerics.mesh_size, coarse.time.step) == (
+        pytest.approx(2.0**1.5),
+        pytest.approx(0.08),
+    )
     estimate = predicted_plan(scene(TIMED, QUIET)).plan.estimate
     assert estimate is not None
     assert first_mesh(made).unknowns < 0.7 * estimate.unknowns
@@ -235,7 +255,13 @@ def test_an_error_that_is_small_at_first() -> None:
     calibrated(made, ErrorLaw(0.0002 / 16.0, 2.0, 0.0, 2.0, 1.0))
     found, last = predicted(made)
     assert last.first.value == pytest.approx(COARSE * 2e-4)
-    assert (last.meshes, last.unknowns, last.order, last.reaches, found.own) == (1, 1000, 2, True, True)
+    assert (last.meshes, last.unknowns, last.order, last.reaches, found.own) == (
+        1,
+        1000,
+        2,
+        True,
+        True,
+    )
     assert "the first mesh is expected to do" in found.text()
 
 
@@ -248,7 +274,10 @@ def test_the_second_mesh_is_as_the_run_will_choose_it(asked: float, order: int) 
     unknowns = 1000 * UNKNOWNS[2][order] / UNKNOWNS[2][2] * left ** (1.0 / order)
     assert (last.meshes, last.order) == (2, order)
     assert last.unknowns == pytest.approx(unknowns, rel=0.01)
-    assert f"2 meshes expected, the last of about {float(f'{unknowns:.2g}'):.0f} unknowns" in found.text()
+    assert (
+        f"2 meshes expected, the last of about {float(f'{unknowns:.2g}'):.0f} unknowns"
+        in found.text()
+    )
     assert found.cpu > TIME.seconds([(1000, 0.0), (last.unknowns, 0.0)], [1000])
 
 
@@ -276,7 +305,9 @@ def test_flow_in_time_is_refined_as_its_search_will() -> None:
     longer = [max(count / 4.0, min(count / 2.0, 8.0)) for count in steps]
     alike = [(unknowns, count) for count in (*steps, *longer)]
     shares = (1.0, 1.5)
-    low, high = (TIME.seconds([*alike, *((share * unknowns, n) for n in longer)], []) for share in shares)
+    low, high = (
+        TIME.seconds([*alike, *((share * unknowns, n) for n in longer)], []) for share in shares
+    )
     assert low < found.cpu < high, "each is compared with two others, one of them of a higher order"
     _, easy = predicted(scene(TIMED, QUIET, "numerics.accuracy=0.05"))
     assert (easy.meshes, easy.step) == (1, pytest.approx(0.08))
@@ -316,7 +347,8 @@ def test_laws_of_other_scenes_are_trusted_less() -> None:
     made = scene(QUIET, "numerics.accuracy=0.002")
     calibrated(made, ErrorLaw(0.01 / 16.0, 2.0, 0.0, 2.0, 1.0))
     (own, last), (other, of_other) = (
-        predicted(one) for one in (made, scene(QUIET, "numerics.accuracy=0.002", "fluid.reynolds=21.0"))
+        predicted(one)
+        for one in (made, scene(QUIET, "numerics.accuracy=0.002", "fluid.reynolds=21.0"))
     )
     assert own.own and not other.own
     assert of_other.first.factor > last.first.factor and other.factor > own.factor

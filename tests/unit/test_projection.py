@@ -114,7 +114,9 @@ def disturb(fluid: Fluid, size: float) -> None:
 
 def distance(u: Any, v: Any) -> float:
     """In L2."""
-    return float(np.sqrt(dolfinx.fem.assemble_scalar(compat.form(ufl.inner(u - v, u - v) * ufl.dx))))
+    return float(
+        np.sqrt(dolfinx.fem.assemble_scalar(compat.form(ufl.inner(u - v, u - v) * ufl.dx)))
+    )
 
 
 @pytest.mark.parametrize("gdim", [2, 3])
@@ -168,7 +170,10 @@ def test_quadratic_cells_and_a_turning_boundary() -> None:
         return np.vstack([-x[1], x[0]])
 
     conditions = [Prescribed("inner", turning), no_slip("outer")]
-    with flow(ring(0.5, 1.0, 24, 2), conditions) as source, flow(ring(0.5, 1.0, 32, 2), conditions) as fluid:
+    with (
+        flow(ring(0.5, 1.0, 24, 2), conditions) as source,
+        flow(ring(0.5, 1.0, 32, 2), conditions) as fluid,
+    ):
         source.solve(1e-12)
         receive(fluid, source)
         fluid.constraints.update(0.0)

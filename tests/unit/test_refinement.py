@@ -54,7 +54,9 @@ class Judged:
         self.refinement = found
         while self.rounds[-1]:
             self.results |= {case.identity: ("judge", judged(case)) for case in self.rounds[-1]}
-            self.rounds.append(found.following(lambda wanted: {one: self.results[one] for one in wanted}))
+            self.rounds.append(
+                found.following(lambda wanted: {one: self.results[one] for one in wanted})
+            )
 
     @property
     def cases(self) -> list[SweepCase]:
@@ -85,8 +87,9 @@ def test_the_slope_at_which_a_block_slides_is_found_to_the_tolerance() -> None:
     slope, _, rests = found.at()
     low, high = float(slope[rests].max()), float(slope[~rests].min())
     assert low <= 0.3 - PUSH <= high and high - low <= 0.002
-    assert f"rest at load.weight=[{low!r}, -1.0], moves at load.weight=[{high!r}, -1.0]" in "\n".join(
-        found.refinement.lines()
+    assert (
+        f"rest at load.weight=[{low!r}, -1.0], moves at load.weight=[{high!r}, -1.0]"
+        in "\n".join(found.refinement.lines())
     )
     assert len(found.cases) < 40  # 501 are as near to each other everywhere
     again = Judged(0.002, SLOPE)
@@ -117,7 +120,9 @@ def test_the_boundary_of_two_parameters_is_followed() -> None:
     slope, friction, rests = found.at()
     beyond = slope + PUSH - np.minimum(friction, 0.5)
     assert (rests == (beyond <= 1e-9)).all()
-    for one in np.linspace(0.12, 0.68, 57):  # across the boundary there are cases on both sides, near it
+    for one in np.linspace(
+        0.12, 0.68, 57
+    ):  # across the boundary there are cases on both sides, near it
         near = np.abs(friction - one) <= 0.6 / 16.0
         edge = min(one, 0.5) - PUSH
         assert (near & rests & (np.abs(slope - edge) <= 3.0 / 16.0)).any()
@@ -135,20 +140,25 @@ def test_what_is_no_number_makes_families_refined_by_themselves() -> None:
 def test_the_budget_is_kept_and_said() -> None:
     found = Judged(0.001, SLOPE, most=9)
     assert len(found.cases) <= 9
-    assert "9 cases are spent before the tolerance is reached" in "\n".join(found.refinement.lines())
+    assert "9 cases are spent before the tolerance is reached" in "\n".join(
+        found.refinement.lines()
+    )
 
 
 def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
     """In two parts, by processes, what is judged here at once."""
     scene, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"
     scene.write_text(
-        BLOCK + '[sweep]\ndo = "judge"\nrefine = 0.05\n[sweep.over]\nload.weight = [[0, -1], [1, -1]]\n'
+        BLOCK
+        + '[sweep]\ndo = "judge"\nrefine = 0.05\n[sweep.over]\nload.weight = [[0, -1], [1, -1]]\n'
     )
     assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1", "--most", "5"]) == 0
     assert "raise --most" in capfd.readouterr().out
     assert incipient.sweep.run(scene, file, jobs=1).known == 5
     whole = Judged(0.05, "load.weight=[0, -1],[1, -1]")
-    factors = {name: result["verdict"]["safety_factor"] for name, (_, result) in whole.results.items()}
+    factors = {
+        name: result["verdict"]["safety_factor"] for name, (_, result) in whole.results.items()
+    }
     assert {row["id"]: row["safety_factor"] for row in incipient.sweep.rows(file)} == factors
 
 
@@ -171,7 +181,12 @@ def test_between_values_are_equal_ratios_or_differences() -> None:
     ("over", "together", "refined", "said"),
     [
         (["a.b=x,y"], False, RefinementOptions(True), "no key is varied over numbers"),
-        (["a.b=1,2", "a.c=1,2", "a.d=1,2"], False, RefinementOptions(True), "are 3 keys with numbers"),
+        (
+            ["a.b=1,2", "a.c=1,2", "a.d=1,2"],
+            False,
+            RefinementOptions(True),
+            "are 3 keys with numbers",
+        ),
         (["a.b=1,2", "a.c=x,y"], True, RefinementOptions(True), "a.c is varied with other keys"),
         (["a.b=1,2"], False, RefinementOptions(2.0), "--refine 2: is not a share of the range"),
         (["a.b=1,2"], False, RefinementOptions(True, 0), "--most 0: is not a number of cases"),
@@ -183,7 +198,9 @@ def test_wrong_refinements_are_refused(
 ) -> None:
     def refused() -> None:
         axes = [parsed(one) for one in over]
-        requested([Source("mine", BLOCK)], axes, together, task="judge", refined=refined).refinement([])
+        requested(
+            [Source("mine", BLOCK)], axes, together, task="judge", refined=refined
+        ).refinement([])
 
     assert said in message(refused)
 
@@ -195,9 +212,21 @@ def test_a_refinement_without_anything_that_changes_is_refused(tmp_path: Path, c
         "[domain]\nlength = 4.0\nheight = 1.0\n[fluid]\nreynolds = 10.0\nscale = 'flow'\n[flow]\nkind = 'poiseuille'\n"
         "[numerics]\nmesh_size = 4.0\nerror_bars = false\n[output]\nfields = false\n"
     )
-    order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1", "--refine", "0.1"]
+    order = [
+        "sweep",
+        str(scene),
+        "--out",
+        str(tmp_path / "x.sqlite"),
+        "--jobs",
+        "1",
+        "--refine",
+        "0.1",
+    ]
     assert cli.main([*order, "--over", "fluid.reynolds=10,20"]) == 2
-    assert "no case has a mode or safety_factor; give --quantity, available:" in capsys.readouterr().err
+    assert (
+        "no case has a mode or safety_factor; give --quantity, available:"
+        in capsys.readouterr().err
+    )
 
 
 def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:

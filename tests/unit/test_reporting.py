@@ -55,7 +55,12 @@ def test_numbers_in_si_units() -> None:
     """A grain of 1 mm in water in shear G = 5 1/s: the stress on the bed is rho nu G, its velocity sqrt(nu G)."""
     scene = incipient.load(
         SCENE,
-        ["units={diameter=1e-3, shear_rate=5.0}", "fluid={scale='grain'}", "gravity={}", "body.density=2.65"],
+        [
+            "units={diameter=1e-3, shear_rate=5.0}",
+            "fluid={scale='grain'}",
+            "gravity={}",
+            "body.density=2.65",
+        ],
     )
     (made,) = of_si(in_si(scene))
     (block,) = made.blocks

@@ -50,7 +50,9 @@ def angle_of(bed, height, size, friction):
     """The angle in degrees at which a force along x moves the bead, by the exact judge; its contacts."""
     centre = (0.0, 0.0, height)
     contacts = touching(Sphere(size), Placement(centre), bed, 1e-6 * size)
-    load = Load(np.array([1.0, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array(centre))
+    load = Load(
+        np.array([1.0, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, -1.0]), np.array(centre)
+    )
     return degrees(atan2(safety_factor(load, contacts, friction).value, 1.0)), contacts
 
 
@@ -77,7 +79,9 @@ def test_known_angles_of_equal_spheres_that_touch():
     for pocket, face in (("square", sqrt(2.0)), ("triangular", sqrt(8.0))):
         case = case_of(pocket, 1.0, 1.0)
         assert case is not None
-        assert angle_of(*case[:2], 1.0, 0.3)[0] == pytest.approx(90.0 - degrees(atan2(face, 1.0)), abs=1e-6)
+        assert angle_of(*case[:2], 1.0, 0.3)[0] == pytest.approx(
+            90.0 - degrees(atan2(face, 1.0)), abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("spacing", [1.25, 1.4])

@@ -47,8 +47,12 @@ def test_the_traction_answers_as_the_whole_residual_does(axis: int) -> None:
         motion[at_body[:, axis]] = 1.0
         change, traction = fluid.response(motion, np.zeros_like(fluid.residual()))
         residual = differenced(fluid, change)
-        held = np.concatenate([condition.dof_indices()[0] for condition in fluid.constraints.dirichlet])
+        held = np.concatenate(
+            [condition.dof_indices()[0] for condition in fluid.constraints.dirichlet]
+        )
     largest = np.abs(residual).max()
     assert change[at_body[:, axis]] == pytest.approx(1.0)
     assert traction[at_body] == pytest.approx(residual[at_body], abs=1e-7 * largest)
-    assert np.abs(np.delete(residual, held)).max() < 1e-7 * largest  # the flow itself stays in balance
+    assert (
+        np.abs(np.delete(residual, held)).max() < 1e-7 * largest
+    )  # the flow itself stays in balance

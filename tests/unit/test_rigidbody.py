@@ -29,7 +29,9 @@ def at_rest(gdim: int) -> BodyState:
 def spinning(spin) -> BodyState:
     """In space, placed askew, with a spin given in the body's axes."""
     turned = rotation_matrix(np.array(ASKEW)) @ np.asarray(spin, dtype=float)
-    return BodyState.at(Placement((0.0, 0.0, 0.0), 0.0, ASKEW), np.concatenate([np.zeros(3), turned]))
+    return BodyState.at(
+        Placement((0.0, 0.0, 0.0), 0.0, ASKEW), np.concatenate([np.zeros(3), turned])
+    )
 
 
 def converged(body: RigidBody, state: BodyState, dt: float, load, added) -> BodyState:
@@ -50,7 +52,11 @@ def rates(errors) -> np.ndarray:
     ("grain", "mass", "moment"),
     [
         (Disc(2.0), 40 * np.pi, 20 * np.pi),  # m r^2 / 2
-        (Ellipse((2.0, 1.0)), 80 * np.pi, 100 * np.pi),  # the paper's m = 251.3, J33 = 314.2 of Fig. 1
+        (
+            Ellipse((2.0, 1.0)),
+            80 * np.pi,
+            100 * np.pi,
+        ),  # the paper's m = 251.3, J33 = 314.2 of Fig. 1
         (Rectangle(3.0, 1.0), 120.0, 100.0),  # m (a^2 + b^2) / 12
     ],
 )
@@ -124,7 +130,9 @@ def test_projectile(steps: int) -> None:
     state = BodyState.at(Placement((1.0, 2.0)), [3.0, 4.0, 20.0])
     for _ in range(steps):
         state = body.motion(state, 2.0 / steps, np.zeros(3)).end
-    np.testing.assert_allclose(state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13)
+    np.testing.assert_allclose(
+        state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13
+    )
     assert state.time == pytest.approx(2.0, rel=1e-15)
 
 
@@ -136,14 +144,23 @@ def test_mean_load_is_an_impulse(added: float) -> None:
     coupled = added * np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 1.0]])
     end = converged(body, state, 0.5, [4.0, 3.0, 1.5], coupled)
     np.testing.assert_allclose(end.velocities, [2.0, 0.25, 3.5], rtol=1e-10)
-    np.testing.assert_allclose(end.place, 0.25 * (state.velocity + end.velocity), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(
+        end.place, 0.25 * (state.velocity + end.velocity), rtol=1e-10, atol=1e-12
+    )
     assert end.orientation[0] == pytest.approx(0.25 * (2.0 + 3.5), rel=1e-10)
 
 
 def test_first_iterate_solves_the_linearised_balance() -> None:
     """(M + A) (U - U(n)) = dt F + A (U* - U(n)), by hand."""
-    mass, added = np.diag([2.0, 2.0, 0.5]), np.array([[3.0, 1.0, 0.2], [1.0, 2.0, 0.1], [0.2, 0.1, 0.7]])
-    start, guess, load = np.array([1.0, 0.0, 2.0]), np.array([1.5, 0.3, 1.0]), np.array([4.0, 3.0, 1.5])
+    mass, added = (
+        np.diag([2.0, 2.0, 0.5]),
+        np.array([[3.0, 1.0, 0.2], [1.0, 2.0, 0.1], [0.2, 0.1, 0.7]]),
+    )
+    start, guess, load = (
+        np.array([1.0, 0.0, 2.0]),
+        np.array([1.5, 0.3, 1.0]),
+        np.array([4.0, 3.0, 1.5]),
+    )
     end = (
         RigidBody(planar(2.0, 0.5))
         .motion(BodyState.at(Placement((0.0, 0.0)), start), 0.1, load, added, guess)
@@ -157,7 +174,9 @@ def test_body_force_that_varies() -> None:
     """Gravity cos t: the velocity gains sin t, the place 1 - cos t, to the integrator's tolerance."""
     body = RigidBody(planar(2.0, 1.0), body_force=lambda t: np.array([np.cos(t), 0.0]))
     end = body.motion(body.motion(at_rest(2), 0.4, np.zeros(3)).end, 0.6, np.zeros(3)).end
-    np.testing.assert_allclose([end.velocity[0], end.place[0]], [np.sin(1.0), 1 - np.cos(1.0)], rtol=1e-10)
+    np.testing.assert_allclose(
+        [end.velocity[0], end.place[0]], [np.sin(1.0), 1 - np.cos(1.0)], rtol=1e-10
+    )
 
 
 def test_prescribed_motion() -> None:
@@ -167,7 +186,9 @@ def test_prescribed_motion() -> None:
         end = RigidBody(inertia, freedom).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
         exact = [np.sin(1.5), 1.5**2 / 2, -1.5, np.cos(1.5), 1.5, -1.0]
         np.testing.assert_allclose(end.packed(), exact, rtol=1e-10)
-    still = RigidBody(planar(1.0, 1.0), Freedom.none(2)).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
+    still = (
+        RigidBody(planar(1.0, 1.0), Freedom.none(2)).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
+    )
     np.testing.assert_array_equal(still.packed(), np.zeros(6))
 
 
@@ -176,7 +197,9 @@ def test_locked_degrees() -> None:
     freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
     body = RigidBody(planar(2.0, 1.0), freedom, [0.0, -9.81])
     end = body.motion(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0]).end
-    np.testing.assert_allclose(end.velocities, [1.0, 0.0, 2.0], rtol=1e-12)  # 4 / 2 x 0.5: the guess is right
+    np.testing.assert_allclose(
+        end.velocities, [1.0, 0.0, 2.0], rtol=1e-12
+    )  # 4 / 2 x 0.5: the guess is right
     np.testing.assert_allclose([*end.place, *end.orientation], [0.25, 0.0, 1.0], rtol=1e-12)
 
 
@@ -273,7 +296,9 @@ def test_principal_axes_off_the_frame() -> None:
         state = BodyState.at(Placement((0.0,) * 3, 0.0, orientation), [0, 0, 0, 1.0, 0.4, -0.7])
         ends.append(RigidBody(inertia).motion(state, 0.5, [0, 0, 0, 0.5, -1.0, 0.8]).end)
     np.testing.assert_allclose(ends[0].spin, ends[1].spin, rtol=1e-10)
-    np.testing.assert_allclose(ends[0].rotation() @ np.eye(3), ends[1].rotation() @ turn, atol=1e-10)
+    np.testing.assert_allclose(
+        ends[0].rotation() @ np.eye(3), ends[1].rotation() @ turn, atol=1e-10
+    )
 
 
 def test_partly_locked_in_space() -> None:
@@ -292,9 +317,14 @@ def test_partly_locked_in_space() -> None:
 def test_without_inertia_in_space(moments) -> None:
     """No moments, and a needle: with drag the spin is that in which couple and drag balance, after two steps."""
     body = RigidBody(Inertia(0.0, np.array(moments)))
-    couple, resistance = np.array([0.0, 0.0, 0.0, 0.3, -0.2, 0.1]), np.diag([1.0, 1.0, 1.0, 1e3, 2e3, 1.5e3])
+    couple, resistance = (
+        np.array([0.0, 0.0, 0.0, 0.3, -0.2, 0.1]),
+        np.diag([1.0, 1.0, 1.0, 1e3, 2e3, 1.5e3]),
+    )
     state = march(body, at_rest(3), 3, 0.1, lambda t, u: couple - resistance @ u, resistance)[-1]
-    np.testing.assert_allclose(state.velocities, np.linalg.solve(resistance, couple), rtol=2e-2, atol=1e-15)
+    np.testing.assert_allclose(
+        state.velocities, np.linalg.solve(resistance, couple), rtol=2e-2, atol=1e-15
+    )
 
 
 # With the fluid's backward difference ------------------------------------------------------------------------
@@ -326,14 +356,24 @@ def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
     The pair is BDF2 with variable steps to round-off, started by BDF1, by its own three-term formula.
     """
     resistance = np.array([[3.0, 0.5, 0.1], [0.5, 2.0, 0.2], [0.1, 0.2, 1.0]])
-    inertia, lengths = np.diag([mass, mass, 0.3 * mass]), np.array([0.1, 0.1, 0.2, 0.15, 0.05, 0.05, 0.1])
+    inertia, lengths = (
+        np.diag([mass, mass, 0.3 * mass]),
+        np.array([0.1, 0.1, 0.2, 0.15, 0.05, 0.05, 0.1]),
+    )
 
     def drive(t):
         return np.array([np.sin(3 * t), 1.0, np.cos(t)])
 
     body = RigidBody(planar(mass, 0.3 * mass))
     states = march(
-        body, at_rest(2), 7, lengths, lambda t, u: drive(t) - resistance @ u, resistance, 1e-11, most=2
+        body,
+        at_rest(2),
+        7,
+        lengths,
+        lambda t, u: drive(t) - resistance @ u,
+        resistance,
+        1e-11,
+        most=2,
     )
     old, older, t, before = np.zeros(3), np.zeros(3), 0.0, None
     for length, state in zip(lengths, states[1:], strict=True):
@@ -342,7 +382,9 @@ def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
         t, before = t + length, length
         right = length * drive(t) - inertia @ (a1 * old + a2 * older)
         old, older = np.linalg.solve(a0 * inertia + length * resistance, right), old
-        np.testing.assert_allclose(state.velocities, old, rtol=1e-11, atol=1e-13 * np.abs(old).max())
+        np.testing.assert_allclose(
+            state.velocities, old, rtol=1e-11, atol=1e-13 * np.abs(old).max()
+        )
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.01, 1.0, 1e6])
@@ -354,7 +396,12 @@ def test_second_order_in_time(mass: float) -> None:
 
     if mass > 0.0:
         reference = solve_ivp(
-            lambda t, y: [y[1], (drive(t) - y[1]) / mass], (0, 2), [0, 0], "Radau", rtol=1e-11, atol=1e-13
+            lambda t, y: [y[1], (drive(t) - y[1]) / mass],
+            (0, 2),
+            [0, 0],
+            "Radau",
+            rtol=1e-11,
+            atol=1e-13,
         ).y[:, -1]
     else:
         reference = np.array([np.log(3.0), 4 / 3])  # of t^2 / (1 + t): t^2 / 2 - t + log(1 + t)
@@ -362,13 +409,21 @@ def test_second_order_in_time(mass: float) -> None:
     errors = []
     for steps in (20, 40, 80, 160):
         end = march(
-            body, at_rest(2), steps, 2 / steps, lambda t, u: np.array([drive(t), 0, 0]) - u, resistance, 1e-9
+            body,
+            at_rest(2),
+            steps,
+            2 / steps,
+            lambda t, u: np.array([drive(t), 0, 0]) - u,
+            resistance,
+            1e-9,
         )[-1]
         errors.append([abs(end.place[0] - reference[0]), abs(end.velocity[0] - reference[1])])
     place, velocity = np.transpose(errors)
     assert rates(place)[-1] == pytest.approx(2.0, abs=0.1)
     # 2.02, 1.88 and 2.03 at 160 steps.
-    assert velocity[-1] < 1e-10 if mass == 0.0 else rates(velocity)[-1] == pytest.approx(2.0, abs=0.15)
+    assert (
+        velocity[-1] < 1e-10 if mass == 0.0 else rates(velocity)[-1] == pytest.approx(2.0, abs=0.15)
+    )
 
 
 @pytest.mark.parametrize("mass", [0.0, 1e-6, 1e-2])
@@ -394,7 +449,9 @@ def test_second_order_in_space() -> None:
     def load(t, u):
         return np.array([0, 0, 0, np.sin(2 * t), 0.5, np.cos(t)]) - resistance @ u
 
-    ends = [march(body, start, n, 1.0 / n, load, resistance, 1e-9)[-1].packed() for n in (10, 20, 40)]
+    ends = [
+        march(body, start, n, 1.0 / n, load, resistance, 1e-9)[-1].packed() for n in (10, 20, 40)
+    ]
     changes = [np.abs(b - a).max() for a, b in pairwise(ends)]
     assert rates(changes)[-1] == pytest.approx(2.0, abs=0.1)
 
@@ -410,11 +467,15 @@ def test_mean_load() -> None:
     for k in range(1, 40):
         last, mean = mean, mean.accept([0.1 * k], 0.1)
     np.testing.assert_allclose(mean.previous, [0.1 * 38.5], rtol=1e-13)
-    np.testing.assert_array_equal(last.accept([3.9], 0.1).previous, mean.previous)  # going back: a value
+    np.testing.assert_array_equal(
+        last.accept([3.9], 0.1).previous, mean.previous
+    )  # going back: a value
     first = MeanLoad(order=1).accept([1.0], 0.1)
     np.testing.assert_array_equal(first.mean([5.0], 0.1), [5.0])
     assert MeanLoad().coefficients(0.3) == (1.0, -1.0, 0.0)
-    np.testing.assert_allclose(mean.added(np.eye(2), 0.3), 0.3 / mean.coefficients(0.3)[0] * np.eye(2))
+    np.testing.assert_allclose(
+        mean.added(np.eye(2), 0.3), 0.3 / mean.coefficients(0.3)[0] * np.eye(2)
+    )
 
 
 # Errors ------------------------------------------------------------------------------------------------------

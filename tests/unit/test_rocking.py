@@ -107,7 +107,9 @@ def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.n
         along_bed = math.hypot(1.0, HEIGHT * WAVE * math.cos(WAVE * x))
         return [1.0 / along_bed, 1.0 / math.hypot(a * math.sin(t), b * math.cos(t))]
 
-    found = solve_ivp(rates, (0.0, 0.45), [1.5, -0.5 * math.pi], rtol=1e-11, atol=1e-12, dense_output=True)
+    found = solve_ivp(
+        rates, (0.0, 0.45), [1.5, -0.5 * math.pi], rtol=1e-11, atol=1e-12, dense_output=True
+    )
     x, t = found.sol(np.linspace(1e-4, 0.45, 4000))
     contacts = np.column_stack([x, HEIGHT * np.sin(WAVE * x)])
     turn = np.arctan(HEIGHT * WAVE * np.cos(WAVE * x)) - np.arctan2(b * np.cos(t), -a * np.sin(t))
@@ -251,7 +253,9 @@ def test_what_leaves_its_pocket_begins_to_move() -> None:
     rocking = followed_in(scene, strong)
     assert rocking is not None
     assert rocking.leaves
-    assert rocking.sentence.startswith("the grain begins to move (pivoting), having rocked, turned by ")
+    assert rocking.sentence.startswith(
+        "the grain begins to move (pivoting), having rocked, turned by "
+    )
     weak = followed_in(scene, load)
     assert weak is not None
     assert 20.0 * rocking.critical == pytest.approx(weak.critical, rel=1e-4)

@@ -63,7 +63,8 @@ def table() -> Rows:
 
 def parts(whole: Rows, borders: list[int]) -> list[Rows]:
     return [
-        Rows(whole.values[a:b], a, whole.total) for a, b in zip([0, *borders], [*borders, 50], strict=True)
+        Rows(whole.values[a:b], a, whole.total)
+        for a, b in zip([0, *borders], [*borders, 50], strict=True)
     ]
 
 
@@ -87,7 +88,10 @@ def test_parts_written_one_by_one_are_the_table(tmp_path: Path) -> None:
     """In a file that has other datasets, and a table without rows, beside it."""
     whole, empty, path = table(), Rows.whole(np.zeros((0, 3))), tmp_path / "file.h5"
     with h5py.File(path, "w") as file:
-        places = {"table": reserve(file, "part/table", whole), "empty": reserve(file, "empty", empty)}
+        places = {
+            "table": reserve(file, "part/table", whole),
+            "empty": reserve(file, "empty", empty),
+        }
         file["more"] = np.arange(5)
     for part in parts(whole, [10, 20]):
         write_rows(path, places, {"table": part, "empty": empty})

@@ -83,7 +83,9 @@ def test_no_certainty_from_corners_that_move() -> None:
         (0.6, 0.3, 0.7, "it moves, by pivoting or pivoting and sliding"),
     ],
 )
-def test_what_is_certain_is_said(couple: float, error: float, friction: float, outcome: str) -> None:
+def test_what_is_certain_is_said(
+    couple: float, error: float, friction: float, outcome: str
+) -> None:
     found = held_disc(couple, error, friction)
     assert found.certain and found.complete
     assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()

@@ -24,7 +24,9 @@ def test_scalar_values() -> None:
     """A quadratic field is met exactly."""
     function = field(2, (), lambda x: x[0] ** 2 + x[1])
     points = np.array([[0.1, 0.2], [0.77, 0.31], [1.0, 1.0]])
-    assert sample(function, points) == pytest.approx((points[:, 0] ** 2 + points[:, 1])[:, None], abs=1e-13)
+    assert sample(function, points) == pytest.approx(
+        (points[:, 0] ** 2 + points[:, 1])[:, None], abs=1e-13
+    )
 
 
 def test_vector_values_in_three_dimensions() -> None:

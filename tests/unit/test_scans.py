@@ -71,10 +71,14 @@ def pebble(directory: Path, facets: int, turn: int) -> incipient.Scene:
 def load_on(volume: float = 0.433) -> tuple[Forces, Couples]:
     """A load as that of shear on the pebble, which does not depend on its scan."""
     weight, buoyancy = (np.array([0.0, 0.0, -200.0 * part * volume]) for part in (2.65, -1.0))
-    return Forces(np.array([45.0, 0, 6]), ZERO, buoyancy, weight), Couples(np.array([0, 8.0, 0]), ZERO, ZERO)
+    return Forces(np.array([45.0, 0, 6]), ZERO, buoyancy, weight), Couples(
+        np.array([0, 8.0, 0]), ZERO, ZERO
+    )
 
 
-@pytest.mark.parametrize(("facets", "turn"), [(320, 3), pytest.param(1280, 4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("facets", "turn"), [(320, 3), pytest.param(1280, 4, marks=pytest.mark.slow)]
+)
 def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, turn: int) -> None:
     """The worst of twelve scans each: 8.7% and 6.6% off. The term is not to be several times as large as the worst."""
     from incipient.contact.exact.judge import judged
@@ -119,12 +123,16 @@ def test_copies_of_heights_are_level_where_these_are_and_smoother_elsewhere() ->
         assert coarser_heights(2.0 * rows - columns, copy)[inside] == pytest.approx(
             (2.0 * rows - columns)[inside], abs=1e-12
         )
-        assert np.ptp(coarser_heights(rough, copy)[inside]) < 1e-12  # every second one of them is alike
+        assert (
+            np.ptp(coarser_heights(rough, copy)[inside]) < 1e-12
+        )  # every second one of them is alike
 
 
 def traced(count: int) -> str:
     angle = 2.0 * np.pi * np.arange(count) / count
-    return OUTLINE.format(vertices=np.column_stack([0.5 * np.cos(angle), 0.4 * np.sin(angle)]).tolist())
+    return OUTLINE.format(
+        vertices=np.column_stack([0.5 * np.cos(angle), 0.4 * np.sin(angle)]).tolist()
+    )
 
 
 def test_drawn_outlines_are_not_scans() -> None:

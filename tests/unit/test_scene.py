@@ -112,7 +112,9 @@ def test_sides_of_the_domain():
 
 def test_gravity_points_down_and_turns_with_the_slope():
     """On a bed that falls by 30 degrees: g sin 30 along the stream, g cos 30 into the bed."""
-    np.testing.assert_array_equal(scene(gravity=Gravity(acceleration=10)).gravity_vector, [0.0, -10.0])
+    np.testing.assert_array_equal(
+        scene(gravity=Gravity(acceleration=10)).gravity_vector, [0.0, -10.0]
+    )
     inclined = scene(bed=Inclined(slope=30), gravity=Gravity(acceleration=10))
     np.testing.assert_allclose(inclined.gravity_vector, [5.0, -10 * math.sqrt(0.75)], rtol=1e-15)
 
@@ -121,13 +123,21 @@ def test_shapes_become_geometry():
     shapes = {
         Disc(diameter=1, x=4): grain_geometry.Disc(1.0),
         Ellipse(semi_axes=(1, 0.5), x=4): grain_geometry.Ellipse((1.0, 0.5)),
-        Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(1.0, 2.0, 0.1),
-        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): polygon_geometry.Polygon([(0, 0), (1, 0), (0, 1)]),
-        Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): smooth_geometry.Superellipse((1.0, 0.5), 4.0),
+        Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(
+            1.0, 2.0, 0.1
+        ),
+        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): polygon_geometry.Polygon(
+            [(0, 0), (1, 0), (0, 1)]
+        ),
+        Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): smooth_geometry.Superellipse(
+            (1.0, 0.5), 4.0
+        ),
         Star(radius=0.5, cosines=(0, 0.1), x=4): smooth_geometry.Star(
             smooth_geometry.Harmonics(0.5, (0.0, 0.1))
         ),
-        Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): disc_geometry.Discs([(0, 0), (0.5, 0)], [0.5, 0.4]),
+        Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): disc_geometry.Discs(
+            [(0, 0), (0.5, 0)], [0.5, 0.4]
+        ),
     }
     for body, geometry in shapes.items():
         assert scene(body=body).grain == geometry
@@ -217,7 +227,9 @@ def test_friction_of_the_scene_holds_a_box_on_a_slope():
 
 
 def test_gap_and_tolerance_are_lengths():
-    found = scene(body=Disc(diameter=2, x=4), contact=Contact(friction=0.5, gap=0.02, tolerance=1e-5))
+    found = scene(
+        body=Disc(diameter=2, x=4), contact=Contact(friction=0.5, gap=0.02, tolerance=1e-5)
+    )
     assert (found.contact_gap, found.contact_tolerance) == (0.04, 2e-5)
     assert scene().contact_gap == 0.01
 
@@ -270,5 +282,7 @@ def test_beds_are_allowed_below_a_grain_held_above_them():
 
 
 def test_a_box_may_hold_still_fluid_a_bed_and_a_grain():
-    found = scene(domain=Domain(kind="box", length=4, height=4), flow=Still(), body=Disc(diameter=1, x=2))
+    found = scene(
+        domain=Domain(kind="box", length=4, height=4), flow=Still(), body=Disc(diameter=1, x=2)
+    )
     assert found.top == "wall"

@@ -39,18 +39,36 @@ ONE_KEY = [
     (lambda: Domain(length=1, height=0), "Domain: height: is 0; give a number greater than 0"),
     (lambda: Domain(length=math.nan, height=1), "Domain: length: is nan; give a finite number"),
     (lambda: Domain(length=math.inf, height=1), "Domain: length: is inf; give a finite number"),
-    (lambda: Domain(length=1e300, height=1), "Domain: length: is 1e+300; give numbers of at most 1e+30 in"),
-    (lambda: Domain(length=1e-300, height=1), "Domain: length: is 1e-300; give a number of at least 1e-30"),
-    (lambda: Domain(length=1, height=1, origin=(0, -1e99)), "Domain: origin: holds 1e+99; give numbers of"),
-    (lambda: Shear(rate=1e300), "Shear: rate: is 1e+300; give numbers of at most 1e+30 in size, or choose"),
+    (
+        lambda: Domain(length=1e300, height=1),
+        "Domain: length: is 1e+300; give numbers of at most 1e+30 in",
+    ),
+    (
+        lambda: Domain(length=1e-300, height=1),
+        "Domain: length: is 1e-300; give a number of at least 1e-30",
+    ),
+    (
+        lambda: Domain(length=1, height=1, origin=(0, -1e99)),
+        "Domain: origin: holds 1e+99; give numbers of",
+    ),
+    (
+        lambda: Shear(rate=1e300),
+        "Shear: rate: is 1e+300; give numbers of at most 1e+30 in size, or choose",
+    ),
     (lambda: Domain(length="1", height=1), 'Domain: length: is "1"; give a number'),
     (lambda: Domain(length=True, height=1), "Domain: length: is true; give a number"),
     (
         lambda: Domain(length=10**400, height=1),
         "Domain: length: is 1000000000000000000000000000000000000...; give a",
     ),
-    (lambda: Domain(length=1), "Domain: height: is missing; add it: Extent from the lower side to the top"),
-    (lambda: Domain(length=1, height=1, origin=(1,)), "Domain: origin: has 1 item; give two, as in [x, y]"),
+    (
+        lambda: Domain(length=1),
+        "Domain: height: is missing; add it: Extent from the lower side to the top",
+    ),
+    (
+        lambda: Domain(length=1, height=1, origin=(1,)),
+        "Domain: origin: has 1 item; give two, as in [x, y]",
+    ),
     (
         lambda: Domain(length=1, height=1, origin=(1, 2, 3)),
         "Domain: origin: has 3 items; give two, as in [x, y]",
@@ -59,7 +77,10 @@ ONE_KEY = [
         lambda: Domain(length=1, height=1, origin=(1, math.nan)),
         "Domain: origin[1]: is nan; give a finite number",
     ),
-    (lambda: Domain(length=1, height=1, origin=3), "Domain: origin: is 3; give a list in [brackets]"),
+    (
+        lambda: Domain(length=1, height=1, origin=3),
+        "Domain: origin: is 3; give a list in [brackets]",
+    ),
     (
         lambda: Domain(length=1, height=1, top="open"),
         'Domain: top: "open" is not known; use "auto", "wall", "slip", "stream" or "free-surface"',
@@ -80,13 +101,22 @@ ONE_KEY = [
         lambda: Surface(file="nowhere.csv"),
         "Surface: file: nowhere.csv cannot be read (No such file or directory); give the name of a CSV file of x, y",
     ),
-    (lambda: Fluid(reynolds=-3, scale="flow"), "Fluid: reynolds: is -3; give a number greater than 0"),
+    (
+        lambda: Fluid(reynolds=-3, scale="flow"),
+        "Fluid: reynolds: is -3; give a number greater than 0",
+    ),
     (
         lambda: Fluid(reynolds=3),
         'Fluid: scale: is missing; add it, "grain" or "flow": L is the largest diameter of the grain',
     ),
-    (lambda: Fluid(renolds=3, scale="flow"), 'Fluid: renolds: unknown key; did you mean "reynolds"?'),
-    (lambda: Fluid(reynolds=3, scale="flow", inertia=1), "Fluid: inertia: is 1; give true or false"),
+    (
+        lambda: Fluid(renolds=3, scale="flow"),
+        'Fluid: renolds: unknown key; did you mean "reynolds"?',
+    ),
+    (
+        lambda: Fluid(reynolds=3, scale="flow", inertia=1),
+        "Fluid: inertia: is 1; give true or false",
+    ),
     (
         lambda: Lid(rate=3),
         'Lid: rate: unknown key for "lid"; known are kind, velocity',
@@ -107,8 +137,14 @@ ONE_KEY = [
         lambda: Disc(diameter=1),
         "Disc: x: neither x nor centre is given; give x to rest on the bed, or centre",
     ),
-    (lambda: Disc(diameter=1, x=1, centre=(1, 2)), "Disc: x: both x and centre are given; leave one out"),
-    (lambda: Disc(diameter=1, x=1, density=-1), "Disc: density: is -1; give a number of at least 0"),
+    (
+        lambda: Disc(diameter=1, x=1, centre=(1, 2)),
+        "Disc: x: both x and centre are given; leave one out",
+    ),
+    (
+        lambda: Disc(diameter=1, x=1, density=-1),
+        "Disc: density: is -1; give a number of at least 0",
+    ),
     (
         lambda: Disc(diameter=1, x=1, motion="free", density=2),
         "Disc: x: a moving grain starts away from the bed; give centre instead of x",
@@ -129,12 +165,18 @@ ONE_KEY = [
         lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),
         'Disc: locked[0]: "z" is not known; use "x", "y" or "angle"',
     ),
-    (lambda: Ellipse(semi_axes=(1, -1), x=1), "Ellipse: semi_axes[1]: is -1; give a number greater than 0"),
+    (
+        lambda: Ellipse(semi_axes=(1, -1), x=1),
+        "Ellipse: semi_axes[1]: is -1; give a number greater than 0",
+    ),
     (
         lambda: Rectangle(width=1, height=2, corner_radius=0.6, x=1),
         "Rectangle: corner_radius: is 0.6, more than half the shorter side, 0.5; make it smaller",
     ),
-    (lambda: Polygon(vertices=[(0, 0), (1, 1)], x=1), "Polygon: vertices: has 2 items; give 3 or more"),
+    (
+        lambda: Polygon(vertices=[(0, 0), (1, 1)], x=1),
+        "Polygon: vertices: has 2 items; give 3 or more",
+    ),
     (
         lambda: Polygon(vertices=[(0, 0), (2, 1), (2, 0), (0, 1)], x=1),
         "Polygon: vertices: the sides after vertices 0 and 2 meet (counted from 0); list the vertices",
@@ -237,7 +279,11 @@ ONE_KEY = [
     *[
         (
             lambda key=key, value=value: Disc(
-                diameter=1, centre=(1, 1), motion="prescribed", course=("0", "0", "0"), **{key: value}
+                diameter=1,
+                centre=(1, 1),
+                motion="prescribed",
+                course=("0", "0", "0"),
+                **{key: value},
             ),
             f'Disc: {key}: is read only with motion = "free", but the motion is "prescribed"; leave it out, or',
         )
@@ -260,13 +306,19 @@ ONE_KEY = [
         lambda: Disc(diameter=1, x=1, inertia=1),
         "Disc: inertia: is given without a mass; give density or mass as well, or leave it out",
     ),
-    (lambda: Time(end=1, step=2), "Time: step: is 2 but time ends at 1; reduce step or enlarge end"),
+    (
+        lambda: Time(end=1, step=2),
+        "Time: step: is 2 but time ends at 1; reduce step or enlarge end",
+    ),
     (lambda: Numerics(order=5), 'Numerics: order: is 5; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order=2.0), 'Numerics: order: is 2.0; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order=True), 'Numerics: order: is true; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(order="high"), 'Numerics: order: is "high"; give 2, 3, 4 or "auto"'),
     (lambda: Numerics(mesh_size=0), "Numerics: mesh_size: is 0; give a number of at least 0.01"),
-    (lambda: Numerics(grid=3), "Numerics: grid: unknown key; known are order, geometry_order, mesh_size"),
+    (
+        lambda: Numerics(grid=3),
+        "Numerics: grid: unknown key; known are order, geometry_order, mesh_size",
+    ),
     (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
 ]
 
@@ -302,7 +354,10 @@ BETWEEN = [
         {"domain": Domain(length=12, height=6, top="wall"), "flow": OpenChannel()},
         'domain.top: "wall" contradicts the flow "open-channel"; use "auto", "slip", "stream" or "free-surface"',
     ),
-    ({"body": None}, 'fluid.scale: "grain" but there is no grain; add a section [body] or use "flow"'),
+    (
+        {"body": None},
+        'fluid.scale: "grain" but there is no grain; add a section [body] or use "flow"',
+    ),
     (
         {"bed": None, "body": Disc(diameter=1, centre=(4, 2)), "contact": Contact(friction=0.5)},
         "contact.friction: friction needs a bed to rub against but there is none; "
@@ -335,7 +390,11 @@ BETWEEN = [
             {"numerics": Numerics(**{key: value})},
             f"numerics.{key}: is read only for a grain that moves; leave it out or set body.motion",
         )
-        for key, value in (("coupling", "naive"), ("interface_tolerance", 1e-6), ("remesh_below", 0.5))
+        for key, value in (
+            ("coupling", "naive"),
+            ("interface_tolerance", 1e-6),
+            ("remesh_below", 0.5),
+        )
     ],
     (
         {"numerics": Numerics(form="energy-stable")},
@@ -371,7 +430,10 @@ BETWEEN = [
         "flow.datum: is -0.1, the bed's heights above its base line go from 0 to 0; give one of them, or",
     ),
     (
-        {"domain": Domain(length=12, height=1), "bed": Sinusoidal(amplitude=1, wavelength=80, phase=-90)},
+        {
+            "domain": Domain(length=12, height=1),
+            "bed": Sinusoidal(amplitude=1, wavelength=80, phase=-90),
+        },
         "bed: rises to y = 1, the top is at 1; enlarge domain.height or lower the bed",
     ),
     (
@@ -383,12 +445,21 @@ BETWEEN = [
         f"body.x: the grain reaches x = 12, the domain's right side is at 12; {MOVE}",
     ),
     (
-        {"body": Rectangle(width=1, height=5, x=4, angle=30), "domain": Domain(length=12, height=4)},
+        {
+            "body": Rectangle(width=1, height=5, x=4, angle=30),
+            "domain": Domain(length=12, height=4),
+        },
         f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
     ),
     ({"body": Disc(diameter=1, x=40)}, f"body.x: x = 40 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1, x=1e29)}, f"body.x: x = 1e+29 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1e20, x=4)}, f"body.x: the grain measures 1e+20, more than the domain; {MOVE}"),
+    (
+        {"body": Disc(diameter=1, x=1e29)},
+        f"body.x: x = 1e+29 is outside the domain, 0 to 12; {MOVE}",
+    ),
+    (
+        {"body": Disc(diameter=1e20, x=4)},
+        f"body.x: the grain measures 1e+20, more than the domain; {MOVE}",
+    ),
     (
         {"body": Disc(diameter=1, centre=(4, 5.6))},
         f"body.centre: the grain reaches y = 6.1, the domain's top is at 6; {MOVE}",
@@ -452,6 +523,11 @@ def test_several_errors_are_counted():
 
 
 def test_wrong_sections():
-    assert message(lambda: scene(domain=3)).startswith("Scene: domain: is 3; write a section [domain]")
+    assert message(lambda: scene(domain=3)).startswith(
+        "Scene: domain: is 3; write a section [domain]"
+    )
     assert message(lambda: scene(flow=DISC)).startswith("Scene: flow.kind: is missing; use ")
-    assert message(lambda: scene(fluid=CHANNEL)) == "Scene: fluid: is a Domain; write a section [fluid]"
+    assert (
+        message(lambda: scene(fluid=CHANNEL))
+        == "Scene: fluid: is a Domain; write a section [fluid]"
+    )

@@ -57,7 +57,9 @@ kind = "shear"
 
 def test_a_minimal_scene_has_eight_lines():
     expected = Scene(
-        domain=Domain(length=12, height=6), fluid=Fluid(reynolds=20, scale="flow"), flow=Shear(rate=1)
+        domain=Domain(length=12, height=6),
+        fluid=Fluid(reynolds=20, scale="flow"),
+        flow=Shear(rate=1),
     )
     assert loads(MINIMAL) == expected
 
@@ -83,11 +85,16 @@ def test_the_example_explains_every_key():
         if re.match(r"(# )?(\[|\w+ = )", line) and not line.startswith("title"):
             assert re.search(r"\S +# \w.*", line), line
     assert "(channel | box)" in example()
-    assert "(shear | poiseuille | open-channel | uniform | log-law | lid | expression | still)" in example()
+    assert (
+        "(shear | poiseuille | open-channel | uniform | log-law | lid | expression | still)"
+        in example()
+    )
 
 
 def test_what_the_example_comments_out_may_be_set():
-    text = re.sub(r"(?m)^# (\[time|geometry_order|end|step|scheme|start|tolerance)\b", r"\1", example())
+    text = re.sub(
+        r"(?m)^# (\[time|geometry_order|end|step|scheme|start|tolerance)\b", r"\1", example()
+    )
     scene = loads(text)
     assert scene.time == Time(end=10.0, step=0.05, tolerance=1e-4)
     assert scene.numerics.geometry_order == 2
@@ -130,7 +137,10 @@ def test_overrides_are_toml_values_or_bare_words():
     ("overrides", "title"),
     [
         (["fluid.reynolds=40"], "Disc, with fluid.reynolds=40"),
-        (["fluid.reynolds=40", "domain.length=9"], "Disc, with fluid.reynolds=40, with domain.length=9"),
+        (
+            ["fluid.reynolds=40", "domain.length=9"],
+            "Disc, with fluid.reynolds=40, with domain.length=9",
+        ),
         (["numerics.mesh_size=2", "output.fields=false"], "Disc"),
         (["fluid.reynolds=40", "title=Fast"], "Fast"),
     ],
@@ -155,8 +165,14 @@ def test_overrides_make_sections_and_later_ones_win():
         ("fluid.reynolds=", '"" is not a value; write a number, true, [x, y] or "text"'),
         ("fluid.reynolds=[1", '"[1" is not a value; write a number, true, [x, y] or "text"'),
         ("fluid.reynolds=4 5", '"4 5" is not a value; write a number, true, [x, y] or "text"'),
-        ("fluid.reynolds=4\ntitle=3", '"4 title=3" is not a value; write a number, true, [x, y] or "text"'),
-        ("fluid.reynolds", 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"'),
+        (
+            "fluid.reynolds=4\ntitle=3",
+            '"4 title=3" is not a value; write a number, true, [x, y] or "text"',
+        ),
+        (
+            "fluid.reynolds",
+            'is not an assignment; write section.key=value, as in "fluid.reynolds=40"',
+        ),
         ("fluid..x=1", 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"'),
         ("fluid.reynolds.x=1", "fluid.reynolds is not a section; assign to fluid.reynolds itself"),
         ("flow.kind=sheer", 'flow.kind: "sheer" is not known; did you mean "shear"?'),
@@ -177,7 +193,9 @@ def test_an_override_may_begin_a_section():
 
 @pytest.mark.parametrize("number", ["nan", "1e300"])
 def test_a_wrong_number_in_the_file_is_not_blamed_on_what_was_set(number):
-    body = f'[body]\nshape = "polygon"\nvertices = [[0, 0], [{number}, 0], [0, 1]]\ncentre = [3, 3]\n'
+    body = (
+        f'[body]\nshape = "polygon"\nvertices = [[0, 0], [{number}, 0], [0, 1]]\ncentre = [3, 3]\n'
+    )
     found = message(lambda: loads(MINIMAL + body, overrides=["fluid.reynolds=40"]))
     assert found.startswith("scene: body.vertices")
 
@@ -193,19 +211,31 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
     ("text", "expected"),
     [
         ("[domain]\nlength = 12\nheight =\n", "line 3: invalid value; correct the TOML there"),
-        ("[domain\n", "line 1: expected ']' at the end of a table declaration; correct the TOML there"),
-        ("[domain]\nlength = 1\nlength = 2\n", "line 3: cannot overwrite a value; correct the TOML there"),
+        (
+            "[domain\n",
+            "line 1: expected ']' at the end of a table declaration; correct the TOML there",
+        ),
+        (
+            "[domain]\nlength = 1\nlength = 2\n",
+            "line 3: cannot overwrite a value; correct the TOML there",
+        ),
         ("a = " + "[" * 5000, "is nested too deeply; a scene has sections and keys only"),
         (
             "",
             "domain: is missing; add a section [domain]: The region the fluid may fill (and 2 more errors)",
         ),
-        (MINIMAL.replace("reynolds = 20", "reynolds = nan"), "fluid.reynolds: is nan; give a finite number"),
+        (
+            MINIMAL.replace("reynolds = 20", "reynolds = nan"),
+            "fluid.reynolds: is nan; give a finite number",
+        ),
         (
             MINIMAL.replace("reynolds = 20", "reynolds = -1"),
             "fluid.reynolds: is -1; give a number greater than 0",
         ),
-        (MINIMAL.replace("reynolds", "renolds"), 'fluid.renolds: unknown key; did you mean "reynolds"?'),
+        (
+            MINIMAL.replace("reynolds", "renolds"),
+            'fluid.renolds: unknown key; did you mean "reynolds"?',
+        ),
         (
             MINIMAL.replace("kind =", "kin ="),
             'flow.kind: is missing; use "shear", "poiseuille", "open-channel", ',
@@ -300,8 +330,14 @@ def test_a_polyline_from_python_is_read_in_the_working_directory(tmp_path, monke
         ("0,0\n", "survey/bed.csv has 1 point; give two or more points"),
         ("", "survey/bed.csv has 0 points; give two or more points"),
         ("0,0\n1,nan\n", 'survey/bed.csv line 2 is "1,nan"; write two finite numbers x, y a line'),
-        ("x,y\n0,0\n1,2,3\n", 'survey/bed.csv line 3 is "1,2,3"; write two finite numbers x, y a line'),
-        ("0,0\nhere,there\n", 'survey/bed.csv line 2 is "here,there"; write two finite numbers x, y a line'),
+        (
+            "x,y\n0,0\n1,2,3\n",
+            'survey/bed.csv line 3 is "1,2,3"; write two finite numbers x, y a line',
+        ),
+        (
+            "0,0\nhere,there\n",
+            'survey/bed.csv line 2 is "here,there"; write two finite numbers x, y a line',
+        ),
     ],
 )
 def test_wrong_polyline_files(tmp_path, rows, expected):
@@ -360,24 +396,35 @@ def bodies(at):
         st.builds(Polygon, vertices=TRIANGLES, **common),
         st.builds(Rectangle, width=HALF, height=HALF, corner_radius=numbers(0, 0.005), **common),
         st.builds(
-            Superellipse, semi_axes=st.tuples(HALF, HALF), exponent=st.sampled_from([2.0, 3.5]), **common
+            Superellipse,
+            semi_axes=st.tuples(HALF, HALF),
+            exponent=st.sampled_from([2.0, 3.5]),
+            **common,
         ),
-        st.builds(Star, radius=HALF, cosines=st.tuples(numbers(-0.3, 0.3), numbers(-0.3, 0.3)), **common),
-        st.builds(Discs, discs=HALF.map(lambda r: [(0.0, 0.0, r), (r, 0.5 * r, 0.8 * r)]), **common),
+        st.builds(
+            Star, radius=HALF, cosines=st.tuples(numbers(-0.3, 0.3), numbers(-0.3, 0.3)), **common
+        ),
+        st.builds(
+            Discs, discs=HALF.map(lambda r: [(0.0, 0.0, r), (r, 0.5 * r, 0.8 * r)]), **common
+        ),
     )
 
 
 BEDS = st.one_of(
     st.builds(Flat),
     st.builds(Inclined, slope=numbers(-45, 45)),
-    st.builds(Sinusoidal, amplitude=numbers(0, 1), wavelength=numbers(1, 20), phase=numbers(-180, 180)),
+    st.builds(
+        Sinusoidal, amplitude=numbers(0, 1), wavelength=numbers(1, 20), phase=numbers(-180, 180)
+    ),
     st.builds(HalfDiscs, radius=numbers(0.2, 1), spacing=numbers(2, 5), offset=numbers(-3, 3)),
     numbers(0, 1).map(lambda y: Polyline(points=[(-0.5, y), (7.0, 0.1), (20.5, 0.5 * y)])),
 )
 FLOWS = st.one_of(
     st.builds(Shear, rate=POSITIVE),
     *(st.builds(kind, velocity=POSITIVE) for kind in (Poiseuille, OpenChannel, Uniform, Still)),
-    st.builds(ExpressionFlow, components=st.sampled_from([("y", "0"), ("where(y > 1, 1, y)", "x*0.1")])),
+    st.builds(
+        ExpressionFlow, components=st.sampled_from([("y", "0"), ("where(y > 1, 1, y)", "x*0.1")])
+    ),
 )
 # What `st.text` has without an alphabet as well, by a table that takes a second to make.
 CHARACTERS = st.characters(exclude_categories=["Cs"])
@@ -411,7 +458,9 @@ CHANNELS = st.builds(
     bed=BEDS,
     gravity=st.builds(Gravity, acceleration=numbers(0, 1e3)),
     contact=st.none()
-    | st.builds(Contact, friction=numbers(0, 10), gap=numbers(1e-6, 0.1), tolerance=numbers(1e-6, 0.01)),
+    | st.builds(
+        Contact, friction=numbers(0, 10), gap=numbers(1e-6, 0.1), tolerance=numbers(1e-6, 0.01)
+    ),
     **SETTINGS,
 )
 BOXES = st.builds(
@@ -421,7 +470,9 @@ BOXES = st.builds(
         kind=st.just("box"),
         length=POSITIVE,
         height=POSITIVE,
-        origin=st.tuples(numbers(-1e3, 1e3), numbers(-1e3, 1e3)),  # numbers there tell a height of 1e-6 apart
+        origin=st.tuples(
+            numbers(-1e3, 1e3), numbers(-1e3, 1e3)
+        ),  # numbers there tell a height of 1e-6 apart
         top=st.sampled_from(["auto", "wall"]),
     ),
     flow=st.builds(Lid, velocity=POSITIVE) | st.builds(Still),

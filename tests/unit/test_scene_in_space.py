@@ -104,7 +104,9 @@ def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
 def test_orientation_turns_about_x_then_y_then_z():
     placement = Box(sides=(3, 2, 1), x=5.0, orientation=(90, 0, 90)).placed((0.0, 0.0, 0.0))
     # About x: y goes to z, z to -y; about z: x goes to y, y to -x.
-    assert placement.to_scene(np.eye(3)) == pytest.approx(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]))
+    assert placement.to_scene(np.eye(3)) == pytest.approx(
+        np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    )
 
 
 def test_the_place_across_is_counted_from_the_domains_corner():
@@ -155,7 +157,9 @@ def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
     assert Setup(found).symmetric is halved
     asked = {**found.domain.model_dump(), "symmetric": True}
     if not halved and found.domain.symmetric is None:
-        assert "domain.symmetric: is true, but" in message(lambda: scene(**{**changes, "domain": asked}))
+        assert "domain.symmetric: is true, but" in message(
+            lambda: scene(**{**changes, "domain": asked})
+        )
 
 
 def test_a_flow_without_a_value_is_refused_where_its_mirror_image_is_looked_at():
@@ -172,7 +176,9 @@ def test_a_flow_without_a_value_is_refused_where_its_mirror_image_is_looked_at()
 
 def test_the_plan_says_why_the_whole_is_computed():
     words = make_plan(scene(body=Sphere(diameter=1.0, x=5.0, y=3.0))).text()
-    assert "the whole of it is computed: the grain's centroid is 1 beside the middle, y = 4" in words
+    assert (
+        "the whole of it is computed: the grain's centroid is 1 beside the middle, y = 4" in words
+    )
     assert "half of it is computed" in make_plan(scene()).text()
 
 
@@ -202,7 +208,10 @@ def test_a_sphere_in_a_pocket_of_spheres_leaves_it_at_the_angle_of_repose(turned
         buoyancy, weight = weights(one)
         force = Forces(np.zeros(3), np.zeros(3), buoyancy, weight)
         couple = Couples(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
-        load, inert = load_of(one.placement, force, couple), mass_and_inertia(one.body, one.placement)
+        load, inert = (
+            load_of(one.placement, force, couple),
+            mass_and_inertia(one.body, one.placement),
+        )
         found[slope > repose] = judge(load, find_contacts(one), 1.0, inert).equilibrium.moves
     assert found == {False: False, True: True}
 
@@ -230,7 +239,9 @@ def test_profiles_go_with_the_height_and_formulas_have_three_components():
 
 def test_the_inflow_is_at_rest_on_spheres_that_are_higher_than_the_datum():
     bed = SphereBed(radius=0.5, spacing=1.0, arrangement="square")
-    found = scene(bed=bed, flow=Shear(datum="mean"), body=None, fluid=Fluid(reynolds=1, scale="flow"))
+    found = scene(
+        bed=bed, flow=Shear(datum="mean"), body=None, fluid=Fluid(reynolds=1, scale="flow")
+    )
     assert 0.2 < Setup(found).base_flow.datum < 0.5
     over_a_sphere, between = Setup(found).base_flow.entering(
         np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]]), 0.0
@@ -281,7 +292,9 @@ def test_a_scanned_bed_is_the_upper_side_of_its_triangles(tmp_path):
     assert found.bed_shape.height([[4.0, 3.0], [8.1, 5.3]]) == pytest.approx([0.4, 0.81], abs=1e-6)
     assert loads(dumps(found)) == found
     trimesh.Trimesh(points, triangles[1:], process=False).export(tmp_path / "bed.ply")
-    assert "has a hole as seen from above" in message(lambda: Scene(**{**scene().model_dump(), "bed": data}))
+    assert "has a hole as seen from above" in message(
+        lambda: Scene(**{**scene().model_dump(), "bed": data})
+    )
 
 
 # -- coarse runs ---------------------------------------------------------------------------------------
@@ -295,23 +308,37 @@ def test_a_larger_domain_is_wider_too_unless_walls_are_at_its_sides():
     assert farther(scene(domain=walled)).domain.width == 8.0
     across = Cylinder(diameter=1, length=8, centre=(5, 4, 3))
     assert farther(scene(body=across)).domain.width == 8.0
-    assert len(coarse_scenes(scene(contact=Contact(friction=0.5)))) == 5  # three gaps; two larger domains
+    assert (
+        len(coarse_scenes(scene(contact=Contact(friction=0.5)))) == 5
+    )  # three gaps; two larger domains
 
 
 # -- wrong scenes --------------------------------------------------------------------------------------
 
 WRONG = [
-    ({"domain": Domain(length=12, height=6)}, 'body.shape: domain.width is missing, which the "sphere"'),
-    ({"body": Disc(diameter=1, x=5)}, 'body.shape: "disc" lies in the plane, but domain.width makes'),
+    (
+        {"domain": Domain(length=12, height=6)},
+        'body.shape: domain.width is missing, which the "sphere"',
+    ),
+    (
+        {"body": Disc(diameter=1, x=5)},
+        'body.shape: "disc" lies in the plane, but domain.width makes',
+    ),
     ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" lies in the plane, but'),
     ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
-    ({"body": Sphere(diameter=1, x=5, y=8.5)}, "body.x: y = 8.5 is outside the domain, 0 to 8; move"),
+    (
+        {"body": Sphere(diameter=1, x=5, y=8.5)},
+        "body.x: y = 8.5 is outside the domain, 0 to 8; move",
+    ),
     (
         {"body": Sphere(diameter=1, x=5, y=7.8)},
         "body.x: the grain reaches y = 8.3, the domain's side at largest y",
     ),
     ({"body": Sphere(diameter=1, x=0.2)}, "body.x: the grain reaches x = -0.3"),
-    ({"body": Sphere(diameter=7, x=5)}, "body.x: the grain reaches z = 7, the domain's top is at 6"),
+    (
+        {"body": Sphere(diameter=7, x=5)},
+        "body.x: the grain reaches z = 7, the domain's top is at 6",
+    ),
     (
         {"body": Sphere(diameter=1, centre=(5, 4, 0.3))},
         "body.centre: the grain reaches 0.2 into the bed; raise",
@@ -324,7 +351,10 @@ WRONG = [
         {"body": Cylinder(diameter=1, length=7, centre=(5, 4, 3))},
         "body.length: the cylinder reaches from y = 0.5 to 7.5, the domain from 0 to 8; give domain.width",
     ),
-    ({"bed": SphereBed(radius=7, spacing=14)}, "bed: rises to z = 7, the top is at 6; enlarge domain.height"),
+    (
+        {"bed": SphereBed(radius=7, spacing=14)},
+        "bed: rises to z = 7, the top is at 6; enlarge domain.height",
+    ),
     (
         {"bed": HeightMapBed(heights=((0.0, 0.1), (0.0, 0.1)), cell=(4.0, 8.0))},
         "bed: reaches from x = 0 to 4, the domain from 0 to 12; enlarge its cell",
@@ -333,7 +363,10 @@ WRONG = [
         {"effects": Effects(third_dimension=False)},
         "effects.third_dimension: is false but domain.width is given",
     ),
-    ({"bed": SphereBed(radius=0.5, spacing=1, slope=10)}, "bed.slope: a slope turns gravity but there is no"),
+    (
+        {"bed": SphereBed(radius=0.5, spacing=1, slope=10)},
+        "bed.slope: a slope turns gravity but there is no",
+    ),
     (
         {"domain": Domain(length=1e20, width=8, height=6)},
         "domain.length: is so large that numbers there are",
@@ -344,15 +377,30 @@ WRONG_KEYS = [
         lambda: Domain(length=1, height=1, sides="slip"),
         "Domain: sides: goes with width, which is not given; add",
     ),
-    (lambda: Domain(length=1, height=1, symmetric=True), "Domain: symmetric: goes with width, which is not"),
-    (lambda: Domain(length=1, height=1, width=1, symmetric="no"), 'Domain: symmetric: is "no"; use "auto"'),
+    (
+        lambda: Domain(length=1, height=1, symmetric=True),
+        "Domain: symmetric: goes with width, which is not",
+    ),
+    (
+        lambda: Domain(length=1, height=1, width=1, symmetric="no"),
+        'Domain: symmetric: is "no"; use "auto"',
+    ),
     (
         lambda: Domain(length=1, height=1, width=1, origin=(1, 2)),
         "Domain: origin: has 2 items; give three, as",
     ),
-    (lambda: Sphere(diameter=1), "Sphere: x: neither x nor centre is given; give x to rest on the bed"),
-    (lambda: Sphere(diameter=1, y=1, centre=(1, 1, 1)), "Sphere: y: goes with x, but centre is given; leave"),
-    (lambda: Cylinder(diameter=1, length=1, x=1), "Cylinder: x: a cylinder is held and does not rest; give"),
+    (
+        lambda: Sphere(diameter=1),
+        "Sphere: x: neither x nor centre is given; give x to rest on the bed",
+    ),
+    (
+        lambda: Sphere(diameter=1, y=1, centre=(1, 1, 1)),
+        "Sphere: y: goes with x, but centre is given; leave",
+    ),
+    (
+        lambda: Cylinder(diameter=1, length=1, x=1),
+        "Cylinder: x: a cylinder is held and does not rest; give",
+    ),
     (
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), motion="free", density=1),
         "Cylinder: motion: a cylinder across the flow is held",
@@ -361,18 +409,33 @@ WRONG_KEYS = [
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), orientation=(90, 0, 0)),
         "Cylinder: orientation: a cylinder lies across the flow; leave it out",
     ),
-    (lambda: Sphere(diameter=1, centre=(1, 1)), "Sphere: centre: has 2 items; give three, as in [x, y, z]"),
-    (lambda: Box(sides=(1, 1, 1), edge_radius=0.6, x=1), "Box: edge_radius: edge_radius 0.6 is not between"),
+    (
+        lambda: Sphere(diameter=1, centre=(1, 1)),
+        "Sphere: centre: has 2 items; give three, as in [x, y, z]",
+    ),
+    (
+        lambda: Box(sides=(1, 1, 1), edge_radius=0.6, x=1),
+        "Box: edge_radius: edge_radius 0.6 is not between",
+    ),
     (lambda: Polyhedron(vertices=((0, 0, 0),) * 4, x=1), "Polyhedron: vertices: "),
-    (lambda: Spheres(spheres=((0, 0, 0),), x=1), "Spheres: spheres[0]: has 3 items; give four, as in"),
+    (
+        lambda: Spheres(spheres=((0, 0, 0),), x=1),
+        "Spheres: spheres[0]: has 3 items; give four, as in",
+    ),
     (lambda: Spheres(spheres=((0, 0, 0, 1), (5, 0, 0, 1)), x=1), "Spheres: spheres: "),
     (lambda: Mesh(x=1), "Mesh: file: neither file nor vertices is given; give the name of an STL"),
-    (lambda: Mesh(file="nothing.stl", x=1), "Mesh: file: nothing.stl does not exist; give the name"),
+    (
+        lambda: Mesh(file="nothing.stl", x=1),
+        "Mesh: file: nothing.stl does not exist; give the name",
+    ),
     (
         lambda: Mesh(vertices=TETRAHEDRON, triangles=((0, 1, 2),), x=1),
         "Mesh: triangles: the surface is not watertight",
     ),
-    (lambda: SphereBed(radius=1, spacing=1), "SphereBed: spacing: 1 is less than two radii, 2: the spheres"),
+    (
+        lambda: SphereBed(radius=1, spacing=1),
+        "SphereBed: spacing: 1 is less than two radii, 2: the spheres",
+    ),
     (
         lambda: SphereBed(radius=1, spacing=4, layers=2),
         "SphereBed: layers: spheres so far apart carry no further",
@@ -381,8 +444,14 @@ WRONG_KEYS = [
         lambda: SphereBed(radius=1, spacing=4, seed=1),
         "SphereBed: seed: is read only for a random arrangement",
     ),
-    (lambda: HeapBed(), "HeapBed: file: neither file nor spheres is given; give the name of a CSV file"),
-    (lambda: HeapBed(file="none.csv"), "HeapBed: file: none.csv cannot be read (No such file or directory)"),
+    (
+        lambda: HeapBed(),
+        "HeapBed: file: neither file nor spheres is given; give the name of a CSV file",
+    ),
+    (
+        lambda: HeapBed(file="none.csv"),
+        "HeapBed: file: none.csv cannot be read (No such file or directory)",
+    ),
     (
         lambda: HeapBed(spheres=()),
         "HeapBed: spheres: 0 centres and 0 radii; give as many of both, one or more",
@@ -391,13 +460,22 @@ WRONG_KEYS = [
         lambda: HeapBed(spheres=((0, 0, 0, -1),)),
         "HeapBed: spheres[0][3]: is -1; give a number greater than 0",
     ),
-    (lambda: MeshBed(file="bed.png"), "MeshBed: file: bed.png does not exist; give the name of an STL"),
-    (lambda: HeightMapBed(), "HeightMapBed: file: neither file nor heights is given; give the name"),
+    (
+        lambda: MeshBed(file="bed.png"),
+        "MeshBed: file: bed.png does not exist; give the name of an STL",
+    ),
+    (
+        lambda: HeightMapBed(),
+        "HeightMapBed: file: neither file nor heights is given; give the name",
+    ),
     (
         lambda: HeightMapBed(heights=((0, 0), (0,)), cell=(1, 1)),
         "HeightMapBed: heights: are in rows of different",
     ),
-    (lambda: HeightMapBed(heights=((0, 0), (0, 0))), "HeightMapBed: cell: is missing; add how far apart"),
+    (
+        lambda: HeightMapBed(heights=((0, 0), (0, 0))),
+        "HeightMapBed: cell: is missing; add how far apart",
+    ),
 ]
 
 
@@ -439,15 +517,21 @@ def test_numerics_are_those_of_the_plane():
     plan = make_plan(scene(numerics=Numerics(order=3)))
     assert plan.order == 3 and plan.solver.name == "block" and plan.stabilisation.upwind
     plain = make_plan(scene(numerics=Numerics(stabilisation="off")))
-    assert plain.solver.name == "block" and not plain.stabilisation.present  # its cells do not convect much
-    fast = make_plan(scene(fluid=Fluid(reynolds=1000, scale="grain"), numerics=Numerics(stabilisation="off")))
+    assert (
+        plain.solver.name == "block" and not plain.stabilisation.present
+    )  # its cells do not convect much
+    fast = make_plan(
+        scene(fluid=Fluid(reynolds=1000, scale="grain"), numerics=Numerics(stabilisation="off"))
+    )
     assert fast.solver.name == "direct"
     creeping = Fluid(reynolds=1, scale="grain", inertia=False)
     assert make_plan(scene(fluid=creeping)).solver.name == "two-level"
     assert make_plan(scene(fluid=creeping, numerics=Numerics(order=2))).solver.name == "block"
 
 
-def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(tmp_path, monkeypatch):
+def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(
+    tmp_path, monkeypatch
+):
     """Each point is compared with each triangle: with all points the plan of a pebble of 5,000 took half a minute."""
     from incipient.geometry import Triangulated
 
@@ -462,8 +546,15 @@ def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(tm
         return level(self, x)
 
     monkeypatch.setattr(Triangulated, "level", counted)
-    body = {"shape": "mesh", "file": str(tmp_path / "grain.ply"), "size": 1.0, "centre": (6.0, 4.0, 2.0)}
-    found = Scene(**{**scene().model_dump(exclude={"contact", "gravity"}), "bed": None, "body": body})
+    body = {
+        "shape": "mesh",
+        "file": str(tmp_path / "grain.ply"),
+        "size": 1.0,
+        "centre": (6.0, 4.0, 2.0),
+    }
+    found = Scene(
+        **{**scene().model_dump(exclude={"contact", "gravity"}), "bed": None, "body": body}
+    )
     assert not Setup(found).symmetric
     assert 0 < sum(asked) < 1000
 
@@ -474,7 +565,9 @@ def test_a_heap_of_spheres_from_a_file(tmp_path):
     data = {"kind": "heap", "file": str(tmp_path / "heap.csv"), "posts": [(2.0, 4.0, 0.6, 0.4)]}
     found = scene(bed=data)
     assert found == scene(
-        bed=HeapBed(spheres=((4.6, 3.5, 0.1, 0.5), (6.0, 4.0, 0.0, 0.7)), posts=((2.0, 4.0, 0.6, 0.4),))
+        bed=HeapBed(
+            spheres=((4.6, 3.5, 0.1, 0.5), (6.0, 4.0, 0.0, 0.7)), posts=((2.0, 4.0, 0.6, 0.4),)
+        )
     )
     heights = found.bed_shape.height([[4.6, 3.5], [6.0, 4.0], [2.0, 4.0], [1.0, 1.0]])
     assert heights == pytest.approx([0.6, 0.7, 1.0, 0.0])

@@ -30,7 +30,9 @@ DISCS = 'shape = "discs"\ndiscs = [[0, 0, 0.4], [0.5, 0.1, 0.3], [0.1, 0.5, 0.25
 FLAT = 'kind = "flat"'
 HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
 SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
-bodies = pytest.mark.parametrize("body", [SUPERELLIPSE, STAR, DISCS], ids=["superellipse", "star", "discs"])
+bodies = pytest.mark.parametrize(
+    "body", [SUPERELLIPSE, STAR, DISCS], ids=["superellipse", "star", "discs"]
+)
 beds = pytest.mark.parametrize(
     "bed", [FLAT, HALF_DISCS, SINUSOIDAL], ids=["flat", "half-discs", "sinusoidal"]
 )
@@ -101,10 +103,15 @@ class TestPlaces:
         box = 'shape = "rectangle"\nwidth = 0.4\nheight = 1'
         place = "x = 4\nsettle = true"
         upright, fallen = (
-            loads(text(box, f'kind = "inclined"\nslope = {slope}', place), overrides=["contact.friction=1"])
+            loads(
+                text(box, f'kind = "inclined"\nslope = {slope}', place),
+                overrides=["contact.friction=1"],
+            )
             for slope in (20, 30)
         )
-        assert (upright.placement.centre[1], fallen.placement.centre[1]) == pytest.approx((0.5, 0.2))
+        assert (upright.placement.centre[1], fallen.placement.centre[1]) == pytest.approx(
+            (0.5, 0.2)
+        )
 
     @bodies
     def test_written_and_read_again_it_is_the_same(self, body):
@@ -117,7 +124,9 @@ class TestPlaces:
         scene = loads(text(STAR, FLAT, "x = 4"))
         angle = np.linspace(0.0, 2.0 * np.pi, 50)
         radius = 0.5 * (1.0 + 0.2 * np.cos(2.0 * angle) + 0.1 * np.sin(3.0 * angle))
-        outline = scene.grain.pole + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        outline = scene.grain.pole + radius[:, None] * np.column_stack(
+            [np.cos(angle), np.sin(angle)]
+        )
         assert scene.grain.level(outline) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -143,8 +152,14 @@ class TestBadScenes:
                 'shape = "star"\nradius = 1\nsines = [1.5]',
                 "body.sines: the radius of the star is -0.5 at 270 degrees; keep it positive",
             ),
-            ('shape = "star"\nradius = 1\ncosines = ["a"]', 'body.cosines[0]: is "a"; give a number'),
-            ('shape = "star"\nradius = 1\ncosines = [nan]', "body.cosines[0]: is nan; give a finite number"),
+            (
+                'shape = "star"\nradius = 1\ncosines = ["a"]',
+                'body.cosines[0]: is "a"; give a number',
+            ),
+            (
+                'shape = "star"\nradius = 1\ncosines = [nan]',
+                "body.cosines[0]: is nan; give a finite number",
+            ),
             ('shape = "discs"\ndiscs = []', "body.discs: has 0 items; give 1 or more"),
             (
                 'shape = "discs"\ndiscs = [[0, 0]]',
@@ -209,7 +224,9 @@ class TestBadScenes:
         # Started beside the inflow it rests with its left side beyond it.
         path, ellipse = tmp_path / "case.toml", 'shape = "ellipse"\nsemi_axes = [0.6, 0.4]'
         found = refused(text(ellipse, FLAT, "x = 0.3\nsettle = true"), path)
-        assert found.startswith("body.x: the grain reaches x = -0.3, the domain's left side is at 0; ")
+        assert found.startswith(
+            "body.x: the grain reaches x = -0.3, the domain's left side is at 0; "
+        )
 
 
 def test_points_dumped_are_read_again():

@@ -9,17 +9,32 @@ import pytest
 from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
-from incipient.pictures.flow.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
+from incipient.pictures.flow.section import (
+    PARTS,
+    TETRAHEDRON,
+    boundary_lines,
+    grain_lines,
+    section_of,
+)
 from incipient.pictures.record import StoredRun
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
-EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # of a tetrahedron, in VTK's order of their nodes
+EDGES = (
+    (0, 1),
+    (1, 2),
+    (0, 2),
+    (0, 3),
+    (1, 3),
+    (2, 3),
+)  # of a tetrahedron, in VTK's order of their nodes
 CUBE = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 # Of one orientation, as meshes have them.
 SIX = ((0, 4, 6, 7), (0, 5, 4, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 1, 5, 7), (0, 3, 1, 7))
 
 
-def quadratic(corners: np.ndarray, cells: tuple[tuple[int, ...], ...]) -> tuple[np.ndarray, np.ndarray]:
+def quadratic(
+    corners: np.ndarray, cells: tuple[tuple[int, ...], ...]
+) -> tuple[np.ndarray, np.ndarray]:
     """Points and cells with the middles of their edges."""
     points, known, found = [*corners], {}, []
     for cell in cells:
@@ -45,7 +60,9 @@ def test_the_parts_fill_the_cell() -> None:
 def test_fields_stand_where_they_are_on_curved_cells() -> None:
     """A cube whose floor rises in a hump: x at every point is x, and below the hump there is nothing."""
     points, cells = quadratic(CUBE, SIX)
-    points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])  # 0.4 in the middle
+    points[:, 2] += (
+        1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
+    )  # 0.4 in the middle
     fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
     run = StoredRun(
         Path(),

@@ -137,7 +137,11 @@ class TestBoxes:
             assert found.placement.centre == pytest.approx((0.3, 0.25))
             assert not flaws(found, grain, Flat(), **how)
         else:
-            assert (found.outcome, found.contacts, found.stable) == (SettlingOutcome.ROLLS_OFF, None, False)
+            assert (found.outcome, found.contacts, found.stable) == (
+                SettlingOutcome.ROLLS_OFF,
+                None,
+                False,
+            )
 
     @pytest.mark.parametrize(("width", "topples"), [(0.67, True), (0.70, False)])
     def test_on_a_slope_a_tall_one_topples(self, width, topples):
@@ -176,7 +180,9 @@ def pair(grain, bed):
 
 
 class TestOtherGrainsInThePlane:
-    @pytest.mark.parametrize(("grain", "bed"), [pair(*both) for both in itertools.product(GRAINS, BEDS)])
+    @pytest.mark.parametrize(
+        ("grain", "bed"), [pair(*both) for both in itertools.product(GRAINS, BEDS)]
+    )
     def test_rests_on_every_bed(self, grain, bed):
         assert not flaws(settle(grain, bed, turned(0.2, 0.5)), grain, bed)
 
@@ -209,7 +215,11 @@ class TestOutcomes:
     )
     def test_started_on_its_summit_it_balances(self, grain, bed, start):
         found = settle(grain, bed, start)
-        assert (found.outcome, found.stable, len(found.contacts)) == (SettlingOutcome.BALANCES, False, 1)
+        assert (found.outcome, found.stable, len(found.contacts)) == (
+            SettlingOutcome.BALANCES,
+            False,
+            1,
+        )
         assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
 
     def test_started_beside_its_summit_it_falls(self):
@@ -245,9 +255,15 @@ class TestOutcomes:
             ({"gravity": (1.0, 0.0)}, "does not point down"),
             ({"gravity": (0.0, 0.0, -1.0)}, "give 2 numbers"),
             ({"gravity": (np.nan, -1.0)}, "does not point down"),
-            ({"start": Placement((0, 0, 3))}, "placement in 3 dimensions does not fit a grain in 2"),
+            (
+                {"start": Placement((0, 0, 3))},
+                "placement in 3 dimensions does not fit a grain in 2",
+            ),
             ({"bed": Plane()}, "one is planar, the other is not"),
-            ({"grain": Sphere(1.0), "start": Placement((0, 0, 3))}, "one is planar, the other is not"),
+            (
+                {"grain": Sphere(1.0), "start": Placement((0, 0, 3))},
+                "one is planar, the other is not",
+            ),
         ],
     )
     def test_bad_input_is_one_line(self, how, reason):

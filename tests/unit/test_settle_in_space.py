@@ -48,7 +48,9 @@ class TestSpheres:
         assert len(found.contacts) == 3
         assert not flaws(found, grain, bed, friction=friction)
 
-    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.5, 0.4), pytest.param((0.9, 0.8), marks=pytest.mark.slow)])
+    @pytest.mark.parametrize(
+        "x", [(0.3, 0.1), (0.5, 0.4), pytest.param((0.9, 0.8), marks=pytest.mark.slow)]
+    )
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
     def test_in_a_pocket_of_four(self, spacing, x):
         # Half a diagonal, s/sqrt(2), from the corners of the square.
@@ -65,7 +67,9 @@ class TestSpheres:
     )
     def test_in_a_pocket_of_another_period(self, arrangement, period):
         bed, start = Hemispheres(0.5, 1.2, arrangement), above(0.3, 0.25)
-        shift, turn = after_a_period(settle(Sphere(1.0), bed, start), Sphere(1.0), bed, start, period)
+        shift, turn = after_a_period(
+            settle(Sphere(1.0), bed, start), Sphere(1.0), bed, start, period
+        )
         assert (*shift, turn) == pytest.approx((*period, 0.0), abs=1e-9)
 
     def test_on_the_base_plane_of_sparse_half_balls(self):
@@ -78,7 +82,10 @@ class TestSolidsOnPlanes:
     def test_ellipsoid_lies_on_its_shortest_axis(self, friction):
         grain = Ellipsoid((0.7, 0.5, 0.3))
         found = settle(
-            grain, Plane(), Placement((0, 0, 3), 0.0, rotation_by((0.4, 0.7, 0.2))), friction=friction
+            grain,
+            Plane(),
+            Placement((0, 0, 3), 0.0, rotation_by((0.4, 0.7, 0.2))),
+            friction=friction,
         )
         assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-12)
         assert np.abs(found.placement.rotation[2]) == pytest.approx([0, 0, 1], abs=1e-8)
@@ -139,7 +146,9 @@ class TestSolidsOnPlanes:
     def test_box_on_a_sloping_plane(self):
         bed = Plane((0.2, 0.1), 0.3)
         found = settle(Box((1.0, 0.6, 0.4)), bed, above(0.0, 0.0), friction=0.5)
-        assert found.placement.rotation @ [0, 0, 1] == pytest.approx(bed.normal([[0, 0]])[0], abs=1e-9)
+        assert found.placement.rotation @ [0, 0, 1] == pytest.approx(
+            bed.normal([[0, 0]])[0], abs=1e-9
+        )
         assert not flaws(found, Box((1.0, 0.6, 0.4)), bed, friction=0.5)
 
 
@@ -180,7 +189,11 @@ class TestSolidsOnRoughBeds:
                 marks=pytest.mark.slow,
             ),
             (CUBE, Hemispheres(0.5, 1.0), 1.0),
-            (Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]), Hemispheres(0.5, 1.0), 1.0),
+            (
+                Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]),
+                Hemispheres(0.5, 1.0),
+                1.0,
+            ),
             (Box((0.6, 0.4, 0.3)), Relief(trough, 0.5), 1.0),
             (Box((1.0, 0.6, 0.4), 0.1), Ridges(0.1, 1.0), 1.0),
             pytest.param(Ellipsoid((0.5, 0.4, 0.3)), Ridges(0.1, 1.0), 1.0, marks=pytest.mark.slow),

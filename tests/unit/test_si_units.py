@@ -52,9 +52,9 @@ def test_a_grain_of_quartz_in_water() -> None:
     assert scene.gravity.acceleration == pytest.approx(0.4905, rel=1e-14)
     assert scene.body.density == pytest.approx(2.65, rel=1e-14)
     assert (scales.length, scales.time, scales.velocity) == pytest.approx((5e-4, 5e-3, 0.1))
-    assert scales.force == pytest.approx(1000.0 * 0.1**2 * 5e-4**2) and scales.couple == pytest.approx(
-        1.25e-9
-    )
+    assert scales.force == pytest.approx(
+        1000.0 * 0.1**2 * 5e-4**2
+    ) and scales.couple == pytest.approx(1.25e-9)
 
 
 def test_the_flow_and_loads_in_si() -> None:
@@ -64,9 +64,9 @@ def test_the_flow_and_loads_in_si() -> None:
     assert found is not None
     assert (found["shear_rate"], found["bed_stress"]) == pytest.approx((400.0, 0.4), rel=1e-6)
     assert found["shear_velocity"] == pytest.approx(0.02, rel=1e-6)
-    assert found["force"] == pytest.approx([5e-6, 0.0, 2.5e-6]) and found["couple"] == pytest.approx(
-        [0.0, 5e-9, 0.0]
-    )
+    assert found["force"] == pytest.approx([5e-6, 0.0, 2.5e-6]) and found[
+        "couple"
+    ] == pytest.approx([0.0, 5e-9, 0.0])
     said = "\n".join(si_lines(found))
     assert (
         "nominal diameter 0.001 m, shear rate 400 1/s" in said
@@ -85,16 +85,23 @@ def test_a_small_grain_settles_as_stokes_says() -> None:
 
 def test_a_stream_has_a_velocity_and_the_plane_a_disc_of_equal_area() -> None:
     """A rectangle of area 1 has the diameter sqrt(4/pi); Re by the height of the domain, 0.02 m/s x 6 L0/1e-6."""
-    changes = ['fluid.scale="flow"', "flow={kind='open-channel', velocity=2.0}", "units.velocity=0.02"]
+    changes = [
+        'fluid.scale="flow"',
+        "flow={kind='open-channel', velocity=2.0}",
+        "units.velocity=0.02",
+    ]
     plane = QUARTZ.replace("width = 16.0\n", "").replace(
         '"sphere"\ndiameter = 2.0', '"rectangle"\nwidth = 2.0\nheight = 0.5'
     )
     scene = loads(
-        plane.replace("shear_rate = 100.0\n", "").replace("height = 12.0", "height = 6.0"), overrides=changes
+        plane.replace("shear_rate = 100.0\n", "").replace("height = 12.0", "height = 6.0"),
+        overrides=changes,
     )
     length = 1e-3 / np.sqrt(4.0 / np.pi)
     assert scene.scales is not None and scene.gravity is not None
-    assert scene.scales.length == pytest.approx(length) and scene.scales.velocity == pytest.approx(0.01)
+    assert scene.scales.length == pytest.approx(length) and scene.scales.velocity == pytest.approx(
+        0.01
+    )
     assert scene.scales.force == pytest.approx(1000.0 * 1e-4 * length)  # per metre of depth
     assert scene.fluid.reynolds == pytest.approx(0.02 * 6.0 * length / 1e-6)
     assert scene.gravity.acceleration == pytest.approx(9.81 * (length / 0.01) ** 2 / length)
@@ -103,14 +110,18 @@ def test_a_stream_has_a_velocity_and_the_plane_a_disc_of_equal_area() -> None:
 def test_the_resolved_scene_is_the_same_scene() -> None:
     scene = loads(QUARTZ)
     again = loads(dumps(scene))
-    assert again == scene and tomllib.loads(dumps(scene))["fluid"]["reynolds"] == scene.fluid.reynolds
+    assert (
+        again == scene and tomllib.loads(dumps(scene))["fluid"]["reynolds"] == scene.fluid.reynolds
+    )
 
 
 def test_scenes_of_python_have_units_too() -> None:
     given: dict[str, Any] = {"domain": Domain(length=24, height=12), "flow": Shear(), "bed": Flat()}
     units = Units(diameter=2e-3, shear_rate=10.0)
     scene = Scene(**given, fluid={"scale": "grain"}, body=Disc(diameter=1.0, x=8.0), units=units)
-    assert scene.fluid.reynolds == pytest.approx(10.0 * 4e-6 / 1e-6) and scene.density == pytest.approx(2.65)
+    assert scene.fluid.reynolds == pytest.approx(
+        10.0 * 4e-6 / 1e-6
+    ) and scene.density == pytest.approx(2.65)
 
 
 @pytest.mark.parametrize(
@@ -135,7 +146,10 @@ def test_nominal_diameters(grain: Any, diameter: float) -> None:
         ),
         ("body.mass=2", "body.mass: is given beside [units]; leave one of them out"),
         ("units.velocity=1", 'units.velocity: is not of the flow "shear"; give shear_rate only'),
-        ("flow={kind='uniform'}", 'units.velocity: is missing, which the flow "uniform" needs; add it'),
+        (
+            "flow={kind='uniform'}",
+            'units.velocity: is missing, which the flow "uniform" needs; add it',
+        ),
         ("units.diameter=-1", "units.diameter: is -1; give a number greater than 0"),
         ("units.grain=1", "units.grain: unknown key"),
         ("domain.length=-1", "domain.length: is -1; give a number greater than 0"),

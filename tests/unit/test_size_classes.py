@@ -21,8 +21,12 @@ def grains(path: Path) -> Path:
     sizes = rng.uniform(1.0, 3.0, 4000)
     shields = 0.05 / sizes * rng.uniform(0.9, 1.1, 4000)
     shields[::10] = np.inf
-    lines = [f"{size!r},{value!r}" for size, value in zip(sizes.tolist(), shields.tolist(), strict=True)]
-    path.write_text("\n".join(["diameter,shields", *lines, "2.0,"]) + "\n")  # the last carries others
+    lines = [
+        f"{size!r},{value!r}" for size, value in zip(sizes.tolist(), shields.tolist(), strict=True)
+    ]
+    path.write_text(
+        "\n".join(["diameter,shields", *lines, "2.0,"]) + "\n"
+    )  # the last carries others
     return path
 
 
@@ -53,11 +57,17 @@ def test_the_command_prints_csv(tmp_path: Path, capsys: Any) -> None:
 
 def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Cases that are done, by the key that varies."""
-    done = [{"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in (1.0, 1.5, 2.0)]
+    done = [
+        {"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in (1.0, 1.5, 2.0)
+    ]
     found = [*done, {"status": "failed", "body.diameter": 1.2}]
     monkeypatch.setattr("incipient.sweep.size_classes.rows", lambda path: found)
     first, second = size_classes(tmp_path / "sweep.sqlite", [1.0, 2.0, 3.0])
-    assert (first["grains"], first["size_median"], first["shields_84"]) == (2, 1.25, pytest.approx(0.15))
+    assert (first["grains"], first["size_median"], first["shields_84"]) == (
+        2,
+        1.25,
+        pytest.approx(0.15),
+    )
     assert (second["grains"], second["shields_50"]) == (1, pytest.approx(0.2))
 
 
@@ -70,7 +80,9 @@ def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
         ([10.0, 20.0], None, "has no threshold of a diameter from 10 to 20"),
     ],
 )
-def test_what_is_wrong_is_said(bounds: list[float], size: str | None, said: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_said(
+    bounds: list[float], size: str | None, said: str, tmp_path: Path
+) -> None:
     path = grains(tmp_path / "grains.csv")
     assert said in message(lambda: size_classes(path, bounds, size))
     assert "cannot be read" in message(lambda: size_classes(tmp_path / "absent.csv", [1.0, 2.0]))

@@ -12,7 +12,9 @@ SLOW = re.compile(r"pytest\.mark\.slow\b")
 
 def test_every_file_with_slow_tests_is_in_one_part() -> None:
     found = {
-        str(path.relative_to(TESTS)) for path in TESTS.rglob("test_*.py") if SLOW.search(path.read_text())
+        str(path.relative_to(TESTS))
+        for path in TESTS.rglob("test_*.py")
+        if SLOW.search(path.read_text())
     }
     named = [name for names in PARTS.values() for name in names]
     assert len(named) == len(set(named))

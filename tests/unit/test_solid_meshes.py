@@ -54,14 +54,18 @@ from incipient.planning.expense import euler_number
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 
 
-@pytest.mark.parametrize(("order", "rate"), [pytest.param(1, 2.0, marks=pytest.mark.slow), (2, 4.0)])
+@pytest.mark.parametrize(
+    ("order", "rate"), [pytest.param(1, 2.0, marks=pytest.mark.slow), (2, 4.0)]
+)
 def test_volumes_and_areas_converge(order: int, rate: float) -> None:
     """Straight cells miss a part of the sphere of second order in their size, curved ones of fourth."""
     errors = []
     for size in (0.3, 0.15):
         region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
         with solid_model(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order) as model:
-            errors.append([volume(model) - (27.0 - np.pi / 6.0), np.pi - area(faces(model, "body"))])
+            errors.append(
+                [volume(model) - (27.0 - np.pi / 6.0), np.pi - area(faces(model, "body"))]
+            )
     orders = np.log2(np.abs(errors[0]) / np.abs(errors[1]))
     assert (orders > rate - 0.5).all(), orders
     assert np.abs(errors[1]).max() < {1: 0.06, 2: 6e-4}[order]
@@ -76,9 +80,13 @@ def test_cells_of_order_two_are_those_that_gmsh_makes() -> None:
         entities = {str(tag): tag for _, tag in model.getEntities(2)}
         made = Tetrahedra.read(entities).of_order(2)
         model.mesh.setOrder(2)
-        assert made.points[made.cells] == pytest.approx(cells(model), abs=1e-12)  # gmsh's along its lines
+        assert made.points[made.cells] == pytest.approx(
+            cells(model), abs=1e-12
+        )  # gmsh's along its lines
         for name, tag in entities.items():
-            found = places(model)[model.mesh.getElements(2, tag)[2][0].astype(int)].reshape(-1, 6, 3)
+            found = places(model)[model.mesh.getElements(2, tag)[2][0].astype(int)].reshape(
+                -1, 6, 3
+            )
             assert made.points[made.sides[name]] == pytest.approx(found, abs=1e-12)
 
 
@@ -132,7 +140,9 @@ def test_beds(bed: Any) -> None:
     assert 0.02 - 1e-9 < away.min() < 0.0205
 
 
-def test_a_bed_that_crosses_itself_begins_with_other_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bed_that_crosses_itself_begins_with_other_triangles(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Its first triangles may fold it, which smaller cells do not undo: others come first, then smaller cells."""
     region, point = grain_above(Sphere(1.0), Hemispheres(0.5, 1.0), half=1.5)
     begun, spots, truly = list[float](), list[int](), solid_model_module.remeshed
@@ -144,7 +154,9 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(monkeypatch: pyte
         return truly(exact, draft, size)
 
     monkeypatch.setattr(solid_model_module, "remeshed", remeshed)
-    monkeypatch.setattr(solid_model_module, "crossed", lambda surface: np.arange(int(len(begun) < 3)))
+    monkeypatch.setattr(
+        solid_model_module, "crossed", lambda surface: np.arange(int(len(begun) < 3))
+    )
     with solid_model(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
         assert stretches(cells(model), KEAST).min() > 0.0
     assert begun == pytest.approx([1.0, 1.07, 1.07**2]) and spots == [0, 0, 1]
@@ -158,7 +170,9 @@ def test_a_grain_in_a_pocket() -> None:
     middle = np.array(region.holes["body"].placement.centre)
     centres = bed.centres((0.0, 0.0), 0.8)
     points = middle + 0.5 * (centres - middle) / np.linalg.norm(centres - middle, axis=1)[:, None]
-    narrow = tuple(Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist())
+    narrow = tuple(
+        Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist()
+    )
     sizes = Sizes(1.0, (Near(0.08, 0.25, boundary="body"), *narrow), gap_part=0.8)
     with solid_model(region, sizes, 2) as model:
         nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
@@ -177,7 +191,9 @@ def test_a_grain_in_a_pocket() -> None:
         (Box((0.8, 0.8, 0.6), 0.2), 0.1),
         pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
         pytest.param(
-            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]), 0.02, marks=pytest.mark.slow
+            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]),
+            0.02,
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["ellipsoid", "rounded box", "sharp box", "clump"],
@@ -252,7 +268,9 @@ def test_the_number_of_cells_is_foretold() -> None:
         sizes = finer_in_the_gap(size, gap, point)
         with solid_model(region, sizes, 1) as model:
             # Foretold are 3 to 4% fewer, by integrating over the sizes.
-            assert sum(expected_cells(region, sizes).values()) == pytest.approx(len(cells(model)), rel=0.1)
+            assert sum(expected_cells(region, sizes).values()) == pytest.approx(
+                len(cells(model)), rel=0.1
+            )
 
 
 def test_a_grain_in_the_bed_is_refused() -> None:
@@ -272,7 +290,8 @@ def measured(order: int) -> dict[str, float]:
     domain = build(MPI.COMM_WORLD, partial(solid_model, region, sizes, order), 3)
     one = dolfinx.fem.Constant(domain.mesh, 1.0)
     found = {
-        name: dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(name))) for name in domain.names
+        name: dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(name)))
+        for name in domain.names
     }
     return {name: float(domain.comm.allreduce(value)) for name, value in found.items()}
 

@@ -26,7 +26,11 @@ def counted_moments(solid, count=60):
     """Volume, centroid and inertia by counting random points, one in each cell of a grid, that are inside."""
     x = np.arange(count) / count - 0.5
     cells = np.stack(np.meshgrid(x, x, x), axis=-1).reshape(-1, 3)
-    points = 1.02 * solid.size * (cells + np.random.default_rng(7).uniform(0.0, 1.0 / count, cells.shape))
+    points = (
+        1.02
+        * solid.size
+        * (cells + np.random.default_rng(7).uniform(0.0, 1.0 / count, cells.shape))
+    )
     inside = points[solid.level(points) < 0.0]
     cell = (1.02 * solid.size / count) ** 3
     second = cell * inside.T @ inside
@@ -78,7 +82,9 @@ class TestSolids:
     def test_volume_centroid_and_inertia_by_counting_cells(self, name):
         solid = SOLIDS[name]
         # Only cells cut by the surface err: a part 1/60 of them, at random; each point takes long for a polyhedron.
-        volume, centroid, inertia = counted_moments(solid, 36 if isinstance(solid, Polyhedron) else 60)
+        volume, centroid, inertia = counted_moments(
+            solid, 36 if isinstance(solid, Polyhedron) else 60
+        )
         assert volume == pytest.approx(solid.volume, rel=1e-2)
         assert centroid == pytest.approx(np.zeros(3), abs=2e-3 * solid.size)
         assert inertia == pytest.approx(solid.inertia, abs=2e-2 * solid.inertia.max())
@@ -155,7 +161,9 @@ class TestClosedFormulae:
 
     def test_regular_tetrahedron(self):
         # Side s: V = s^3 / (6 sqrt 2), I = V s^2 / 20 about every axis; given in any place.
-        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]) + np.array([3.0, 0.0, -1.0])
+        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]) + np.array(
+            [3.0, 0.0, -1.0]
+        )
         solid, s = Polyhedron(corners), 2.0 * np.sqrt(2.0)
         assert solid.volume == pytest.approx(s**3 / (6.0 * np.sqrt(2.0)))
         assert solid.inertia == pytest.approx(solid.volume * s * s / 20.0 * np.eye(3))
@@ -215,7 +223,9 @@ class TestFiles:
         assert solid.inertia == pytest.approx(32.0 * TORUS.moment_inertia, abs=1e-4)
 
     def test_triangles_turned_inwards_are_turned_back(self):
-        assert Triangulated(TORUS.vertices, TORUS.faces[:, ::-1]).volume == pytest.approx(TORUS.volume)
+        assert Triangulated(TORUS.vertices, TORUS.faces[:, ::-1]).volume == pytest.approx(
+            TORUS.volume
+        )
 
     def test_an_open_surface_says_how_many_edges(self, tmp_path):
         # Two triangles that share a side leave a hole of four edges.
@@ -224,7 +234,9 @@ class TestFiles:
         partner = next(k for k in range(1, 12) if len(shared[k]) == 2)
         keep = np.delete(np.arange(12), [0, partner])
         trimesh.Trimesh(box.vertices, box.faces[keep], process=False).export(tmp_path / "open.ply")
-        with pytest.raises(SceneError, match=r"open.ply is not watertight: it has 4 open edges; close"):
+        with pytest.raises(
+            SceneError, match=r"open.ply is not watertight: it has 4 open edges; close"
+        ):
             Triangulated.from_file(tmp_path / "open.ply")
 
     def test_what_can_be_put_right_is(self, tmp_path):
@@ -234,7 +246,9 @@ class TestFiles:
         corners = np.concatenate([corners, corners[:1]])
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
         trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False).export(tmp_path / "scan.stl")
-        assert Triangulated.from_file(tmp_path / "scan.stl").volume == pytest.approx(TORUS.volume, rel=1e-5)
+        assert Triangulated.from_file(tmp_path / "scan.stl").volume == pytest.approx(
+            TORUS.volume, rel=1e-5
+        )
 
     def test_a_surface_that_runs_through_itself_is_refused(self, tmp_path):
         # One corner of a box is drawn through the opposite faces: they meet the three that share it.
@@ -242,7 +256,9 @@ class TestFiles:
         points = np.array(box.vertices)
         points[np.argmax(points.sum(axis=1))] = [-0.7, -0.6, -0.8]
         trimesh.Trimesh(points, box.faces, process=False).export(tmp_path / "through.ply")
-        with pytest.raises(SceneError, match=r"through.ply runs through itself in \d+ triangles; remesh it"):
+        with pytest.raises(
+            SceneError, match=r"through.ply runs through itself in \d+ triangles; remesh it"
+        ):
             Triangulated.from_file(tmp_path / "through.ply")
 
     def test_what_is_no_body_is_refused(self, tmp_path):
@@ -256,7 +272,10 @@ class TestFiles:
         for make, reason in [
             (lambda: Triangulated(both.vertices, both.faces), "2 separate parts"),
             (lambda: Triangulated(first.vertices, mixed), "face different ways"),
-            (lambda: Triangulated(first.vertices * [1, 1, 0], first.faces), "surface (is|has|encloses)"),
+            (
+                lambda: Triangulated(first.vertices * [1, 1, 0], first.faces),
+                "surface (is|has|encloses)",
+            ),
             (lambda: Triangulated(first.vertices * np.nan, first.faces), "not finite"),
             (lambda: Triangulated(first.vertices, first.faces + 1), "do not exist"),
             (lambda: Triangulated.from_file(tmp_path / "missing.stl"), "does not exist"),

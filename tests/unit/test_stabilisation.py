@@ -64,8 +64,12 @@ def test_energy_is_taken_from_divergence() -> None:
 def test_an_absent_term_is_not_in_the_form(more: dict[str, bool]) -> None:
     """Without it, and in Stokes flow with it, the code generated is that of a fluid that knows no such term."""
     with fluid(False, **more) as plain, fluid(not more.get("inertia", True), **more) as other:
-        forms = [found.residual_form(*ufl.TestFunctions(found.space.mixed)) for found in (plain, other)]
-    signatures = [str(form.integrals()[0].integrand()).count("JacobianDeterminant") for form in forms]
+        forms = [
+            found.residual_form(*ufl.TestFunctions(found.space.mixed)) for found in (plain, other)
+        ]
+    signatures = [
+        str(form.integrals()[0].integrand()).count("JacobianDeterminant") for form in forms
+    ]
     assert signatures == [0, 0]
 
 
@@ -84,7 +88,9 @@ def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
         size = abs(ufl.JacobianDeterminant(mesh)) ** 0.5
         dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 8})
         values.append(
-            dolfinx.fem.assemble_scalar(compat.form(terms.grad_div(v, v, v, 0.01, size, mapped) * dx))
+            dolfinx.fem.assemble_scalar(
+                compat.form(terms.grad_div(v, v, v, 0.01, size, mapped) * dx)
+            )
         )
     assert values[0] == pytest.approx(values[1], rel=1e-12)
 
@@ -92,7 +98,8 @@ def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
 def test_no_carrier_no_stabilisation() -> None:
     with fluid(False, inertia=False) as plain, fluid(True, inertia=False) as asked:
         names = [
-            [type(term).__name__ for term in one._terms(ufl.split(one.state)[0])] for one in (plain, asked)
+            [type(term).__name__ for term in one._terms(ufl.split(one.state)[0])]
+            for one in (plain, asked)
         ]
         assert names[0] == names[1] and "GradDiv" not in names[1]
 
@@ -103,7 +110,9 @@ def test_no_carrier_no_stabilisation() -> None:
 @pytest.mark.parametrize(
     ("reynolds", "mesh_size", "present"), [(1000, 1.0, False), (1000, 6.0, True), (1e4, 1.0, True)]
 )
-def test_auto_goes_by_the_reynolds_number_of_cells(reynolds: float, mesh_size: float, present: bool) -> None:
+def test_auto_goes_by_the_reynolds_number_of_cells(
+    reynolds: float, mesh_size: float, present: bool
+) -> None:
     """48 columns of P2: h = 1/48; at Re = 1e4 1.78 times as many."""
     told = make_plan(scene(reynolds, mesh_size=mesh_size)).stabilisation
     crowd = max(1.0, (reynolds / 1000) ** 0.25)
@@ -120,7 +129,9 @@ def test_the_scene_may_decide(asked: str) -> None:
 
 
 def test_stokes_flow_needs_none() -> None:
-    creeping = scene(1e6).model_copy(update={"fluid": scene(1e6).fluid.model_copy(update={"inertia": False})})
+    creeping = scene(1e6).model_copy(
+        update={"fluid": scene(1e6).fluid.model_copy(update={"inertia": False})}
+    )
     assert not make_plan(creeping).stabilisation.present
 
 
@@ -141,7 +152,9 @@ CYLINDER = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
 def test_blocks_do_without_upwinding_where_cells_are_fine(reynolds: float, solver: str) -> None:
     """The largest cells are a quarter of the channel's height, and their Peclet number 0.45 h/(4 nu)."""
     found = load(CYLINDER, [f"fluid.reynolds={reynolds}"])
-    assert largest_peclet(Setup(found)) == pytest.approx(0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2)
+    assert largest_peclet(Setup(found)) == pytest.approx(
+        0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2
+    )
     plan = make_plan(found)
     assert plan.solver.name == solver and not plan.stabilisation.present
     auto = make_plan(load(CYLINDER, [f"fluid.reynolds={reynolds}", "numerics.stabilisation=auto"]))

@@ -19,7 +19,11 @@ class Pretended:
     """Converges if Re is less than `reach` times that of the last solution, and not above `limit`."""
 
     def __init__(
-        self, reach: float, limit: float = np.inf, iterations: int = 4, error: Exception | None = None
+        self,
+        reach: float,
+        limit: float = np.inf,
+        iterations: int = 4,
+        error: Exception | None = None,
     ):
         self.reach, self.limit, self.iterations, self.error = reach, limit, iterations, error
         self.space, self.model = SimpleNamespace(order=2), SimpleNamespace(linear=False)

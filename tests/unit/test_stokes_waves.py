@@ -43,7 +43,12 @@ def left_over(a):
     through = (
         0.5 * y * (weights @ wave.velocity(np.broadcast_to(x, heights.shape), heights, LATE)[0])
     ).mean()
-    return np.abs(kinematic).max(), np.abs(dynamic).max(), abs(through), np.abs(v_x[0] + v_y[1]).max()
+    return (
+        np.abs(kinematic).max(),
+        np.abs(dynamic).max(),
+        abs(through),
+        np.abs(v_x[0] + v_y[1]).max(),
+    )
 
 
 def test_what_is_left_is_of_third_order():
@@ -117,7 +122,11 @@ step = 0.1
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ("[surface]", '[surface]\ninflow = "sin(t)"', "surface.inflow: is given beside surface.wave"),
+        (
+            "[surface]",
+            '[surface]\ninflow = "sin(t)"',
+            "surface.inflow: is given beside surface.wave",
+        ),
         ("[surface]", "[surface]\ntension = 0.1", "surface.wave: is a wave by gravity alone"),
         (
             "height = 1.0",
@@ -137,6 +146,7 @@ def test_a_wave_that_is_too_high_for_second_order():
     assert wave_of(Setup(loads(CHANNEL))).stream == pytest.approx(0.2)
     assert "a wave 3.12 long comes in" in make_plan(loads(CHANNEL)).text()
     with pytest.raises(
-        SceneError, match=r"surface.wave: its second harmonic is 0\.\d+ of the first, more than 0.25"
+        SceneError,
+        match=r"surface.wave: its second harmonic is 0\.\d+ of the first, more than 0.25",
     ):
         wave_of(Setup(loads(CHANNEL.replace("amplitude = 0.02", "amplitude = 0.3"))))

@@ -33,7 +33,9 @@ def asked(text: str = DEPOSITED, *settings: str) -> SurveyRequest:
 
 def layer(rows: int = 12) -> np.ndarray:
     """Centres of a triangular layer of spheres of diameter 1 that touch, rows along y, on the plane z = 0."""
-    places = [(math.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(rows) for j in range(rows)]
+    places = [
+        (math.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(rows) for j in range(rows)
+    ]
     return np.array(places)
 
 
@@ -53,7 +55,9 @@ def test_neighbours_of_one_height_do_not_rest_on_each_other():
     """Spheres of a level layer, moved up and down by round-off, carry none of the six beside them."""
     below, above = layer(), layer() + np.array([1.0 / math.sqrt(3.0), 0.0, math.sqrt(2.0 / 3.0)])
     above[:, 2] += 1e-13 * np.random.default_rng(0).standard_normal(len(above))
-    spheres = Spheres(np.vstack([below, above]), np.full(288, 0.5), np.array([12 * math.sqrt(0.75), 12.0]))
+    spheres = Spheres(
+        np.vstack([below, above]), np.full(288, 0.5), np.array([12 * math.sqrt(0.75), 12.0])
+    )
     found = list(pockets(spheres, Surface.of(spheres), np.arange(200, 204), FlowPast()))
     assert [len(one.contacts) for one in found] == [9] * 4
     assert [one.carries for one in found] == [0] * 4
@@ -67,7 +71,9 @@ class TestDeposition:
         found = deposited(0.5 * (1.0 + spread) ** drawn, np.array([9.0, 8.0]), seed=3)
         for number in range(len(found)):
             before = Spheres(found.centres[:number], found.radii[:number], found.period)
-            normals, _, _ = _near(before, found.centres[number], float(found.radii[number]), 1e-9, 0.0)
+            normals, _, _ = _near(
+                before, found.centres[number], float(found.radii[number]), 1e-9, 0.0
+            )
             left, _ = balance(normals, DOWN)
             assert np.abs(left).max() < 1e-9
             away = np.linalg.norm(found.without(number).away(found.centres[number]), axis=1)
@@ -78,7 +84,9 @@ class TestDeposition:
         first, again, other = (deposited(radii, period, seed) for seed in (1, 1, 2))
         assert (first.centres == again.centres).all() and not (first.centres == other.centres).all()
         # The more places are tried the more level the bed is.
-        rough, level = (Surface.of(deposited(radii, period, 1, tries)).deviation for tries in (1, 10))
+        rough, level = (
+            Surface.of(deposited(radii, period, 1, tries)).deviation for tries in (1, 10)
+        )
         assert level < rough
 
     def test_a_sphere_rolls_into_the_pocket(self):
@@ -109,11 +117,15 @@ class TestPockets:
 
     def test_pivot_angle_over_one_sphere(self):
         """Upstream of the same pocket one sphere is ahead: tan = 1/sqrt(2)."""
-        assert on_pocket(1.0, 180.0).pivot == pytest.approx(math.degrees(math.atan(math.sqrt(0.5))), abs=1e-5)
+        assert on_pocket(1.0, 180.0).pivot == pytest.approx(
+            math.degrees(math.atan(math.sqrt(0.5))), abs=1e-5
+        )
 
     def test_how_far_it_stands_out(self):
         found = on_pocket(1.0)
-        assert found.exposure == pytest.approx(math.sqrt(2.0 / 3.0), abs=1e-9)  # above the tops of the layer
+        assert found.exposure == pytest.approx(
+            math.sqrt(2.0 / 3.0), abs=1e-9
+        )  # above the tops of the layer
         # The mean of a triangular layer, half balls and the floor below them, is about 0.3 above its centres; the
         # bead raises it a little.
         assert found.protrusion == pytest.approx(math.sqrt(2.0 / 3.0) + 0.5 - 0.3, abs=0.05)
@@ -140,7 +152,9 @@ class TestLaws:
         assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
 
     def test_buffington(self):
-        assert buffington((50.0, 0.25, 0.3), 2.0, 1.5) == pytest.approx(50.0 * 2.0**-0.25 * 1.5**-0.3)
+        assert buffington((50.0, 0.25, 0.3), 2.0, 1.5) == pytest.approx(
+            50.0 * 2.0**-0.25 * 1.5**-0.3
+        )
 
     def test_constant_drag_by_hand(self):
         """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
@@ -151,7 +165,10 @@ class TestLaws:
             return speed**2 * 2.0 * math.sqrt(max(0.25 - (z - 0.5) ** 2, 0.0))
 
         exact = (
-            math.pi / 6.0 * math.tan(math.radians(40.0)) / (0.5 * 0.76 * quad(inside, 0.0, 1.0, limit=200)[0])
+            math.pi
+            / 6.0
+            * math.tan(math.radians(40.0))
+            / (0.5 * 0.76 * quad(inside, 0.0, 1.0, limit=200)[0])
         )
         assert with_constant_drag(40.0, 1.0, 1.0) == pytest.approx(exact, rel=1e-3)
         assert with_constant_drag(40.0, -0.1, 1.0) == math.inf
@@ -165,9 +182,15 @@ class TestFiles:
 
     def test_ellipsoids_become_spheres_of_their_volume(self, tmp_path):
         head = "Ngrain,Xc,Yc,Zc,Dmax,Dmed,Dmin,angle_Mview,angle_Xview\n"
-        (tmp_path / "grains.csv").write_text(head + "".join(f"{k},{k},0,0,2,1,0.5,10,20\n" for k in range(3)))
+        (tmp_path / "grains.csv").write_text(
+            head + "".join(f"{k},{k},0,0,2,1,0.5,10,20\n" for k in range(3))
+        )
         found = spheres_of(asked('[bed]\nkind = "ellipsoids"\nfile = "grains.csv"').bed, tmp_path)
-        assert 2.0 * found.radii == pytest.approx(1.0) and found.centres[:, 0].tolist() == [0.0, 1.0, 2.0]
+        assert 2.0 * found.radii == pytest.approx(1.0) and found.centres[:, 0].tolist() == [
+            0.0,
+            1.0,
+            2.0,
+        ]
 
     def test_labels_become_spheres_of_their_area(self, tmp_path):
         y, x = 0.05 * np.mgrid[:80, :80]
@@ -216,7 +239,13 @@ class TestFullRuns:
                 assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
 
     def test_coefficients_by_the_rows_of_a_sweep(self):
-        row = {"source": "grain 7", "status": "done", "fluid.reynolds": 2.0, "force_x": 3.0, "couple_y": 1.0}
+        row = {
+            "source": "grain 7",
+            "status": "done",
+            "fluid.reynolds": 2.0,
+            "force_x": 3.0,
+            "couple_y": 1.0,
+        }
         rows = [
             row | {"force_x_low": 2.9, "force_x_high": 3.1},
             row | {"source": "grain 7 wide gap", "force_x": 3.3},
@@ -231,7 +260,9 @@ class TestFullRuns:
         found = np.log([reynolds_of(run, 10.0) for run in range(40)])
         low, high = np.log(0.3), np.log(30.0)
         assert (
-            low <= found.min() and found.max() <= high and np.diff(np.sort(found)).max() < 0.1 * (high - low)
+            low <= found.min()
+            and found.max() <= high
+            and np.diff(np.sort(found)).max() < 0.1 * (high - low)
         )
 
 
@@ -241,7 +272,10 @@ REFUSED = [
         'bed.kind: "heap" is not known; use "deposited", "spheres", "ellipsoids" or "labels"',
     ),
     (DEPOSITED + "grains = 3", 'bed.grains: unknown key for "deposited"'),
-    (DEPOSITED + 'sizes = "uniform"', "bed.spread: is needed by unequal sizes; give both spread and sizes"),
+    (
+        DEPOSITED + 'sizes = "uniform"',
+        "bed.spread: is needed by unequal sizes; give both spread and sizes",
+    ),
     (DEPOSITED + "spread = 0.2", "bed.spread: is read only for unequal sizes; give both"),
     (DEPOSITED + "[runs]\nnumber = -1", "runs.number: is -1; give a number of at least 0"),
     (DEPOSITED + "[flow]\nfriction = -0.1", "flow.friction: is -0.1; give a number of at least 0"),
@@ -275,7 +309,9 @@ class TestBadInput:
             '[bed]\nkind = "ellipsoids"\nfile = "grains.csv"': "has no column Zc; write Xc, Yc, Zc",
             '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "l.npy"\ncell = [1, 1]': "give as many of both",
             '[bed]\nkind = "labels"\nheights = "h.npy"\nlabels = "h.npy"\ncell = [1, 1]': "is no table of whole",
-            DEPOSITED.replace("6.0", "3.0"): "less than four of its grains; enlarge length and width",
+            DEPOSITED.replace(
+                "6.0", "3.0"
+            ): "less than four of its grains; enlarge length and width",
         }
         for text, said in cases.items():
             with pytest.raises(SceneError) as caught:

@@ -23,14 +23,24 @@ def drawn(count: int) -> np.ndarray:
 def known(features: np.ndarray, noise: float = 0.15) -> np.ndarray:
     """Six coefficients (n, 6) that depend on what is around a grain, smoothly, and on what the features do not say."""
     p, e, s, b, k = features[:, :5].T
-    columns = [5.0 + 2.0 * p + np.sin(2.0 * e) - s * p, 0.3 * k, e * e, 0.2 * k, 1.0 + 0.5 * p * b, 0.1 * s]
+    columns = [
+        5.0 + 2.0 * p + np.sin(2.0 * e) - s * p,
+        0.3 * k,
+        e * e,
+        0.2 * k,
+        1.0 + 0.5 * p * b,
+        0.1 * s,
+    ]
     return np.column_stack(columns) + noise * RANDOM.standard_normal((len(features), 6))
 
 
 def pocket(number: int, features: np.ndarray) -> Pocket:
     """A sphere in a pocket of three equal ones, two of them ahead, with features as given."""
     across, height = 1.0 / math.sqrt(3.0), math.sqrt(2.0 / 3.0)
-    near = [[across * math.cos(a), across * math.sin(a), -height] for a in (np.pi / 3, -np.pi / 3, np.pi)]
+    near = [
+        [across * math.cos(a), across * math.sin(a), -height]
+        for a in (np.pi / 3, -np.pi / 3, np.pi)
+    ]
     return Pocket(
         number=number,
         centre=np.zeros(3),
@@ -38,7 +48,11 @@ def pocket(number: int, features: np.ndarray) -> Pocket:
         neighbours=np.array(near),
         radii=np.full(3, 0.5),
         contacts=Contacts(0.5 * np.array(near), np.array(near)),
-        **dict(zip(("protrusion", "exposure", "sheltered", "backed", "skew"), features[:5], strict=True)),
+        **dict(
+            zip(
+                ("protrusion", "exposure", "sheltered", "backed", "skew"), features[:5], strict=True
+            )
+        ),
         visible=1.0,
         carries=0,
         shifted=0.0,
@@ -57,7 +71,9 @@ class TestEmulator:
         within = np.abs(errors) <= NINETY_FIVE * deviations
         assert within.mean() >= 0.95
         assert np.sqrt((errors[:, 0] ** 2).mean()) < 2.0 * 0.15
-        assert deviations[:, 0].mean() < 3.0 * 0.15  # bars that hold because they are wide would not help
+        assert (
+            deviations[:, 0].mean() < 3.0 * 0.15
+        )  # bars that hold because they are wide would not help
 
     def test_bars_are_wider_where_no_run_is_near(self):
         features = drawn(40)
@@ -79,7 +95,10 @@ class TestEmulator:
         assert means == pytest.approx(
             process.mean + process.scale * across @ np.linalg.solve(own, process.values)
         )
-        left = np.diag(process.covariance(at) - across @ np.linalg.solve(own, across.T)) + process.noise
+        left = (
+            np.diag(process.covariance(at) - across @ np.linalg.solve(own, across.T))
+            + process.noise
+        )
         assert deviations == pytest.approx(process.scale * np.sqrt(left))
 
     def test_design_is_spread_out(self):
@@ -123,7 +142,9 @@ class TestThresholds:
         found = thresholds(grains, 1.0, 0.5, None, runs, emulator, errors)
         for one, value in zip(found, values, strict=True):
             assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)
-            assert one.is_computed and one.bar == pytest.approx((one.shields, one.shields), rel=1e-9)
+            assert one.is_computed and one.bar == pytest.approx(
+                (one.shields, one.shields), rel=1e-9
+            )
 
     def test_bars_of_grains_without_a_run(self):
         """Emulated thresholds of half the grains against those by their own coefficients."""
@@ -138,7 +159,8 @@ class TestThresholds:
         own = [LoadCoefficients(k, 1.0, values[k], None) for k in range(80)]
         exact = thresholds(grains, 1.0, 0.5, None, own, emulator, errors)
         inside = [
-            one.bar[0] <= true.shields <= one.bar[1] for one, true in zip(found[50:], exact[50:], strict=True)
+            one.bar[0] <= true.shields <= one.bar[1]
+            for one, true in zip(found[50:], exact[50:], strict=True)
         ]
         assert np.mean(inside) >= 0.9  # of 95%, the ends of 40 draws being less than that
 
@@ -146,7 +168,9 @@ class TestThresholds:
     def test_with_inertia_at_its_own_reynolds_number(self, ratio):
         """Drag that grows with the Reynolds number: at the threshold C(theta Ga^2) theta = (pi/6) tan, Ga as d^1.5."""
         galileo, numbers = 10.0, np.geomspace(0.3, 30.0, 24)
-        features = np.array([features_of(pocket(0, np.zeros(5)), 1.0 / ratio, number) for number in numbers])
+        features = np.array(
+            [features_of(pocket(0, np.zeros(5)), 1.0 / ratio, number) for number in numbers]
+        )
         features[:, :5] = RANDOM.uniform(-1.0, 1.0, (24, 5))
         values = 1e-3 * RANDOM.standard_normal((24, 6))
         values[:, 0] = 4.0 + 2.0 * np.log10(numbers)

@@ -39,13 +39,23 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_ranges_hold_both_ends_and_equal_ratios_or_differences() -> None:
-    assert parsed("fluid.reynolds=log:0.1:1000:5").values == ("0.1", "1.0", "10.0", "100.0", "1000.0")
+    assert parsed("fluid.reynolds=log:0.1:1000:5").values == (
+        "0.1",
+        "1.0",
+        "10.0",
+        "100.0",
+        "1000.0",
+    )
     assert parsed("contact.friction=lin:0.2:0.6:3").values == ("0.2", "0.4", "0.6")
     assert parsed('a.b=1,[2, 3],"x, y",log:1:4:2').values == ("1", "[2, 3]", '"x, y"', "1.0", "4.0")
 
 
 def test_axes_of_python_and_toml_are_those_of_the_command_line() -> None:
-    nested = {"fluid": {"reynolds": "log:1:100:3"}, "bed.offset": [[0.0, 1.0]], "flow.kind": ["shear"]}
+    nested = {
+        "fluid": {"reynolds": "log:1:100:3"},
+        "bed.offset": [[0.0, 1.0]],
+        "flow.kind": ["shear"],
+    }
     assert of_mapping(nested) == [
         parsed("fluid.reynolds=1.0,10.0,100.0"),
         parsed("bed.offset=[0.0, 1.0]"),
@@ -133,13 +143,17 @@ def test_a_dry_run_of_many_cases_looks_at_a_sample_and_says_so(tmp_path: Path) -
     request, voice = requested([SOURCE], many), Counting()
     sample = sampled(request, voice, longest=1e-9)
     assert (len(sample.cases), sample.of_all, voice.counted) == (1, 100_000, [(100, 100)])
-    few = requested([SOURCE], [parsed("fluid.reynolds=1,2,1.0"), parsed("contact.friction=0.1,0.2")])
+    few = requested(
+        [SOURCE], [parsed("fluid.reynolds=1,2,1.0"), parsed("contact.friction=0.1,0.2")]
+    )
     found = sampled(few)
     assert found.is_whole and found.of_all == 4  # 1 and 1.0 are the same
     assert found.cases.keys() == {case.identity for case in few.cases()[0]}
 
 
-def test_what_a_sample_says_is_taken_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_sample_says_is_taken_for_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     request = requested([SOURCE], [parsed("fluid.reynolds=lin:1:20:50")])
     file = tmp_path / "sweep.sqlite"
     whole = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
@@ -152,7 +166,8 @@ def test_what_a_sample_says_is_taken_for_all(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
-    ("text", "time"), [("8h", 28800.0), ("1h30m", 5400.0), ("90", 90.0), ("1.5d", 129600.0), ("2m5s", 125.0)]
+    ("text", "time"),
+    [("8h", 28800.0), ("1h30m", 5400.0), ("90", 90.0), ("1.5d", 129600.0), ("2m5s", 125.0)],
 )
 def test_times_are_read(text: str, time: float) -> None:
     assert parsed_seconds(text) == time
@@ -160,11 +175,15 @@ def test_times_are_read(text: str, time: float) -> None:
 
 def test_the_section_of_a_scene_says_what_is_varied(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(example() + '\n[sweep]\ndo = "threshold"\n[sweep.over]\nfluid.reynolds = "log:1:4:2"\n')
+    path.write_text(
+        example() + '\n[sweep]\ndo = "threshold"\n[sweep.over]\nfluid.reynolds = "log:1:4:2"\n'
+    )
     request = requested([Source.of(path)])
     assert (request.task, request.over) == ("threshold", (parsed("fluid.reynolds=1.0,4.0"),))
     assert load(path).fluid.reynolds == 20.0  # others pass it by
-    assert requested([Source.of(path)], [parsed("body.diameter=1,2")]).over[0].key == "body.diameter"
+    assert (
+        requested([Source.of(path)], [parsed("body.diameter=1,2")]).over[0].key == "body.diameter"
+    )
     path.write_text(path.read_text().replace("do =", "to ="))
     assert "sweep.to: unknown key" in message(lambda: requested([Source.of(path)]))
 
@@ -225,7 +244,10 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
     text.write_text("not a database, but long enough to have the head of one\n" * 20)
     with sqlite3.connect(other) as base:
         base.execute("CREATE TABLE things (id TEXT)")
-    for path, said in ((text, "is not the file of a sweep"), (other, "database of another program")):
+    for path, said in (
+        (text, "is not the file of a sweep"),
+        (other, "database of another program"),
+    ):
         with pytest.raises(OutputError, match=said):
             Store(path, make=True)
     with pytest.raises(OutputError, match="no such file"):
@@ -235,13 +257,21 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
 def test_the_curve_beside_ours_is_that_of_soulsby_and_whitehouse() -> None:
     """As printed: 0.30/(1 + 1.2 D*) + 0.055 (1 - exp(-0.020 D*)); 0.055 for coarse grains, about 0.03 for sand."""
     reynolds, shields = soulsby_whitehouse(np.array([1e-9, 1.0, 17.0, 1e6]))
-    assert shields == pytest.approx([0.30, 0.30 / 2.2 + 0.055 * 0.0198013267, 0.0298, 0.055], rel=5e-3)
+    assert shields == pytest.approx(
+        [0.30, 0.30 / 2.2 + 0.055 * 0.0198013267, 0.0298, 0.055], rel=5e-3
+    )
     assert reynolds == pytest.approx(np.sqrt(shields) * np.array([1e-9, 1.0, 17.0, 1e6]) ** 1.5)
 
 
-def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(tmp_path: Path, capsys: Any) -> None:
+def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
+    tmp_path: Path, capsys: Any
+) -> None:
     """Of each key the unit that `incipient new` writes beside it."""
-    axes = [parsed("body.diameter=0.5,10"), parsed("bed.kind=flat"), parsed("contact.friction=0.25")]
+    axes = [
+        parsed("body.diameter=0.5,10"),
+        parsed("bed.kind=flat"),
+        parsed("contact.friction=0.25"),
+    ]
     request, file = requested([SOURCE], axes), tmp_path / "sweep.sqlite"
     cases, keys = request.cases()
     with Store(file, make=True) as store:
@@ -252,5 +282,12 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(tmp_path: Pat
     head, first, second = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
     assert first[: places[0]].endswith("  0.5") and second[: places[0]].endswith("   10")
-    assert first[: places[1]].endswith("  2.5") and "bed.kind " in head and "contact.friction [-]" in head
-    assert unit_of(Scene, "gravity.acceleration") == "length/time^2" and unit_of(Scene, "no.such") == ""
+    assert (
+        first[: places[1]].endswith("  2.5")
+        and "bed.kind " in head
+        and "contact.friction [-]" in head
+    )
+    assert (
+        unit_of(Scene, "gravity.acceleration") == "length/time^2"
+        and unit_of(Scene, "no.such") == ""
+    )

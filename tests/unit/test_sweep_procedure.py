@@ -69,11 +69,15 @@ def swept(
     watcher = Finished()
     with Store(directory / "sweep.sqlite", make=True) as store:
         store.add(CASES, ["a.x"])
-        Sweep(CASES, store, workers, expected, limits or Limits(), watcher, clock=workers.clock).run()
+        Sweep(
+            CASES, store, workers, expected, limits or Limits(), watcher, clock=workers.clock
+        ).run()
         return watcher.found, {row["id"]: row["tries"] for row in store.rows()}
 
 
-def test_a_forgotten_case_is_given_out_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_forgotten_case_is_given_out_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its future never ends; it is not waited for longer than its limit allows."""
     seen = Counter[str]()
 
@@ -167,7 +171,9 @@ def test_a_refusal_ends_the_sweep_and_keeps_what_there_is(
     assert states["done"] >= 3 and states.keys() == {"done", "waiting"}
 
 
-def test_a_sweep_without_a_worker_that_is_free_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sweep_without_a_worker_that_is_free_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """All are at cases that do not end, and cannot be ended."""
 
     def does(text: str, future: Future[CaseOutcome]) -> None:

@@ -17,7 +17,8 @@ from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, ne
 from incipient.sweep.table import as_csv, columns, in_words, rows
 
 CASES = [
-    SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "") for n in range(40)
+    SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "")
+    for n in range(40)
 ]
 AS_LONG_AS_RESULTS = "x" * 3000
 
@@ -28,8 +29,14 @@ def filled(path: Path) -> list[dict]:
         store.add(CASES, ["a.x"])
         for number, case in enumerate(CASES):
             assert store.claim([case.identity])
-            result = {"verdict": None, "coefficients": {"drag": float(number)}, "text": AS_LONG_AS_RESULTS}
-            store.finish({case.identity: CaseOutcome(result, wall=1.5, versions={"incipient": "1"})})
+            result = {
+                "verdict": None,
+                "coefficients": {"drag": float(number)},
+                "text": AS_LONG_AS_RESULTS,
+            }
+            store.finish(
+                {case.identity: CaseOutcome(result, wall=1.5, versions={"incipient": "1"})}
+            )
     return rows(path)
 
 
@@ -40,7 +47,9 @@ def changed(path: Path, statement: str, *values: object) -> None:
 
 
 @pytest.mark.parametrize("start", range(5))
-def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(tmp_path: Path, start: int) -> None:
+def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(
+    tmp_path: Path, start: int
+) -> None:
     """Two hundred bytes at random places, as of a bad disk, in 200 files in all: no other error, no wrong number."""
     path, broken = tmp_path / "whole.sqlite", tmp_path / "broken.sqlite"
     whole = filled(path)
@@ -61,7 +70,8 @@ def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(tmp_pat
         as_csv(found), columns(found), [in_words(row) for row in found]
         sure = [row for row in found if row["status"] != DAMAGED]
         assert all(
-            {**row, "status": "", "tries": 0} in [{**one, "status": "", "tries": 0} for one in whole]
+            {**row, "status": "", "tries": 0}
+            in [{**one, "status": "", "tries": 0} for one in whole]
             for row in sure
         )
         unnoticed += len(sure) == len(whole)
@@ -70,9 +80,16 @@ def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(tmp_pat
 
 @pytest.mark.parametrize(
     ("column", "value"),
-    [("result", '{"verdict": null}'), ("scene", '{"a": {"x": 7}}'), ("wall", 99.0), ("status", "dome")],
+    [
+        ("result", '{"verdict": null}'),
+        ("scene", '{"a": {"x": 7}}'),
+        ("wall", 99.0),
+        ("status", "dome"),
+    ],
 )
-def test_a_changed_case_is_noticed_and_waits_again(tmp_path: Path, column: str, value: object) -> None:
+def test_a_changed_case_is_noticed_and_waits_again(
+    tmp_path: Path, column: str, value: object
+) -> None:
     path = tmp_path / "sweep.sqlite"
     whole = filled(path)
     changed(path, f"UPDATE cases SET {column} = ? WHERE id = 'case3'", value)
@@ -85,7 +102,9 @@ def test_a_changed_case_is_noticed_and_waits_again(tmp_path: Path, column: str, 
         store.add(CASES, ["a.x"])
         assert store.states(["case2", "case3"]) == {"case2": DONE, "case3": WAITING}
         assert store.claim(["case3"]) and store.mark_damaged() == 0
-        store.finish({"case3": CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5)})
+        store.finish(
+            {"case3": CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5)}
+        )
         assert store.mark_damaged() == 0
     anew = rows(path)
     assert [row["id"] for row in anew] == [row["id"] for row in whole]

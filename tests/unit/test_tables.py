@@ -27,7 +27,9 @@ def file(tmp_path: Path) -> Path:
     from mpi4py import MPI
 
     source = Source.of(CASES / "block_on_incline.toml")
-    cases, keys = requested([source], [parsed("contacts.friction=0.2,0.5,0.6")], task="judge").cases()
+    cases, keys = requested(
+        [source], [parsed("contacts.friction=0.2,0.5,0.6")], task="judge"
+    ).cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
         store.add(cases, keys)
         for case in cases[:2]:
@@ -42,7 +44,10 @@ def assert_same(one: list[dict[str, Any]], other: list[dict[str, Any]]) -> None:
     for mine, theirs in zip(one, other, strict=True):
         for name in {*mine, *theirs}:
             a, b = mine.get(name), theirs.get(name)
-            none = [value is None or (isinstance(value, float) and math.isnan(value)) for value in (a, b)]
+            none = [
+                value is None or (isinstance(value, float) and math.isnan(value))
+                for value in (a, b)
+            ]
             assert all(none) or (a == b and not any(none)), name
 
 
@@ -74,7 +79,9 @@ def test_series_of_loads_come_from_parquet(tmp_path: Path, capsys: Any) -> None:
     path = tmp_path / "forces.parquet"
     parquet.write_table(pyarrow.table(columns), path)
     found = read_columns(path)
-    assert list(found) == list(columns) and all((found[name] == columns[name]).all() for name in columns)
+    assert list(found) == list(columns) and all(
+        (found[name] == columns[name]).all() for name in columns
+    )
     assert cli.main(["judge", str(CASES / "block_on_incline.toml"), "--series", str(path)]) == 0
     assert "11 from 0 to 1" in capsys.readouterr().out
     path.write_bytes(b"no Parquet")
@@ -90,4 +97,6 @@ def test_what_is_not_installed_is_said(
     monkeypatch.setitem(__import__("sys").modules, name, None)
     code = cli.main(["table", str(file), "--parquet", str(tmp_path / "table.parquet")])
     complaint = capsys.readouterr().err
-    assert code == 6 and complaint.count("\n") == 1 and "pip install 'incipient[tables]'" in complaint
+    assert (
+        code == 6 and complaint.count("\n") == 1 and "pip install 'incipient[tables]'" in complaint
+    )

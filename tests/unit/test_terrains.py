@@ -21,7 +21,9 @@ class TestTerrains:
         expected /= np.linalg.norm(expected, axis=1, keepdims=True)
         assert bed.normal(x)[gentle] == pytest.approx(expected[gentle], abs=1e-5)
         if hasattr(bed, "hessian"):
-            rows = [(bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)]
+            rows = [
+                (bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)
+            ]
             error = np.abs(np.stack(rows, axis=2) - bed.hessian(x)).max(axis=(1, 2))
             assert np.median(error) < 1e-6  # that of the map jumps between cells
 
@@ -37,7 +39,9 @@ class TestTerrains:
         for point in points:
             around = point[:2] + offsets
             brute.append(
-                np.sqrt(((around - point[:2]) ** 2).sum(1) + (bed.height(around) - point[2]) ** 2).min()
+                np.sqrt(
+                    ((around - point[:2]) ** 2).sum(1) + (bed.height(around) - point[2]) ** 2
+                ).min()
             )
         distance, feet = bed.distance(points), bed.nearest(points)
         assert bed.height(feet[:, :2]) == pytest.approx(feet[:, 2], abs=1e-7)
@@ -81,7 +85,11 @@ class TestTerrains:
         Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
         Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
         Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
-        for name, relief in (("map.png", 255.0 / 20.0), ("fine.png", 65535.0 / 4000.0), ("map.tif", 1.0)):
+        for name, relief in (
+            ("map.png", 255.0 / 20.0),
+            ("fine.png", 65535.0 / 4000.0),
+            ("map.tif", 1.0),
+        ):
             found = HeightMap.from_file(tmp_path / name, (0.1, 0.1), relief)
             assert found.heights == pytest.approx(heights, abs=1e-6), name
         rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
@@ -93,7 +101,9 @@ class TestTerrains:
         assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
 
     def test_bad_maps(self, tmp_path):
-        (tmp_path / "map.asc").write_text("ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n")
+        (tmp_path / "map.asc").write_text(
+            "ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n"
+        )
         (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
         (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
         (tmp_path / "map.png").write_text("no image")

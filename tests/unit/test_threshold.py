@@ -45,7 +45,9 @@ def scene(*overrides: str):
 class Pretended:
     """A simulation of the disc in a pocket, whose load is known; no flow is found beyond `limit`."""
 
-    def __init__(self, load: Callable[[float], np.ndarray], limit: float = np.inf, reynolds: float = 20.0):
+    def __init__(
+        self, load: Callable[[float], np.ndarray], limit: float = np.inf, reynolds: float = 20.0
+    ):
         self.scene = scene(*POCKET)
         self.contacts = find_contacts(self.scene)
         self.plan = SimpleNamespace(
@@ -118,7 +120,9 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
     monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
-    pretended.setup = SimpleNamespace(is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3))
+    pretended.setup = SimpleNamespace(
+        is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
+    )
     monkeypatch.setattr(pretended.voice, "say", said.append)
     found = pretended.from_rest()
     assert said[0] == "five flows"
@@ -131,7 +135,9 @@ def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: Slow
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
     monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
-    pretended.setup = SimpleNamespace(is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2))
+    pretended.setup = SimpleNamespace(
+        is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
+    )
 
 
 def test_a_mean_flow_that_is_not_found_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +166,8 @@ def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
     pretended = Pretended(lambda f: 1e6 * DRAG)
     mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
     with pytest.raises(
-        SceneError, match=r"moves in the slowest flow looked at.*heavier grain, or sweep fluid\.reynolds"
+        SceneError,
+        match=r"moves in the slowest flow looked at.*heavier grain, or sweep fluid\.reynolds",
     ):
         pretended.from_rest()
 
@@ -194,7 +201,9 @@ def test_a_fast_flow_that_presses_is_no_proof() -> None:
 
 def test_motion_between_flows_that_hold() -> None:
     """In a window of flows the grain moves: the search sees it although both flows solved first hold the grain."""
-    pretended = Pretended(lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, reynolds=5.0)
+    pretended = Pretended(
+        lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, reynolds=5.0
+    )
     assert pretended.safety(1.5) < 1.0 < min(pretended.safety(0.5), pretended.safety(6.0))
     found = pretended.from_rest()
     assert found.trials[1].factor == pytest.approx(6.0)
@@ -211,7 +220,9 @@ def test_a_failed_flow_is_a_bound() -> None:
 
 
 def test_a_first_flow_that_fails_lets_the_search_go_down() -> None:
-    pretended = Pretended(lambda f: DRAG * (0.3 + 100.0 * f) + 30.0 * PRESS, limit=1.0, reynolds=5.0)
+    pretended = Pretended(
+        lambda f: DRAG * (0.3 + 100.0 * f) + 30.0 * PRESS, limit=1.0, reynolds=5.0
+    )
     found = pretended.from_rest()
     assert found.unsolved[0] > 1.0
     assert found.factor == pytest.approx(pretended.first_loss(1.0), rel=1e-5)
@@ -226,7 +237,9 @@ def test_held_as_far_as_flows_are_found() -> None:
 
 def test_none_is_said_only_of_what_was_looked_at() -> None:
     found = Pretended(lambda f: PRESS * (1.0 + f), reynolds=10.0).from_rest()
-    assert found.factor == np.inf and found.held_to == pytest.approx(100.0)  # grain Reynolds number 1000
+    assert found.factor == np.inf and found.held_to == pytest.approx(
+        100.0
+    )  # grain Reynolds number 1000
     assert len(found.trials) <= 8
 
 
@@ -253,7 +266,9 @@ def path(factors: list[float], load: Callable[[float], np.ndarray]) -> LoadPath:
     pretended: Any = Pretended(load)
     centre = np.array([*pretended.scene.placement.centre, 0.0])
     rest = Load(np.zeros(3), np.zeros(3), np.array([0.0, -13.0, 0.0]), centre)
-    return LoadPath(np.array(factors), np.array([load(f) for f in factors]), rest, pretended.contacts, 0.5)
+    return LoadPath(
+        np.array(factors), np.array([load(f) for f in factors]), rest, pretended.contacts, 0.5
+    )
 
 
 def test_loads_between_flows_are_those_of_a_parabola() -> None:
@@ -292,7 +307,9 @@ def test_bed_stress_of_exact_profiles() -> None:
     assert Setup(shear).bed_stress() == pytest.approx(shear.viscosity * 1.0, rel=1e-9)
     for kind, factor in (("poiseuille", 6.0), ("open-channel", 3.0)):
         channel = scene(f"flow={{kind = '{kind}', velocity = 2.0}}")
-        assert Setup(channel).bed_stress() == pytest.approx(factor * channel.viscosity * 2.0 / 20.0, rel=1e-5)
+        assert Setup(channel).bed_stress() == pytest.approx(
+            factor * channel.viscosity * 2.0 / 20.0, rel=1e-5
+        )
 
 
 @pytest.mark.parametrize(
@@ -301,7 +318,10 @@ def test_bed_stress_of_exact_profiles() -> None:
         ("body.density=0.9", "a threshold needs a grain denser than the fluid"),
         ("gravity.acceleration=0.0", "a threshold needs gravity"),
         ("flow={kind = 'still'}", "a threshold needs a flow"),
-        ("flow={kind = 'log-law'}", "a threshold needs a profile that keeps its shape as the flow grows"),
+        (
+            "flow={kind = 'log-law'}",
+            "a threshold needs a profile that keeps its shape as the flow grows",
+        ),
         ("time={end = 1.0, step = 0.1}", "a threshold needs a steady flow"),
         ("numerics.accuracy=verdict", "numerics.accuracy: .* give"),
     ],
@@ -324,12 +344,18 @@ def test_goal_of_a_threshold_in_space(halved: bool) -> None:
         return safety_factor(Load(changed[:3], changed[3:], weight, centre), contacts, 0.5).value
 
     factor = critical(flow)
-    path = LoadPath(np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5)
+    path = LoadPath(
+        np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5
+    )
     (goal,) = CriticalGoal(Found(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
     step = 1e-5
     for place in (0, 2, 4) if halved else range(6):
-        ahead, behind = (critical(flow + sign * step / factor * np.eye(6)[place]) for sign in (1.0, -1.0))
-        assert goal[place] == pytest.approx(np.log(ahead / behind) / (2.0 * step), rel=1e-3, abs=1e-3)
+        ahead, behind = (
+            critical(flow + sign * step / factor * np.eye(6)[place]) for sign in (1.0, -1.0)
+        )
+        assert goal[place] == pytest.approx(
+            np.log(ahead / behind) / (2.0 * step), rel=1e-3, abs=1e-3
+        )
     assert goal[0] < 0.0 < -goal[4] and (not halved or not goal[[1, 3, 5]].any())
 
 
@@ -338,7 +364,9 @@ def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
     assert bars.lines() == [
         "error bars          absolute errors of that multiple, added in full: gap 3.0e-01, domain 2.0e-01"
     ]
-    assert CriticalBars(2.0, 2.0, 2.0, {}, ErrorBars(())).lines() == ["error bars          none is known"]
+    assert CriticalBars(2.0, 2.0, 2.0, {}, ErrorBars(())).lines() == [
+        "error bars          none is known"
+    ]
 
 
 @pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
@@ -348,7 +376,9 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
     That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
     """
     pretended = Pretended(lambda f: np.array([1.0, 0, 0, 0, 0, 0]) * (0.3 + inertia * f))
-    text = commented(grain_on_bed()).replace('shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]')
+    text = commented(grain_on_bed()).replace(
+        'shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]'
+    )
     text = "\n".join(line for line in text.splitlines() if not line.startswith("diameter"))
     pretended.scene = loads(text, overrides=["body.settle=true", "contact.friction=0.8"])
     pretended.contacts = find_contacts(pretended.scene)

@@ -85,7 +85,9 @@ def test_errors_told_by_states_of_two_meshes_are_not_believed(fluid: Fluid, orde
     transient.last_error = small  # as small as no step here errs
     transient.advance(0.1)
     resumed = Transient(fluid, order, ShareOfError())
-    resumed.resume(transient.number, transient.next_length, transient.past, transient.last_error, new_mesh)
+    resumed.resume(
+        transient.number, transient.next_length, transient.past, transient.last_error, new_mesh
+    )
     for _ in range(order):
         resumed.advance(0.1)
         assert resumed.last_error == small

@@ -24,7 +24,9 @@ def integral(integrand: Any) -> float:
     return float(dolfinx.fem.assemble_scalar(compat.form(integrand)))
 
 
-def stream(profile: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray, float], np.ndarray]:
+def stream(
+    profile: Callable[[np.ndarray], np.ndarray],
+) -> Callable[[np.ndarray, float], np.ndarray]:
     """A flow along the first axis that depends on the second."""
     return lambda x, t: np.vstack([profile(x[1]), np.zeros((2, x.shape[1]))])
 
@@ -74,7 +76,9 @@ def printed_force(fluid: Fluid) -> list[float]:
 def test_buoyancy_is_not_in_the_flow() -> None:
     """Without the body force, still water bears nothing: the program adds buoyancy itself."""
     domain = square_in_box(SIZE, 0.4)
-    with Fluid(domain, FlowModel(), [no_slip(name) for name in domain.names], reynolds=100.0) as fluid:
+    with Fluid(
+        domain, FlowModel(), [no_slip(name) for name in domain.names], reynolds=100.0
+    ) as fluid:
         fluid.solve(1e-12)
         assert TractionProbe(fluid, "body", (0.0, 0.0)).resultant().force == pytest.approx(
             np.zeros(3), abs=1e-14
@@ -108,7 +112,9 @@ def test_the_viscosity_is_an_expression() -> None:
 def couette_couples(around: int) -> tuple[float, float]:
     """Couples on the inner disc by the residual and by the surface integral; see the test below."""
     turning = Prescribed("inner", lambda x, t: np.vstack([-x[1], x[0]]))
-    with Fluid(ring(0.5, 1.0, around, 2), FlowModel(), [turning, no_slip("outer")], reynolds=4.0) as fluid:
+    with Fluid(
+        ring(0.5, 1.0, around, 2), FlowModel(), [turning, no_slip("outer")], reynolds=4.0
+    ) as fluid:
         solve_steady(fluid, 1e-11)
         probe = TractionProbe(fluid, "inner", (0.0, 0.0))
         return float(probe.resultant().couple[2]), float(probe.surface_resultant().couple[2])
@@ -238,7 +244,9 @@ def test_same_force_on_a_reference_map_as_on_the_moved_mesh() -> None:
 def forces_in_stokes_flow(cell: float) -> list[np.ndarray]:
     """On a ball and on the outer boundary by the residual, then both by the surface integral."""
     moving = Prescribed("outer", lambda x, t: np.vstack([x[1] * (1 - x[1]), 0 * x[0], 0 * x[0]]))
-    with Fluid(ball_in_box(cell), FlowModel(inertia=False), [moving, no_slip("body")], reynolds=1.0) as fluid:
+    with Fluid(
+        ball_in_box(cell), FlowModel(inertia=False), [moving, no_slip("body")], reynolds=1.0
+    ) as fluid:
         fluid.solve(1e-10)
         probes = [TractionProbe(fluid, name, (0.6, 0.5, 0.5)) for name in ("body", "outer")]
         return [
@@ -261,6 +269,9 @@ def test_stokes_flow_past_a_ball() -> None:
     between_ways = [
         np.linalg.norm(body - by_integral) / body[0] for body, _, by_integral, _ in (coarse, fine)
     ]
-    balance = [np.linalg.norm(on_body + on_outer) / on_body[0] for _, _, on_body, on_outer in (coarse, fine)]
+    balance = [
+        np.linalg.norm(on_body + on_outer) / on_body[0]
+        for _, _, on_body, on_outer in (coarse, fine)
+    ]
     assert between_ways[1] < 0.1 < between_ways[0]
     assert balance[1] < 0.15 < balance[0]

@@ -27,7 +27,9 @@ def field(mesh: Any, order: int, values: Values, components: int = 1) -> Any:
 def polynomials(degree: int, components: int) -> Values:
     """Full polynomials of a degree in all coordinates, one a component."""
     slopes = np.random.default_rng(6).standard_normal((components, 3))
-    return lambda x: np.squeeze((0.3 + slopes @ x) ** degree - slopes @ x, axis=0 if components == 1 else ())
+    return lambda x: np.squeeze(
+        (0.3 + slopes @ x) ** degree - slopes @ x, axis=0 if components == 1 else ()
+    )
 
 
 def error(source: Any, target: Any, order: int, degree: int, components: int) -> float:
@@ -57,7 +59,15 @@ def test_polynomials_in_tetrahedra(order: int, components: int) -> None:
 
 @pytest.mark.parametrize(
     ("gdim", "bend", "order", "degree"),
-    [(2, 2, 2, 1), (2, 2, 4, 2), (2, 3, 3, 1), (2, 3, 4, 1), (3, 2, 2, 1), (3, 2, 4, 2), (3, 3, 3, 1)],
+    [
+        (2, 2, 2, 1),
+        (2, 2, 4, 2),
+        (2, 3, 3, 1),
+        (2, 3, 4, 1),
+        (3, 2, 2, 1),
+        (3, 2, 4, 2),
+        (3, 3, 3, 1),
+    ],
 )
 def test_polynomials_in_curved_cells(gdim: int, bend: int, order: int, degree: int) -> None:
     """Cells bent by a map of degree g hold polynomials of degree k/g in space."""
@@ -91,7 +101,9 @@ def test_points_outside_take_the_polynomial(mesh: str, order: int, degree: int) 
     points = np.vstack([above, left])
     values = polynomials(degree, 2)
     transfer = Transfer(source, points)
-    assert transfer.values(field(source, order, values, 2)) == pytest.approx(values(points.T).T, abs=1e-10)
+    assert transfer.values(field(source, order, values, 2)) == pytest.approx(
+        values(points.T).T, abs=1e-10
+    )
     assert transfer.outside == 10
     lean = 0.37 if mesh == "bent" else 0.0
     assert 0.095 * np.cos(lean) - 1e-9 < transfer.farthest < 0.095 + 1e-9
@@ -140,7 +152,9 @@ def test_points_within_a_ball() -> None:
     assert transfer.outside == 60
     assert transfer.farthest == pytest.approx(0.01, rel=0.1)
     values = polynomials(1, 3)
-    assert transfer.values(field(mesh, 2, values, 3)) == pytest.approx(values(points.T).T, abs=1e-11)
+    assert transfer.values(field(mesh, 2, values, 3)) == pytest.approx(
+        values(points.T).T, abs=1e-11
+    )
 
 
 def test_one_transfer_serves_many_functions() -> None:

@@ -173,7 +173,9 @@ def test_steps_grow_again_after_one_that_was_halved(fluid: Fluid) -> None:
 
 
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])
-def test_last_good_state_is_left_when_nothing_converges(fluid: Fluid, error: Exception | None) -> None:
+def test_last_good_state_is_left_when_nothing_converges(
+    fluid: Fluid, error: Exception | None
+) -> None:
     transient = Transient(fluid)
     list(transient.march(0.3, 0.1))
     expected, time = fluid.state.x.array.copy(), fluid.time

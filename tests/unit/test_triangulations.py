@@ -15,7 +15,9 @@ from incipient.meshes.exact import on_level
 BRICK = box(np.array([1.0, 0.8, 0.5]), 0.07)
 
 
-@pytest.mark.parametrize("triangles", [grid(np.arange(4.0), np.arange(3.0))[1], sphere(3).triangles])
+@pytest.mark.parametrize(
+    "triangles", [grid(np.arange(4.0), np.arange(3.0))[1], sphere(3).triangles]
+)
 def test_edges_and_what_lies_beside_them(triangles: np.ndarray) -> None:
     """By a dictionary of edges, on an open and on a closed surface."""
     beside: dict[tuple[int, int], list[int]] = {}
@@ -25,20 +27,30 @@ def test_edges_and_what_lies_beside_them(triangles: np.ndarray) -> None:
     found = Topology(triangles)
     assert [tuple(edge) for edge in found.edges.tolist()] == sorted(beside)
     for edge, pair, across, is_open in zip(
-        found.edges.tolist(), found.beside.tolist(), found.opposite.tolist(), found.open, strict=True
+        found.edges.tolist(),
+        found.beside.tolist(),
+        found.opposite.tolist(),
+        found.open,
+        strict=True,
     ):
         known = beside[edge[0], edge[1]]
         assert sorted(pair) == sorted([*known, -1][:2])
         assert is_open == (len(known) == 1)
         for triangle, corner in zip(pair, across, strict=True):
-            assert corner == -1 if triangle < 0 else {*edge, corner} == {*triangles[triangle].tolist()}
+            assert (
+                corner == -1 if triangle < 0 else {*edge, corner} == {*triangles[triangle].tolist()}
+            )
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
     assert np.array_equal(found.edges[found.of_sides], ends)
 
 
 def test_no_triangles_have_no_edges() -> None:
     found = Topology(np.empty((0, 3), dtype=int))
-    assert found.edges.shape == (0, 2) and found.beside.shape == (0, 2) and found.of_sides.shape == (0, 3)
+    assert (
+        found.edges.shape == (0, 2)
+        and found.beside.shape == (0, 2)
+        and found.of_sides.shape == (0, 3)
+    )
 
 
 def test_sums_are_those_of_one_after_another() -> None:
@@ -66,7 +78,9 @@ def test_surfaces_anew_are_what_they_were(
     """Numbers of the program before its operations on edges were made quicker: meshes must not move."""
     made = coarser_surface(surface, factor)
     assert (len(made.points), len(made.triangles)) == (points, triangles)
-    assert np.linalg.norm(vector_areas(made.corners), axis=1).sum() == pytest.approx(area, rel=1e-11)
+    assert np.linalg.norm(vector_areas(made.corners), axis=1).sum() == pytest.approx(
+        area, rel=1e-11
+    )
 
 
 def test_points_come_onto_a_level_where_held_coordinates_stay() -> None:

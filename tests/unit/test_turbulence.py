@@ -14,16 +14,22 @@ from incipient.mesh.domain import Domain
 from incipient.mesh.sampling import sample
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
-KAPPA = np.sqrt(1.3 * (1.92 - 1.44) * np.sqrt(0.09))  # of the logarithmic law that these constants have
+KAPPA = np.sqrt(
+    1.3 * (1.92 - 1.44) * np.sqrt(0.09)
+)  # of the logarithmic law that these constants have
 
 
 def rectangle(low, high, cells, names=("bottom", "right", "top", "left")):
     """A rectangle of triangles with named sides."""
     kind = dolfinx.mesh.CellType.triangle
-    mesh = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.array(low), np.array(high)], cells, kind)
+    mesh = dolfinx.mesh.create_rectangle(
+        MPI.COMM_SELF, [np.array(low), np.array(high)], cells, kind
+    )
     sides = ((1, low[1]), (0, high[0]), (1, high[1]), (0, low[0]))
     found = [
-        dolfinx.mesh.locate_entities_boundary(mesh, 1, lambda x, a=axis, p=place: np.isclose(x[a], p))
+        dolfinx.mesh.locate_entities_boundary(
+            mesh, 1, lambda x, a=axis, p=place: np.isclose(x[a], p)
+        )
         for axis, place in sides
     ]
     facets = np.concatenate(found).astype(np.int32)
@@ -121,7 +127,9 @@ def test_turbulence_decays_along_a_stream():
 def test_thicker_eddies_have_the_same_energy():
     with turbulence(rectangle((0, 0), (1, 1), (1, 1)), uniform(2.0, 0.5)) as fields:
         fields.raise_eddy_viscosity(4.0)
-        assert np.exp(fields.state.x.array.reshape(-1, 2)) == pytest.approx(np.array([[2.0, 0.125]] * 9))
+        assert np.exp(fields.state.x.array.reshape(-1, 2)) == pytest.approx(
+            np.array([[2.0, 0.125]] * 9)
+        )
 
 
 def along_the_stagnation_streamline(most):
@@ -216,7 +224,9 @@ def random_steps(number, seed):
                 fields.state.x.array[:] = start
                 shear.value, step = 10.0 ** random.uniform(-3, 3, 2)
                 cut = 0
-                while not np.isfinite(fields.step((1 / step, -1 / step, 0.0), (start, start), 1e-6)):
+                while not np.isfinite(
+                    fields.step((1 / step, -1 / step, 0.0), (start, start), 1e-6)
+                ):
                     fields.state.x.array[:] = start
                     step, cut = 0.25 * step, cut + 1
                     if cut == MOST_CUTS:

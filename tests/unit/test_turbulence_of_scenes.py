@@ -71,7 +71,10 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             'domain.top: "stream" contradicts turbulence below it',
         ),
         (
-            {"domain": Domain(length=20, height=1, top="free-surface"), "gravity": Gravity(acceleration=10)}
+            {
+                "domain": Domain(length=20, height=1, top="free-surface"),
+                "gravity": Gravity(acceleration=10),
+            }
             | {"time": Time(end=1, step=0.1)},
             'domain.top: "free-surface" with turbulence is not simulated by this version; use "auto"',
         ),
@@ -100,14 +103,23 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             'turbulence.roughness: is 0.01 but wall is "equilibrium"; set wall',
         ),
         *(
-            ({"turbulence": {"upstream_roughness": 0.1} | asked}, f"turbulence.upstream_roughness: {words}")
+            (
+                {"turbulence": {"upstream_roughness": 0.1} | asked},
+                f"turbulence.upstream_roughness: {words}",
+            )
             for asked, words in (
-                ({}, 'is not read by model = "k-epsilon"; leave it out, or use model = "k-omega-sst"'),
+                (
+                    {},
+                    'is not read by model = "k-epsilon"; leave it out, or use model = "k-omega-sst"',
+                ),
                 (
                     TO_THE_WALL | {"wall": "rough", "roughness": 0.1},
                     'is for smooth walls, but wall is "rough"',
                 ),
-                (TO_THE_WALL | {"inflow": "given"}, 'is not read with inflow = "given"; leave it out'),
+                (
+                    TO_THE_WALL | {"inflow": "given"},
+                    'is not read with inflow = "given"; leave it out',
+                ),
                 (TO_THE_WALL, "is read only past grains and bed forms"),
             )
         ),
@@ -139,7 +151,10 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
                 ([], "has not two or more rows of one length"),
                 ([[0.1, 0.7], [0.5, 0.9, 0.01]], "has not two or more rows of one length"),
                 ([[0.0, 0.7], [0.5, 0.9]], "has heights that do not ascend from above zero"),
-                ([[0.1, 0.0], [0.5, 0.9]], "has a speed or a k that is not positive; leave walls out"),
+                (
+                    [[0.1, 0.0], [0.5, 0.9]],
+                    "has a speed or a k that is not positive; leave walls out",
+                ),
             )
         ),
         (
@@ -151,7 +166,10 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             "bed.points: has a vertical step at x = 2, and grains over steps are not simulated",
         ),
         ({"turbulence": {"c_2": 1.2}}, "turbulence.c_2: is 1.2; give 1 < c_1 < c_2"),
-        ({"turbulence": {"model": "k-omega"}}, 'turbulence.model: "k-omega" is not known; use "k-epsilon"'),
+        (
+            {"turbulence": {"model": "k-omega"}},
+            'turbulence.model: "k-omega" is not known; use "k-epsilon"',
+        ),
     ],
 )
 def test_what_contradicts_turbulence_is_told_in_one_line(changes, words):
@@ -168,31 +186,41 @@ def test_a_flow_too_slow_for_the_law_of_the_wall_is_refused_by_the_plan():
 def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_small_one_told_of():
     """u* is 0.0405 (estimated by the logarithmic law): u* d/nu is 8100 times the diameter."""
     with pytest.raises(
-        SceneError, match=r'has u\* d/nu = 162, .* must be 300 at least; use turbulence.model = "k-omega-sst"'
+        SceneError,
+        match=r'has u\* d/nu = 162, .* must be 300 at least; use turbulence.model = "k-omega-sst"',
     ):
         make_plan(grain(0.02))
     warned = make_plan(grain(0.08)).warnings
     assert any(
-        "u* d/nu = 648: the layer that the law of the wall stands for is 8% of it" in one for one in warned
+        "u* d/nu = 648: the layer that the law of the wall stands for is 8% of it" in one
+        for one in warned
     )
     assert not any("law of the wall" in one for one in make_plan(grain(0.2)).warnings)
 
 
 def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
     """As docs/large_grains.md has measured them: a sphere of three cells across, and round grains at all."""
-    sphere = {"body": Sphere(diameter=0.4, x=0.6), "bed": Flat(), "contact": Contact(friction=0.6, gap=0.03)}
+    sphere = {
+        "body": Sphere(diameter=0.4, x=0.6),
+        "bed": Flat(),
+        "contact": Contact(friction=0.6, gap=0.03),
+    }
     sphere |= {
         "domain": Domain(length=1.6, width=1.2, height=1.0),
         "fluid": Fluid(reynolds=2e5, scale="flow"),
     }
 
     def told(mesh_size):
-        return " ".join(make_plan(channel(**sphere, numerics=Numerics(mesh_size=mesh_size))).warnings)
+        return " ".join(
+            make_plan(channel(**sphere, numerics=Numerics(mesh_size=mesh_size))).warnings
+        )
 
-    assert "the grain is 3.1 cells across" in told(7.0) and "use numerics.mesh_size = 3.6 or less" in told(
+    assert "the grain is 3.1 cells across" in told(
         7.0
+    ) and "use numerics.mesh_size = 3.6 or less" in told(7.0)
+    assert "cells across" not in told(3.5) and "cells across" not in " ".join(
+        make_plan(grain(0.2)).warnings
     )
-    assert "cells across" not in told(3.5) and "cells across" not in " ".join(make_plan(grain(0.2)).warnings)
     assert "the k-epsilon model is far from measured loads" in told(3.5)
     assert not any("k-epsilon model is far" in one for one in make_plan(channel()).warnings)
 
@@ -242,7 +270,11 @@ def test_a_grain_in_midstream_is_away_from_walls():
         return channel(body=Disc(diameter=0.2, centre=(10.0, height)), flow=flow, **sections)
 
     def told(height, flow):
-        return [one for one in make_plan(held(height, flow)).warnings if one.startswith("the grain is held")]
+        return [
+            one
+            for one in make_plan(held(height, flow)).warnings
+            if one.startswith("the grain is held")
+        ]
 
     assert told(0.115, OpenChannel())[0].startswith(
         "the grain is held 0.015 from the bed, twice the distance of the law of the wall is 0.02: what flows"
@@ -256,7 +288,10 @@ def test_a_grain_in_midstream_is_away_from_walls():
 
 def test_the_plan_says_what_it_takes_the_walls_for():
     text = make_plan(channel()).text()
-    assert "yes  turbulence: effects.turbulence = true: k-epsilon model; law of the wall from 0.08" in text
+    assert (
+        "yes  turbulence: effects.turbulence = true: k-epsilon model; law of the wall from 0.08"
+        in text
+    )
     assert "y+ about 50" in text
 
 

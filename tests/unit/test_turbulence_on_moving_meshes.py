@@ -92,7 +92,9 @@ def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(stream, model, second
         with carried(stream, lambda x, v=values: v(1 + 0 * x[0]), model=model) as (fluid, fields):
             thrown(fluid, fields, lambda t: lambda x: np.zeros((2, x.shape[1])), radius)
             velocities = fluid.velocity.x.array.reshape(-1, len(stream))
-            assert velocities == pytest.approx(uniform(fluid.constraints.points.T, stream).T, abs=1e-12)
+            assert velocities == pytest.approx(
+                uniform(fluid.constraints.points.T, stream).T, abs=1e-12
+            )
             ends.append(fields.state.x.array.reshape(-1, 2))
     assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
     assert ends[0][0, 0] < np.log(0.02) - 0.05
@@ -131,7 +133,9 @@ def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh(stream):
     with carried(stream, exact(0.0), SIDES_OF_SPACE[: 2 * len(stream)], added) as (fluid, fields):
         thrown(fluid, fields, at)
         points = fields.space.tabulate_dof_coordinates()
-        assert fields.state.x.array.reshape(-1, 2) == pytest.approx(exact(fluid.time)(points.T).T, abs=1e-10)
+        assert fields.state.x.array.reshape(-1, 2) == pytest.approx(
+            exact(fluid.time)(points.T).T, abs=1e-10
+        )
 
 
 def given(x):
@@ -150,7 +154,9 @@ def in_eddies(domain, body, state, entering, at_first, names=("body", *SIDES), a
     """
     name, *outer = names
     law = partial(WallLaw().drag, functions=SimpleNamespace(log=ufl.ln, larger=ufl.max_value))
-    with KEpsilon(domain, TurbulenceConditions(tuple(outer), given, (name,), 0.01), 2, STANDARD) as fields:
+    with KEpsilon(
+        domain, TurbulenceConditions(tuple(outer), given, (name,), 0.01), 2, STANDARD
+    ) as fields:
         model = FlowModel(
             unsteady=True,
             moving_mesh=True,
@@ -164,14 +170,19 @@ def in_eddies(domain, body, state, entering, at_first, names=("body", *SIDES), a
         with Fluid(domain, model, conditions, 1e5) as fluid:
             velocity, _ = ufl.split(fluid.state)
             fields.carried_by(velocity, 1e-5, carrier=fluid.carrier(velocity))
-            fluid.state.x.array[fluid.space.velocity_map] = np.tile(at_first, len(fluid.constraints.points))
+            fluid.state.x.array[fluid.space.velocity_map] = np.tile(
+                at_first, len(fluid.constraints.points)
+            )
             displacement = RigidDisplacement(domain, name, state.placement, turning=False)
             if along:
                 displacement.weights[:] = 1.0
             part = RigidPart(fluid, body, state, displacement, lambda state: np.zeros(body.size))
             coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
             interface = InTime(fluid, fields, moving=coupling)
-            yield Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)), fields
+            yield (
+                Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)),
+                fields,
+            )
 
 
 def in_box(course, along=True):
@@ -181,7 +192,9 @@ def in_box(course, along=True):
     body = RigidBody(Inertia(1.0, np.array([1.0])), Freedom((False,) * 3, course))
     domain = box_around(Disc(0.3), place, cell=0.08, far=0.2)
     entering = steady(STREAM + first[:2] * along)
-    return in_eddies(domain, body, BodyState.at(place, first), entering, first[:2] * along, along=along)
+    return in_eddies(
+        domain, body, BodyState.at(place, first), entering, first[:2] * along, along=along
+    )
 
 
 def ball_in_stream(course):
@@ -251,7 +264,9 @@ def free_ball(density, cell):
     mass = density * 4 / 3 * np.pi * radius**3
     body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * radius**2)))
     state = BodyState.at(Placement(BALL))
-    return in_eddies(ball_in_box(cell), body, state, entering, np.zeros(3), ("body", "outer")), expected
+    return in_eddies(
+        ball_in_box(cell), body, state, entering, np.zeros(3), ("body", "outer")
+    ), expected
 
 
 def set_off(made):
@@ -264,7 +279,13 @@ def set_off(made):
 def disc_of_sand():
     """A box about a disc; its centre, radius, by how much cells miss its outline at most, its way, the sides."""
     place = (0.5, 0.5)
-    return box_around(Disc(0.3), Placement(place), cell=0.08, far=0.2), place, (0.15, 1e-4), (0.8, 0.2), SIDES
+    return (
+        box_around(Disc(0.3), Placement(place), cell=0.08, far=0.2),
+        place,
+        (0.15, 1e-4),
+        (0.8, 0.2),
+        SIDES,
+    )
 
 
 def ball_of_sand():
@@ -283,26 +304,41 @@ def sand_in_box(made, frame):
     gdim, place, frame = domain.gdim, Placement(centre), np.array(frame[: domain.gdim])
     spin = [4.0] if gdim == 2 else [4.0, -2.0, 1.0]
     course = np.array([*(way - frame), *spin])
-    body = RigidBody(Inertia(1.0, np.ones(len(spin))), Freedom((False,) * len(course), lambda t: course))
-    given = TurbulenceConditions(outer, lambda x: np.log([0 * x[0] + 0.01, 0 * x[0] + 20.0]), ("body",))
+    body = RigidBody(
+        Inertia(1.0, np.ones(len(spin))), Freedom((False,) * len(course), lambda t: course)
+    )
+    given = TurbulenceConditions(
+        outer, lambda x: np.log([0 * x[0] + 0.01, 0 * x[0] + 20.0]), ("body",)
+    )
     with KOmegaSST(domain, given, 2, 1e-3, in_layers=gdim == 3) as fields:
-        model = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity, upwind=gdim == 3)
+        model = FlowModel(
+            unsteady=True, moving_mesh=True, viscosity=fields.viscosity, upwind=gdim == 3
+        )
         stream = np.array(SPACE[:gdim]) - frame
         conditions = [Carried("body"), *(Prescribed(side, steady(stream)) for side in outer)]
         with Fluid(domain, model, conditions, 1e3) as fluid:
             velocity, _ = ufl.split(fluid.state)
             fields.carried_by(velocity, 1e-3, carrier=fluid.carrier(velocity))
             fields.watch(fluid)
-            fluid.state.x.array[fluid.space.velocity_map] = np.tile(stream, len(fluid.constraints.points))
+            fluid.state.x.array[fluid.space.velocity_map] = np.tile(
+                stream, len(fluid.constraints.points)
+            )
             displacement = RigidDisplacement(domain, "body", place, turning=False)
             share = way / (way - frame)
             displacement.weights[:, :gdim] = share * displacement.weights[:, :gdim] + 1.0 - share
             part = RigidPart(
-                fluid, body, BodyState.at(place, course), displacement, lambda state: np.zeros(len(course))
+                fluid,
+                body,
+                BodyState.at(place, course),
+                displacement,
+                lambda state: np.zeros(len(course)),
             )
             coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
             interface = InTime(fluid, fields, moving=coupling)
-            yield Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)), fields
+            yield (
+                Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)),
+                fields,
+            )
 
 
 @pytest.mark.parametrize("made", [disc_of_sand, pytest.param(ball_of_sand, marks=pytest.mark.slow)])

@@ -99,7 +99,10 @@ def test_upwinding_leaves_the_residual_of_a_correction() -> None:
             )
             found = finer.residual()
     size = np.linalg.norm(found)
-    assert np.linalg.norm(found - plain) < 1e-12 * size and np.linalg.norm(found - upwinded) > 1e-3 * size
+    assert (
+        np.linalg.norm(found - plain) < 1e-12 * size
+        and np.linalg.norm(found - upwinded) > 1e-3 * size
+    )
 
 
 def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

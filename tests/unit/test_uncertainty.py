@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.uncertainty import Probability, StandardErrors, draw, influences, probabilities
+from incipient.contact.uncertainty import (
+    Probability,
+    StandardErrors,
+    draw,
+    influences,
+    probabilities,
+)
 from incipient.errors import SceneError
 
 DOWN = [0.0, -1.0, 0.0]
@@ -40,7 +46,10 @@ class TestProbability:
         # It slides if friction < F / N = 0.3.
         found = probabilities(pushed(0.3), BLOCK, 0.35, StandardErrors(friction=0.05), 400, 5)
         exact = below(0.3, 0.35, 0.05)
-        assert abs(found.moves_equilibrium.value - exact) < 4.0 * found.moves_equilibrium.standard_error
+        assert (
+            abs(found.moves_equilibrium.value - exact)
+            < 4.0 * found.moves_equilibrium.standard_error
+        )
         assert set(found.influence) == {"friction"}
         assert found.influence["friction"] > 0.95
 
@@ -101,7 +110,9 @@ class TestWithin:
     def test_a_load_that_is_held_but_never_drawn(self):
         # A disc on a plane is held only without a couple about the contact, which has a probability of zero.
         disc = Contacts([[0.0, -0.5, 0.0]], [DOWN])
-        found = probabilities(pushed(0.0, 0.1), disc, 0.5, StandardErrors([0, 0, 0], [0, 0, 0.1]), 100)
+        found = probabilities(
+            pushed(0.0, 0.1), disc, 0.5, StandardErrors([0, 0, 0], [0, 0, 0.1]), 100
+        )
         assert found.moves_equilibrium.words == ">97.1%"
         assert not found.within.certain
         assert (found.within.low, found.within.high) == (0.0, np.inf)
@@ -186,15 +197,21 @@ class TestDrawing:
         spread = [0.1, 0.0, 0.0]
         balanced = pushed(force, 0.5 * force)
         about = StandardErrors(spread, about=[0.0, -0.5, 0.0])
-        assert draw(balanced, 10.0, about, 50, 0)["flow_couple z"] == pytest.approx(np.zeros(50), abs=1e-15)
+        assert draw(balanced, 10.0, about, 50, 0)["flow_couple z"] == pytest.approx(
+            np.zeros(50), abs=1e-15
+        )
         certain = probabilities(balanced, disc, 10.0, about, 50, 0)
         assert certain.moves_equilibrium.value == 0.0
         assert (
-            probabilities(balanced, disc, 10.0, StandardErrors(spread), 50, 0).moves_equilibrium.value == 1.0
+            probabilities(
+                balanced, disc, 10.0, StandardErrors(spread), 50, 0
+            ).moves_equilibrium.value
+            == 1.0
         )
 
     @pytest.mark.parametrize(
-        "wrong", [{"flow_force": [1.0, 2.0]}, {"flow_couple": [0, 0, -1.0]}, {"friction": float("nan")}]
+        "wrong",
+        [{"flow_force": [1.0, 2.0]}, {"flow_couple": [0, 0, -1.0]}, {"friction": float("nan")}],
     )
     def test_wrong_errors(self, wrong):
         with pytest.raises(SceneError, match="standard errors"):

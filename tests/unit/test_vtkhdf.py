@@ -16,7 +16,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 from vtkmodules.vtkCommonCore import vtkVersion  # noqa: E402
 
 VERSION = vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()
-pytestmark = pytest.mark.skipif(VERSION < (9, 3), reason="VTK before 9.3 reads no series of this format")
+pytestmark = pytest.mark.skipif(
+    VERSION < (9, 3), reason="VTK before 9.3 reads no series of this format"
+)
 
 
 def reader_of(path: Path) -> object:
@@ -38,12 +40,17 @@ def read(
         cell = grid.GetCell(index)
         ids.append([cell.GetPointId(j) for j in range(cell.GetNumberOfPoints())])
     data = grid.GetPointData()
-    fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+    fields = {
+        data.GetArrayName(i): vtk_to_numpy(data.GetArray(i))
+        for i in range(data.GetNumberOfArrays())
+    }
     return vtk_to_numpy(grid.GetPoints().GetData()), ids, fields
 
 
 def same(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> bool:
-    return set(found) == set(expected) and all(np.array_equal(found[name], expected[name]) for name in found)
+    return set(found) == set(expected) and all(
+        np.array_equal(found[name], expected[name]) for name in found
+    )
 
 
 def test_a_steady_flow_is_one_grid(tmp_path: Path) -> None:
@@ -77,7 +84,11 @@ def test_a_series_moves_and_gets_a_new_mesh(tmp_path: Path) -> None:
     ]
     for time, points, cells, fields in [*expected, expected[0]]:
         found = read(reader, time)
-        assert np.array_equal(found[0], points) and found[1] == cells.tolist() and same(found[2], fields)
+        assert (
+            np.array_equal(found[0], points)
+            and found[1] == cells.tolist()
+            and same(found[2], fields)
+        )
 
 
 def test_no_table_is_stored_twice(tmp_path: Path) -> None:

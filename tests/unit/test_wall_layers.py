@@ -90,7 +90,9 @@ def test_no_cell_in_the_layers_of_a_pocket_folds_over():
         fluid=Fluid(reynolds=3500.0, scale="grain"),
         flow=OpenChannel(),
         body=SphereGrain(diameter=1.0, x=4.0, density=2.65),
-        bed=SphereBed(radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(centre, 3.0)),
+        bed=SphereBed(
+            radius=0.5, spacing=1.0, arrangement="triangular", angle=90.0, offset=(centre, 3.0)
+        ),
         effects=Effects(turbulence=True),
         turbulence=Turbulence(model="k-omega-sst"),
         contact=Contact(friction=0.5, gap=0.05),

@@ -25,7 +25,13 @@ MAKE = {1: [sys.executable], 2: [*on_ranks(2), sys.executable]}
 QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCellType.h
 
 
-TASKS = ("write_all", "write_moving", "write_and_resume", "write_until_full", "write_where_impossible")
+TASKS = (
+    "write_all",
+    "write_moving",
+    "write_and_resume",
+    "write_until_full",
+    "write_where_impossible",
+)
 
 
 def spawn(ranks: int, directory: Path, *tasks: str) -> subprocess.CompletedProcess:
@@ -118,7 +124,9 @@ def test_mid_side_nodes_lie_on_the_curved_boundary(written):
 def test_surface_of_the_hole(written):
     ((_, grid),) = grids(written / "surface")
     assert set(grid.celltypes) == {QUADRATIC_EDGE}
-    assert np.allclose(np.linalg.norm(grid.points, axis=1), RADIUS, atol=2e-4)  # P2 nodes of cubic cells
+    assert np.allclose(
+        np.linalg.norm(grid.points, axis=1), RADIUS, atol=2e-4
+    )  # P2 nodes of cubic cells
     ends, middles = connectivity(grid)[:, :2], connectivity(grid)[:, 2]
     chords = np.linalg.norm(np.diff(grid.points[ends], axis=1), axis=2)
     assert np.allclose(chords, 2 * RADIUS * np.sin(np.pi / grid.n_cells))  # a regular polygon
@@ -151,7 +159,11 @@ def test_order_of_nodes_in_space(written, name, cell_type, edges):
     for i, (a, b) in enumerate(edges):
         assert np.allclose(points[:, corners + i], (points[:, a] + points[:, b]) / 2)
     sizes = grid.compute_cell_sizes()
-    assert np.isclose(sizes["Volume"].sum(), 1) if name == "cube" else np.isclose(sizes["Area"].sum(), 6)
+    assert (
+        np.isclose(sizes["Volume"].sum(), 1)
+        if name == "cube"
+        else np.isclose(sizes["Area"].sum(), 6)
+    )
     x, y, z = grid.points.T
     assert np.allclose(grid["velocity"], np.column_stack([x * y, x**2 - y, x * z]))
 
@@ -223,11 +235,15 @@ print(json.dumps(found))
 @pytest.mark.slow
 def test_paraview_opens_it(moving, tmp_path):
     """All of ParaView's own XDMF readers; whole fields vary with the place, so a wrong step or mesh shows."""
-    pvpython = shutil.which("pvpython") or pytest.skip("pvpython is not installed (python3-paraview)")
+    pvpython = shutil.which("pvpython") or pytest.skip(
+        "pvpython is not installed (python3-paraview)"
+    )
     directory, told = moving
     script = tmp_path / "read.py"
     script.write_text(PARAVIEW)
-    process = subprocess.run([pvpython, script, directory], capture_output=True, text=True, timeout=300)
+    process = subprocess.run(
+        [pvpython, script, directory], capture_output=True, text=True, timeout=300
+    )
     assert process.returncode == 0, process.stderr
     assert "error" not in process.stderr.lower(), process.stderr
     seen = json.loads(process.stdout.splitlines()[-1])

@@ -47,7 +47,9 @@ def holed_square(order, size):
     gmsh.option.setNumber("General.Terminal", 0)
     if MPI.COMM_WORLD.rank == 0:
         make = gmsh.model.occ
-        make.cut([(2, make.addRectangle(-1, -1, 0, 2, 2))], [(2, make.addDisk(0, 0, 0, RADIUS, RADIUS))])
+        make.cut(
+            [(2, make.addRectangle(-1, -1, 0, 2, 2))], [(2, make.addDisk(0, 0, 0, RADIUS, RADIUS))]
+        )
         make.synchronize()
         hole = [c for c in gmsh.model.getEntities(1) if gmsh.model.getType(*c) not in ("Line",)]
         gmsh.model.addPhysicalGroup(2, [1], 1)
@@ -105,7 +107,9 @@ def around_ellipse(number, cell):
 def counts(mesh):
     """Cells and quadratic nodes on all ranks."""
     mesh.topology.create_entities(1)
-    vertices, edges, cells = (mesh.topology.index_map(dimension).size_global for dimension in range(3))
+    vertices, edges, cells = (
+        mesh.topology.index_map(dimension).size_global for dimension in range(3)
+    )
     return {"cells": cells, "nodes": vertices + edges}
 
 

@@ -38,7 +38,9 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile at the first call and keep the result for other processes, if there is a place for it."""
     try:
         return njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
-    except RuntimeError:  # numba finds no directory that can be written: compiled in every process then
+    except (
+        RuntimeError
+    ):  # numba finds no directory that can be written: compiled in every process then
         return njit(error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
@@ -279,7 +281,12 @@ class Cones(NamedTuple):
 
 @kernel
 def balancing_forces(
-    rows: Floats, cosine: float, sine: float, slides: NDArray[np.bool_], edges: Floats, wrench: Floats
+    rows: Floats,
+    cosine: float,
+    sine: float,
+    slides: NDArray[np.bool_],
+    edges: Floats,
+    wrench: Floats,
 ) -> tuple[bool, Floats]:
     """Whether Newton's method finds the least forces (3k,) in the cones that balance a wrench (6,), and the forces.
 
@@ -314,7 +321,9 @@ def _unlimited(rows: Floats, wrench: Floats) -> Floats:
 
 
 @inner
-def _balance(by: Cones, wrench: Floats, v: Floats, pulled: Floats, forces: Floats, missed: Floats) -> float:
+def _balance(
+    by: Cones, wrench: Floats, v: Floats, pulled: Floats, forces: Floats, missed: Floats
+) -> float:
     """The function at v (6,); `pulled` rows v, `forces` nearest to it, and the gradient `missed` are filled in."""
     for j in range(len(pulled)):
         pulled[j] = product(by.rows[j], v)
@@ -328,7 +337,9 @@ def _balance(by: Cones, wrench: Floats, v: Floats, pulled: Floats, forces: Float
 
 
 @inner
-def _cone(by: Cones, pulled: Floats, contact: int) -> tuple[bool, float, tuple[float, float, float], float]:
+def _cone(
+    by: Cones, pulled: Floats, contact: int
+) -> tuple[bool, float, tuple[float, float, float], float]:
     """Whether a contact's force is in its cone, size and unit vector of the nearest on the edge, and its shear."""
     normal, one, two = pulled[3 * contact], pulled[3 * contact + 1], pulled[3 * contact + 2]
     shear = max(math.hypot(one, two), NOTHING)

@@ -116,7 +116,9 @@ def can_jam(forces: Balance) -> bool:
     return answer is not None and bool(total @ answer > 0.5)
 
 
-def associated(forces: Balance, mass: Floats, wrench: Floats, rise: Floats) -> tuple[Floats, Floats] | None:
+def associated(
+    forces: Balance, mass: Floats, wrench: Floats, rise: Floats
+) -> tuple[Floats, Floats] | None:
     """Acceleration (6,) and scaled forces (3k,) of the convex problem with given sliding.
 
     Minimises y.mass.y / 2 - wrench.y under: matrix^T y + (rise, 0, 0) in the unit cone at every contact. With
@@ -152,7 +154,9 @@ def snapped(start: Floats, basis: Floats, answer: Floats) -> Floats:
         edge = ~apex & (np.abs(gaps) < EDGE * np.maximum(table[:, 0], 1e-2))
         outward = np.ones_like(table)
         outward[:, 1:] = -table[:, 1:] / np.maximum(shear, 1e-300)[:, None]
-        wanted = np.vstack([(outward[edge, None] @ rows[edge])[:, 0], rows[apex].reshape(-1, basis.shape[1])])
+        wanted = np.vstack(
+            [(outward[edge, None] @ rows[edge])[:, 0], rows[apex].reshape(-1, basis.shape[1])]
+        )
         missed = np.concatenate([gaps[edge], table[apex].ravel()])
         if len(missed) == 0 or np.abs(missed).max() < SNAPPED:
             break
@@ -164,7 +168,11 @@ def snapped(start: Floats, basis: Floats, answer: Floats) -> Floats:
 
 
 def minimum(
-    linear: Floats, rows: Floats, limits: Floats, nonnegative: int = 0, quadratic: Floats | None = None
+    linear: Floats,
+    rows: Floats,
+    limits: Floats,
+    nonnegative: int = 0,
+    quadratic: Floats | None = None,
 ) -> Floats | None:
     """The x that minimises x.quadratic.x / 2 + linear.x under limits - rows x in the cones, if there is one."""
     solution = _run(linear, rows, limits, nonnegative, quadratic)
@@ -206,7 +214,9 @@ class ConeTable:
 
 
 @lru_cache(maxsize=256)
-def _dense_pattern(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32], tuple[int, int]]:
+def _dense_pattern(
+    height: int, width: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], tuple[int, int]]:
     """Row indices, starts of columns and shape of a table without zeros."""
     indices = np.tile(np.arange(height, dtype=np.int32), width)
     return indices, np.arange(width + 1, dtype=np.int32) * np.int32(height), (height, width)

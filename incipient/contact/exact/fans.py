@@ -84,7 +84,9 @@ def extent(columns: Floats, target: Floats, bounds: Floats, goal: Floats) -> lis
     """
     limits = np.zeros(len(bounds))
     ends = (
-        linprog(sign * goal, -bounds, limits, columns, target, (None, None), "highs", options=SOLVER)
+        linprog(
+            sign * goal, -bounds, limits, columns, target, (None, None), "highs", options=SOLVER
+        )
         for sign in (1.0, -1.0)
     )
     return [np.asarray(end.x) for end in ends if end.success]
@@ -92,7 +94,9 @@ def extent(columns: Floats, target: Floats, bounds: Floats, goal: Floats) -> lis
 
 def _feasible(columns: Floats, target: Floats) -> Floats | None:
     """Factors >= 0 by linear programming, which is slower and surer."""
-    answer = linprog(np.ones(columns.shape[1]), A_eq=columns, b_eq=target, method="highs", options=SOLVER)
+    answer = linprog(
+        np.ones(columns.shape[1]), A_eq=columns, b_eq=target, method="highs", options=SOLVER
+    )
     return np.asarray(answer.x) if answer.success else None
 
 
@@ -100,6 +104,8 @@ def _polished(system: Floats, target: Floats, answer: Floats) -> Floats:
     """The vertex of a linear program to round-off: its system solved again for factors not zero."""
     used = answer > PIVOT * answer.max()
     factors = np.zeros_like(answer)
-    change = np.linalg.lstsq(system[:, used], target - system[:, used] @ answer[used], rcond=1e-13)[0]
+    change = np.linalg.lstsq(system[:, used], target - system[:, used] @ answer[used], rcond=1e-13)[
+        0
+    ]
     factors[used] = answer[used] + change
     return factors if factors.min() >= 0.0 else answer

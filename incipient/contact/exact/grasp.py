@@ -94,7 +94,11 @@ def grasp(load: Load, contacts: Contacts, friction: float, inertia: Floats | Non
 def wrenches(load: Load, reach: float) -> Wrenches:
     """The two wrenches of a load about its centre, couples divided by the unit of length."""
     parts = np.zeros((2, 6))
-    parts[0, :3], parts[0, 3:], parts[1, :3] = load.flow_force, load.flow_couple / reach, load.weight
+    parts[0, :3], parts[0, 3:], parts[1, :3] = (
+        load.flow_force,
+        load.flow_couple / reach,
+        load.weight,
+    )
     flow, weight = (_length(part) for part in parts)
     return Wrenches(parts[0] / (flow or 1.0), parts[1] / (weight or 1.0), flow, weight)
 
@@ -143,7 +147,10 @@ def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> 
     vectors = np.vstack([arms, inward, *inside])
     couple = load.flow_couple / (_length(load.flow_couple) or 1.0)
     axes = _axes(vectors, couple)
-    if np.abs(vectors @ axes[2]).max() > PLANAR or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR:
+    if (
+        np.abs(vectors @ axes[2]).max() > PLANAR
+        or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR
+    ):
         return None
     if inertia is not None:
         # A planar load gives a planar motion only if the normal of the plane is a principal axis.
@@ -177,4 +184,6 @@ def _determinant(matrix: Floats) -> float:
 
 
 def _length(vector: Floats) -> float:
-    return math.hypot(*vector.tolist())  # which neither overflows nor underflows, whatever the units
+    return math.hypot(
+        *vector.tolist()
+    )  # which neither overflows nor underflows, whatever the units

@@ -25,7 +25,13 @@ from scipy.optimize import brentq
 
 from incipient.arrays import Floats
 from incipient.contact.exact.release import LARGEST
-from incipient.contact.exact.spatial_motion import PATIENCE, RANDOM_STARTS, Law, law_residual, newton
+from incipient.contact.exact.spatial_motion import (
+    PATIENCE,
+    RANDOM_STARTS,
+    Law,
+    law_residual,
+    newton,
+)
 from incipient.errors import ConvergenceError
 
 GOOD = 1e-9  # what a solution may miss the laws by, in impulses of order one
@@ -35,7 +41,9 @@ LEAST = 1e-9  # singular values, relative to the largest, that count as none
 REGULAR = 1e-12  # added to the diagonal of W, relative to its mean: contacts whose impulses are not unique
 
 
-def contact_impulses(gain: Floats, free: Floats, friction: Floats, start: Floats | None = None) -> Floats:
+def contact_impulses(
+    gain: Floats, free: Floats, friction: Floats, start: Floats | None = None
+) -> Floats:
     """The impulses (k, 3) at contacts that obey both laws; of several solutions the one next to `start`.
 
     Args:

@@ -54,6 +54,8 @@ def judged(
     if safety.held or mass_and_inertia is None:
         return Exact(safety, None)
     try:
-        return Exact(safety, equilibrium.incipient_motion(load, contacts, friction, *mass_and_inertia))
+        return Exact(
+            safety, equilibrium.incipient_motion(load, contacts, friction, *mass_and_inertia)
+        )
     except ConvergenceError as error:
         return Exact(safety, None, str(error))

@@ -64,7 +64,9 @@ class Allowed:
         flat = self.slides | (self.axes == 1)
         normal, along = forces[:, :, 0], self.law.scaling[0] * forces[:, ~flat, 1]
         pressed = self.law.scaling[1] * normal[:, ~flat]
-        return np.asarray(np.concatenate([normal[:, flat], pressed - along, pressed + along], axis=1).T)
+        return np.asarray(
+            np.concatenate([normal[:, flat], pressed - along, pressed + along], axis=1).T
+        )
 
 
 def allowed(grasp: Grasp, kept: list[int], slides: NDArray[np.bool_], way: Floats) -> Allowed:
@@ -115,10 +117,14 @@ def _on_line(by: Allowed, start: Floats, way: Floats) -> Floats | None:
 
 def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:
     """Where start + z way meets the edges of the cones, all z (r,)."""
-    weights = np.array([by.law.scaling[1] ** 2, -(by.law.scaling[0] ** 2), -(by.law.scaling[0] ** 2)])
+    weights = np.array(
+        [by.law.scaling[1] ** 2, -(by.law.scaling[0] ** 2), -(by.law.scaling[0] ** 2)]
+    )
     if by.axes == 1:
         weights[1:] = 0.0
-    a, b, c = ((weights * one * two).sum(axis=1) for one, two in ((way, way), (start, way), (start, start)))
+    a, b, c = (
+        (weights * one * two).sum(axis=1) for one, two in ((way, way), (start, way), (start, start))
+    )
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         stays = np.concatenate([(-b - root) / a, (-b + root) / a, -0.5 * c / b])
@@ -149,7 +155,9 @@ def _on_facets(by: Allowed, start: Floats, null: Floats) -> Floats | None:
 
 def _projected(by: Allowed, wrench: Floats) -> Floats | None:
     """The least forces by Newton's method, damped until the convex function falls; None if it does not converge."""
-    from incipient.contact.exact import compiled  # numba takes time to import, and most cases do without
+    from incipient.contact.exact import (
+        compiled,
+    )  # numba takes time to import, and most cases do without
 
     rows = np.ascontiguousarray(by.matrix.reshape(6, -1).T)
     cosine, sine = by.law.scaling[:2]
@@ -162,7 +170,9 @@ def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:
     cosine, sine = by.law.scaling[:2]
     places, kinds = np.nonzero(by.free)
     parts = np.zeros((len(by.slides), 3, len(places)))
-    directions = np.concatenate([np.broadcast_to(UNIT, (len(by.slides), 3, 3)), by.edges[:, None]], axis=1)
+    directions = np.concatenate(
+        [np.broadcast_to(UNIT, (len(by.slides), 3, 3)), by.edges[:, None]], axis=1
+    )
     parts[places, :, np.arange(len(places))] = directions[places, kinds]
     single = by.slides | (by.axes == 1)
     ways = np.where(by.slides[:, None], by.edges, np.eye(3)[0])

@@ -8,7 +8,13 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.exact.least import allowed, least_forces
-from incipient.contact.exact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
+from incipient.contact.exact.motion_modes import (
+    ContactState,
+    Mode,
+    Uniqueness,
+    contact_states,
+    mode,
+)
 from incipient.contact.exact.planar_motion import planar_solutions
 from incipient.contact.exact.release import Candidate, Release, frictionless, release
 from incipient.contact.exact.spatial_motion import Law, coulomb, law_residual, spatial_solutions
@@ -45,7 +51,12 @@ class Solution:
         """All of it as numbers, strings and lists for JSON."""
         plain: dict[str, Any] = {
             name: getattr(self, name).tolist()
-            for name in ("acceleration", "angular_acceleration", "contact_forces", "contact_accelerations")
+            for name in (
+                "acceleration",
+                "angular_acceleration",
+                "contact_forces",
+                "contact_accelerations",
+            )
         }
         plain |= {"mode": self.mode.name, "wording": self.mode.value}
         plain["contact_states"] = [state.name for state in self.contact_states]
@@ -143,7 +154,9 @@ def _candidates(case: Release, law: Law, carried: Support) -> tuple[list[Candida
     rest = Candidate(np.zeros(6), np.zeros((len(case.grasp), 3)))
     without_friction = frictionless(case)
     if np.abs(without_friction.acceleration).max() <= ZERO * case.scale:
-        return [rest], True  # held without friction: to move would take energy that the load has not
+        return [
+            rest
+        ], True  # held without friction: to move would take energy that the load has not
     if case.grasp.law.is_frictionless:
         return [without_friction], True
     if case.grasp.plane is not None and len(case.grasp) <= MANY:
@@ -187,7 +200,9 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
     acceleration, at_contacts, states = read.acceleration, read.at_contacts, read.states
     local, unique = _smallest_forces(case, candidate, at_contacts, states)
     residual = math.inf if local is None else _residual(case, law, acceleration, local)
-    if residual > GOOD:  # round-off decides on a boundary of states: perhaps those found before are better
+    if (
+        residual > GOOD
+    ):  # round-off decides on a boundary of states: perhaps those found before are better
         other = candidate.local if acceleration.any() else carried.forces(case.wrench)
         if other is not None and _residual(case, law, acceleration, other) < residual:
             local, residual = other, _residual(case, law, acceleration, other)

@@ -67,7 +67,9 @@ def _cells(problem: MotionPlane) -> Iterator[_Cell]:
             edge = np.where(signs > 0.0, -1, -2) % len(problem.fan)
             slides = np.vstack([signs[:, None] * problem.tangent[group], others])
             forces = problem.edges[edge, group]
-            yield _Cell(problem.normal[group[:1]], slides, forces, Mode.PIVOTING_AND_SLIDING, Mode.SLIDING)
+            yield _Cell(
+                problem.normal[group[:1]], slides, forces, Mode.PIVOTING_AND_SLIDING, Mode.SLIDING
+            )
 
 
 def _modes_in(cell: _Cell, problem: MotionPlane, spread: Floats) -> Iterator[Mode]:
@@ -76,14 +78,19 @@ def _modes_in(cell: _Cell, problem: MotionPlane, spread: Floats) -> Iterator[Mod
     if least is None:
         return
     other = _least_acceleration(cell, problem, spread, -1.0)
-    most, none = math.inf if other is None else -other, ZERO * math.sqrt(problem.free @ problem.free)
+    most, none = (
+        math.inf if other is None else -other,
+        ZERO * math.sqrt(problem.free @ problem.free),
+    )
     if least < -none or most > none:
         yield cell.turning
     if least <= none and most >= -none:
         yield cell.straight
 
 
-def _least_acceleration(cell: _Cell, problem: MotionPlane, spread: Floats, sign: float) -> float | None:
+def _least_acceleration(
+    cell: _Cell, problem: MotionPlane, spread: Floats, sign: float
+) -> float | None:
     """The least `sign` times the angular acceleration in a cell, over the box; None: no load has one there."""
     forces, errors = len(cell.edges), spread.shape[1]
     system = np.zeros((3 + len(cell.still), 3 + forces + errors))

@@ -193,11 +193,16 @@ def _rays(problem: MotionPlane) -> Iterator[Candidate]:
             continue
         ends = [answer]
         if np.linalg.matrix_rank(system, tol=1e-10) < system.shape[1]:
-            ends = fans.extent(system, problem.wrench, np.eye(len(answer)), np.eye(len(answer))[0]) or ends
+            ends = (
+                fans.extent(system, problem.wrench, np.eye(len(answer)), np.eye(len(answer))[0])
+                or ends
+            )
         for end in ends:
             factors = np.zeros(problem.edges.shape[:2])
             factors[allowed] = end[1:]
-            yield problem.candidate(end[0] * direction, factors, _apart([e[:1] for e in ends], problem.zero))
+            yield problem.candidate(
+                end[0] * direction, factors, _apart([e[:1] for e in ends], problem.zero)
+            )
 
 
 def _apart(ends: list[Floats], zero: float) -> bool:

@@ -69,7 +69,9 @@ class Release:
         return float(acceleration @ self.mass @ acceleration)
 
 
-def release(load: Load, contacts: Contacts, friction: float, mass: float, inertia: Floats) -> Release:
+def release(
+    load: Load, contacts: Contacts, friction: float, mass: float, inertia: Floats
+) -> Release:
     """The problem of a case; friction above 1e6, or infinite, becomes 1e6.
 
     Raises SceneError if friction is negative, the mass not positive, or the inertia (3, 3) not symmetric and
@@ -111,7 +113,9 @@ def frictionless(case: Release) -> Candidate:
         acceleration = case.acceleration(local)
         opening = case.at_contacts(acceleration)[:, 0]
         work = local[:, 0] @ np.abs(opening)
-        if opening.min() >= -CHECKED * case.scale and work <= CHECKED * case.scale * max(1.0, local.max()):
+        if opening.min() >= -CHECKED * case.scale and work <= CHECKED * case.scale * max(
+            1.0, local.max()
+        ):
             return Candidate(acceleration, local)
     acceleration, local[:, 0] = cones.frictionless(case.mass, pressures, case.wrench)
     return Candidate(acceleration, local)
@@ -127,7 +131,9 @@ def _checked(mass: float, inertia: Floats) -> Floats:
             f"inertia has shape {table.shape}; give (3, 3) finite numbers about the centre of mass"
         )
     if np.abs(table - table.T).max() > SYMMETRIC * np.abs(table).max():
-        raise SceneError("inertia is not symmetric; give the inertia tensor about the centre of mass")
+        raise SceneError(
+            "inertia is not symmetric; give the inertia tensor about the centre of mass"
+        )
     if np.linalg.eigvalsh(table)[0] <= 0.0:
         raise SceneError(
             "inertia is not positive definite; give positive moments about every axis, also in 2D"

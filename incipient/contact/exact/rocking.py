@@ -104,7 +104,11 @@ class Rocking:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; an infinite factor is None. The pose is the last one at factors up to one."""
         place = self.last.placement
-        turn = {"angle": place.angle} if place.quaternion is None else {"quaternion": list(place.quaternion)}
+        turn = (
+            {"angle": place.angle}
+            if place.quaternion is None
+            else {"quaternion": list(place.quaternion)}
+        )
         return {
             "critical": self.critical if math.isfinite(self.critical) else None,
             "leaves": self.leaves,
@@ -223,7 +227,10 @@ class _Pocket:
         """The next share to look for a rest at; not beyond that of the load as it is before that was looked at."""
         if share <= NOTHING and lost < 1.0:
             return max(SHRINK * lost, share + shortest)
-        whole, tried = self._share(1.0), max(min(share + step, 0.5 * (share + lost)), share + shortest)
+        whole, tried = (
+            self._share(1.0),
+            max(min(share + step, 0.5 * (share + lost)), share + shortest),
+        )
         return whole if share < whole < tried else tried
 
     def _share(self, factor: float) -> float:

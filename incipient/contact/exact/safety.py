@@ -24,7 +24,9 @@ class SafetyStatus(Enum):
     UNLIMITED = "contact forces balance the flow's load at any size"
     NO_FLOW = "there is no flow load, and the weight is held"
     AT_ONCE = "the weight is held, but no part of the flow's load"
-    HELD_BY_FLOW = "the weight alone is not held; with the flow's load at the factors of the interval it is"
+    HELD_BY_FLOW = (
+        "the weight alone is not held; with the flow's load at the factors of the interval it is"
+    )
     UNHELD = "neither the weight alone nor any multiple of the flow's load with it is held"
 
 
@@ -96,7 +98,9 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
         value=value,
         status=_status(interval, weight_held, acting),
         interval=interval,
-        held=interval is not None and interval[0] <= 1.0 + TOLERANCE and interval[1] >= 1.0 - TOLERANCE,
+        held=interval is not None
+        and interval[0] <= 1.0 + TOLERANCE
+        and interval[1] >= 1.0 - TOLERANCE,
         contact_forces=forces,
         contact_states=_states(held_by, local, acting.at(factor)[1]),
         factor=factor,
@@ -117,7 +121,9 @@ def balanced_interval(
     return None if found is None or low is None else ((low, found[0]), found[1])
 
 
-def _upper(carried: Support, acting: Wrenches, weight_held: bool) -> tuple[float, Floats | None] | None:
+def _upper(
+    carried: Support, acting: Wrenches, weight_held: bool
+) -> tuple[float, Floats | None] | None:
     """The largest factor that is balanced, with the local forces there if it is finite; None: there is none."""
     if acting.flow_size == 0.0:
         return (math.inf, None) if weight_held else None
@@ -166,7 +172,9 @@ def _shown(
     return factor, None if found is None else held_by.law.nearest(found) * size
 
 
-def _status(interval: tuple[float, float] | None, weight_held: bool, acting: Wrenches) -> SafetyStatus:
+def _status(
+    interval: tuple[float, float] | None, weight_held: bool, acting: Wrenches
+) -> SafetyStatus:
     if interval is None:
         return SafetyStatus.UNHELD
     if not weight_held:
@@ -184,7 +192,10 @@ def _states(held_by: Grasp, local: Floats | None, size: float) -> tuple[ConeStat
     if local is None:
         return (ConeState.UNLOADED,) * len(held_by.copy)
     sizes = np.linalg.norm(local, axis=1)
-    edges, loaded = held_by.law.room(local) <= NO_FORCE * sizes, sizes > NO_FORCE * max(size, sizes.max())
+    edges, loaded = (
+        held_by.law.room(local) <= NO_FORCE * sizes,
+        sizes > NO_FORCE * max(size, sizes.max()),
+    )
     states = [
         (ConeState.EDGE if edge else ConeState.INSIDE) if carries else ConeState.UNLOADED
         for edge, carries in zip(edges, loaded, strict=True)
@@ -196,4 +207,6 @@ def _residual(held_by: Grasp, acting: Wrenches, factor: float, local: Floats) ->
     """The worst of force, couple over the unit of length, and cones, relative to load or largest force."""
     wrench, size = acting.at(factor)
     missed = np.abs(held_by.columns @ local.ravel() + size * wrench).max()
-    return float(max(missed, -held_by.law.room(local).min()) / (max(size, np.abs(local).max()) or 1.0))
+    return float(
+        max(missed, -held_by.law.room(local).min()) / (max(size, np.abs(local).max()) or 1.0)
+    )

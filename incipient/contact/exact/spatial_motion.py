@@ -47,10 +47,14 @@ def coulomb(case: Release) -> Law:
     each = np.repeat(step, 3)
     onto = np.eye(len(each)) - case.compliance * each
     offset = -each * case.free_at_contacts
-    return Law(case.compliance, case.free_at_contacts, step, onto, offset, case.grasp.law.coefficient)
+    return Law(
+        case.compliance, case.free_at_contacts, step, onto, offset, case.grasp.law.coefficient
+    )
 
 
-def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest: bool) -> list[Candidate]:
+def spatial_solutions(
+    case: Release, law: Law, without_friction: Candidate, rest: bool
+) -> list[Candidate]:
     """Solutions with different accelerations other than rest; `rest`: whether the load is held.
 
     From a few starts, and if none of them leads to a solution and the grain does not rest, from many more. Of
@@ -101,7 +105,9 @@ class Search:
         if not rest:
             yield np.concatenate([first, self._growing()]), PATIENCE
             yield from ((starts, STEPS) for starts in self._fixed_point())
-            random = np.random.default_rng(0)  # the same every time: an answer must not change between runs
+            random = np.random.default_rng(
+                0
+            )  # the same every time: an answer must not change between runs
             sizes = 10.0 ** random.uniform(-2.0, 1.0, (RANDOM_STARTS, 1, 1))
             yield sizes * random.normal(size=(RANDOM_STARTS, count, 3)), PATIENCE
 
@@ -131,7 +137,9 @@ class Search:
         """Forces at parts of the friction, each reached from the one before, the first from none: (s, k, 3)."""
         local = [self.without_friction.local]
         for part in np.linspace(0.1, 0.9, 9):
-            local.extend(newton(replace(self.law, friction=part * self.law.friction), local[-1][None]))
+            local.extend(
+                newton(replace(self.law, friction=part * self.law.friction), local[-1][None])
+            )
         return np.array(local)
 
     def _fixed_point(self) -> Iterator[Floats]:
@@ -185,7 +193,9 @@ def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
 
     More than STEPS steps are made only if by then there is no solution.
     """
-    from incipient.contact.exact import compiled  # numba takes time to import, and most cases do without
+    from incipient.contact.exact import (
+        compiled,
+    )  # numba takes time to import, and most cases do without
 
     flat = starts.reshape(len(starts), -1)
     forces = compiled.coulomb_forces(law.onto, law.offset, law.friction, flat, STEPS, steps)

@@ -103,7 +103,11 @@ def _most_inside(null: Floats, start: Floats, table: Floats, limits: Floats, sur
         table[j + 2, width] = out + ENOUGH if j % 3 == 0 else 0.0
         limits[j + 2] = start[j] + (out if j % 3 == 0 else 0.0)
     x, error = optimum(table, limits)
-    return min(max(x[width], 0.0), 1.0) * (out + ENOUGH) - out if error < sure / (out + ENOUGH) else 0.0
+    return (
+        min(max(x[width], 0.0), 1.0) * (out + ENOUGH) - out
+        if error < sure / (out + ENOUGH)
+        else 0.0
+    )
 
 
 @inner
@@ -218,7 +222,14 @@ def moving_rows(
             more = _growing(onto, offset, friction[i], starts, pressed, steps)
             found = coulomb_forces(onto, offset, friction[i], more, steps, patience)
         if _choose(
-            found, wrenches[i], columns[i], inertia[i], inverse[i], same * scale, same_energy, acceleration
+            found,
+            wrenches[i],
+            columns[i],
+            inertia[i],
+            inverse[i],
+            same * scale,
+            same_energy,
+            acceleration,
         ):
             made_of[i] = _made_of(acceleration, columns[i], zero * scale, near_zero)
     return made_of

@@ -54,7 +54,9 @@ def optimum(table: Floats, limits: Floats) -> tuple[Floats, float]:
         first = scaled.copy()
         _apply(size, turn, step_z, False, scaled)
         _put_correction(centre, first, scaled, keep * gap / degree, wanted)
-        step_s, step_z, step_x = _direction(table, matrix, size, turn, missed, lacking, wanted, 1.0 - keep)
+        step_s, step_z, step_x = _direction(
+            table, matrix, size, turn, missed, lacking, wanted, 1.0 - keep
+        )
         part = min(1.0, LENGTH * min(_longest(slack, step_s), _longest(dual, step_z)))
         for j in range(width):
             x[j] += part * step_x[j]
@@ -114,7 +116,10 @@ def room(table: Floats, limits: Floats, x: Floats) -> float:
     """How far inside their cones the forces are: the least normal part less the shear."""
     least = np.inf
     for j in range(2, len(limits), 3):
-        one, two = (limits[j + 1] - product(table[j + 1], x), limits[j + 2] - product(table[j + 2], x))
+        one, two = (
+            limits[j + 1] - product(table[j + 1], x),
+            limits[j + 2] - product(table[j + 2], x),
+        )
         least = min(least, limits[j] - product(table[j], x) - math.hypot(one, two))
     return least
 
@@ -198,7 +203,12 @@ def _direction(
     wanted: scaled slack and multiplier steps together.
     """
     height, width = table.shape
-    scaled, both, step_s, step_z = np.empty(height), np.empty(height), np.empty(height), np.empty(height)
+    scaled, both, step_s, step_z = (
+        np.empty(height),
+        np.empty(height),
+        np.empty(height),
+        np.empty(height),
+    )
     _apply(size, turn, missed, True, scaled)
     for j in range(height):
         scaled[j] = share * scaled[j] + wanted[j]
@@ -219,13 +229,17 @@ def _direction(
 
 
 @inner
-def _put_correction(centre: Floats, first: Floats, second: Floats, aim: float, wanted: Floats) -> None:
+def _put_correction(
+    centre: Floats, first: Floats, second: Floats, aim: float, wanted: Floats
+) -> None:
     """Fill in the u with centre o u = -centre o centre - first o second + aim e, o being the cones' product."""
     for j in range(2):
         wanted[j] = (aim - first[j] * second[j]) / centre[j] - centre[j]
     for j in range(2, len(centre), 3):
         a, b, c = centre[j], centre[j + 1], centre[j + 2]
-        one = aim - first[j] * second[j] - first[j + 1] * second[j + 1] - first[j + 2] * second[j + 2]
+        one = (
+            aim - first[j] * second[j] - first[j + 1] * second[j + 1] - first[j + 2] * second[j + 2]
+        )
         two = -first[j] * second[j + 1] - second[j] * first[j + 1]
         three = -first[j] * second[j + 2] - second[j] * first[j + 2]
         along = (a * one - b * two - c * three) / max(_square(centre, j), SMALLEST)

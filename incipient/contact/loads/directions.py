@@ -52,7 +52,9 @@ def safety_over_direction(
     about = -load.weight if axis is None else np.array(axis, dtype=float)
     length = float(np.linalg.norm(about))
     if about.shape != (3,) or not (np.isfinite(length) and length > 0.0):
-        raise SceneError("direction: no axis to turn the flow about; give three components, not all zero")
+        raise SceneError(
+            "direction: no axis to turn the flow about; give three components, not all zero"
+        )
 
     def at(angle: float) -> Directed:
         """The safety factor of the flow turned by an angle."""
@@ -72,7 +74,11 @@ def _searched(at: Callable[[float], Directed]) -> SafetyOverDirection:
     low, high = min(tried, key=_share), max(tried, key=_share)
     return SafetyOverDirection(
         min(low, _minimum(at, _share, low.angle - step, low.angle + step), key=_share),
-        max(high, _minimum(at, lambda one: -_share(one), high.angle - step, high.angle + step), key=_share),
+        max(
+            high,
+            _minimum(at, lambda one: -_share(one), high.angle - step, high.angle + step),
+            key=_share,
+        ),
     )
 
 
@@ -100,7 +106,9 @@ def _turned(load: Load, axis: Floats, angle: float) -> Load:
     def turn(vector: Floats) -> Floats:
         """A vector (3,), turned."""
         along = vector @ axis * axis
-        turned = along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
+        turned = (
+            along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
+        )
         return np.asarray(turned)
 
     return Load(turn(load.flow_force), turn(load.flow_couple), load.weight, load.centre)

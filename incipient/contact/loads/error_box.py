@@ -56,7 +56,9 @@ class SafetyRange:
     # The safety factors of all loads are between them.
     low: float
     high: float
-    worst: Load  # of the given one and those at the corners, that which is held at the fewest factors
+    worst: (
+        Load  # of the given one and those at the corners, that which is held at the fewest factors
+    )
 
     @property
     def rests(self) -> bool:
@@ -96,7 +98,11 @@ def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox)
     All ends are exact but for round-off. Raises SceneError as `safety.safety_factor` does.
     """
     firm = _Held.of(load, contacts, friction + box.friction, box)
-    loose = firm if box.friction == 0.0 else _Held.of(load, contacts, max(friction - box.friction, 0.0), box)
+    loose = (
+        firm
+        if box.friction == 0.0
+        else _Held.of(load, contacts, max(friction - box.friction, 0.0), box)
+    )
     some = firm.some()
     every, worst = loose.every(load, box)
     return SafetyRange(
@@ -115,12 +121,18 @@ def held_words(some: Interval | None, every: Interval | None) -> str:
     if some[1] == 0.0:
         return "any part of the flow's load moves it"
     may = f"{_ends(some)} times the flow's load may hold it"
-    return f"{may}, none for certain" if every is None else f"{may}, {_ends(every)} times do for certain"
+    return (
+        f"{may}, none for certain"
+        if every is None
+        else f"{may}, {_ends(every)} times do for certain"
+    )
 
 
 def shifted(load: Load, change: Floats) -> Load:
     """The load with force and couple of the flow changed, by (6,). Not collective."""
-    return Load(load.flow_force + change[:3], load.flow_couple + change[3:], load.weight, load.centre)
+    return Load(
+        load.flow_force + change[:3], load.flow_couple + change[3:], load.weight, load.centre
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +205,11 @@ def _common(one: Interval, other: Interval | None) -> Interval | None:
 
 
 def _contains(interval: Interval | None, factor: float) -> bool:
-    return interval is not None and interval[0] <= factor + TOLERANCE and interval[1] >= factor - TOLERANCE
+    return (
+        interval is not None
+        and interval[0] <= factor + TOLERANCE
+        and interval[1] >= factor - TOLERANCE
+    )
 
 
 def _ends(interval: Interval) -> str:

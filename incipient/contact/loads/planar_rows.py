@@ -21,9 +21,13 @@ from incipient.contact.loads.rows import CLEAR, Answers, Rows, unit_and_size
 
 FLAT = 1e-9  # a generator so near to a plane lies in it
 THIN = 1e-4  # sine of the angle of two generators below which their plane is not sure enough
-LEAST = 1e-3  # of a unit load along the decisive facet's normal: below it round-off grows above 1e-12
+LEAST = (
+    1e-3  # of a unit load along the decisive facet's normal: below it round-off grows above 1e-12
+)
 NEARLY_STRAIGHT = 1e-9  # of the free acceleration: an angular one that counts as none
-SAME_ENERGY = 1e-6  # relative: motions whose energies are nearer than that are ordered by the single judge
+SAME_ENERGY = (
+    1e-6  # relative: motions whose energies are nearer than that are ordered by the single judge
+)
 MOST_CONTACTS = 12
 AT_ONCE = 2_000_000  # numbers in a table
 
@@ -84,10 +88,15 @@ class _Contacts:
     def of(cls, rows: Rows) -> _Contacts:
         """What hangs on the contacts of cases alone, not on their loads."""
         normal, tangent = (
-            np.concatenate([way, (arm[..., :1] * way[..., 1:] - arm[..., 1:] * way[..., :1])], axis=2)
+            np.concatenate(
+                [way, (arm[..., :1] * way[..., 1:] - arm[..., 1:] * way[..., :1])], axis=2
+            )
             for arm, way in (
                 (rows.arms[..., :2], rows.inward[..., :2]),
-                (rows.arms[..., :2], np.stack([-rows.inward[..., 1], rows.inward[..., 0]], axis=-1)),
+                (
+                    rows.arms[..., :2],
+                    np.stack([-rows.inward[..., 1], rows.inward[..., 0]], axis=-1),
+                ),
             )
         )
         cosine = 1.0 / np.hypot(1.0, rows.friction)[:, None, None]
@@ -102,7 +111,12 @@ class _Contacts:
         """Some of the sets."""
         edges = self.edges[:, sets]
         return _Contacts(
-            self.normal[sets], self.tangent[sets], edges, self.mass[sets], self.facets[sets], self.sure[sets]
+            self.normal[sets],
+            self.tangent[sets],
+            edges,
+            self.mass[sets],
+            self.facets[sets],
+            self.sure[sets],
         )
 
 
@@ -126,7 +140,9 @@ def _facets(generators: Floats) -> tuple[Floats, Booleans]:
     unclear = there & (outside > 0.01 * FLAT) & (outside < CLEAR)
     sure = solid & ~unclear.any(axis=1) & ~((lengths > FLAT) & (lengths < THIN)).any(axis=1)
     facet = there & (outside <= FLAT)
-    order = np.argsort(~facet, axis=1, kind="stable")[:, : max(1, int(facet.sum(axis=1).max(initial=0)))]
+    order = np.argsort(~facet, axis=1, kind="stable")[
+        :, : max(1, int(facet.sum(axis=1).max(initial=0)))
+    ]
     kept = np.take_along_axis(both * facet[..., None], order[..., None], axis=1)
     return kept, sure
 
@@ -239,13 +255,19 @@ def _sliding_on_one(of: _Contacts, inverse: Floats) -> tuple[Floats, Floats, Flo
         others[:, own, own] = factor  # where the grain slides it does not open
         slides = way * np.einsum("gkj,gkji->gki", of.tangent, response)
         tables.append(
-            (np.concatenate([factor[:, :, None], slides[:, :, None], others], axis=2), response, gain)
+            (
+                np.concatenate([factor[:, :, None], slides[:, :, None], others], axis=2),
+                response,
+                gain,
+            )
         )
     rows, responses, gains = (np.concatenate(one, axis=1) for one in zip(*tables, strict=True))
     return rows, responses, gains
 
 
-def _along_lines(of: _Contacts, parallel: Floats) -> tuple[Floats, tuple[Floats, Floats], Integers, Booleans]:
+def _along_lines(
+    of: _Contacts, parallel: Floats
+) -> tuple[Floats, tuple[Floats, Floats], Integers, Booleans]:
     """Directions (g, d, 3) where one contact sticks or two stay, edges (g, d, 3) of both forces, modes, and clarity.
 
     A mode is zero where the direction leads the grain into a contact. A set is not clear if a further contact stays in
@@ -257,7 +279,9 @@ def _along_lines(of: _Contacts, parallel: Floats) -> tuple[Floats, tuple[Floats,
     stick, pair = unit(stick), pair / np.maximum(parallel, ZERO)[..., None]
     involved = np.zeros((count + len(first), count), dtype=bool)
     involved[np.arange(count), np.arange(count)] = True
-    involved[count + np.arange(len(first)), first] = involved[count + np.arange(len(first)), second] = True
+    involved[count + np.arange(len(first)), first] = involved[
+        count + np.arange(len(first)), second
+    ] = True
     directions, ones, others, modes, clear = [], [], [], [], np.ones(len(of.mass), dtype=bool)
     for sign in (1.0, -1.0):
         along = sign * np.concatenate([stick, pair], axis=1)
@@ -266,7 +290,9 @@ def _along_lines(of: _Contacts, parallel: Floats) -> tuple[Floats, tuple[Floats,
             "gpcj,gpj->gpc", of.tangent[:, np.stack([first, second], axis=1)], along[:, count:]
         )
         against = [
-            np.where((sliding[..., one] > 0.0)[..., None], of.edges[1][:, ends], of.edges[0][:, ends])
+            np.where(
+                (sliding[..., one] > 0.0)[..., None], of.edges[1][:, ends], of.edges[0][:, ends]
+            )
             for one, ends in enumerate((first, second))
         ]
         if count > 2:
@@ -276,9 +302,13 @@ def _along_lines(of: _Contacts, parallel: Floats) -> tuple[Floats, tuple[Floats,
         others.append(np.concatenate([of.edges[1], against[1]], axis=1))
         turning = np.abs(along[:, count:, 2])
         mode = np.full(opening.shape, _place(Mode.ROLLING if count == 1 else Mode.PIVOTING))
-        mode[:, count:] = np.where(turning > ZERO, _place(Mode.PIVOTING_AND_SLIDING), _place(Mode.SLIDING))
+        mode[:, count:] = np.where(
+            turning > ZERO, _place(Mode.PIVOTING_AND_SLIDING), _place(Mode.SLIDING)
+        )
         unclear = np.abs(opening) <= CLEAR
-        unclear[:, count:] |= (np.abs(sliding) <= CLEAR).any(axis=2) | ((turning > ZERO) & (turning < CLEAR))
+        unclear[:, count:] |= (np.abs(sliding) <= CLEAR).any(axis=2) | (
+            (turning > ZERO) & (turning < CLEAR)
+        )
         clear &= ~(unclear & (opening > -CLEAR)).any(axis=1)
         directions.append(along)
         modes.append(np.where(opening > 0.0, mode, 0))
@@ -291,20 +321,29 @@ def _slides_along(of: _Contacts, along: Floats, one: Floats, other: Floats) -> B
 
     Such a contact adds nothing to the loads of the pairs.
     """
-    stays, way = (np.abs(along @ of.normal.transpose(0, 2, 1)) <= ZERO), along @ of.tangent.transpose(0, 2, 1)
+    stays, way = (
+        (np.abs(along @ of.normal.transpose(0, 2, 1)) <= ZERO),
+        along @ of.tangent.transpose(0, 2, 1),
+    )
     edges = np.where((way > 0.0)[..., None], of.edges[1][:, None], of.edges[0][:, None])
     beside = np.abs((cross(one, other)[:, :, None] * edges).sum(axis=3)) <= ZERO
     return np.asarray(stays & beside & (np.abs(way) > CLEAR))
 
 
-def _simplicial(inertial: Floats, one: Floats, other: Floats) -> tuple[Floats, Floats, Booleans, Booleans]:
+def _simplicial(
+    inertial: Floats, one: Floats, other: Floats
+) -> tuple[Floats, Floats, Booleans, Booleans]:
     """Loads w = a inertial - b one - c other with a, b, c > 0, vectors (g, d, 3).
 
     Rows (g, d, 3, 3) that give a, b and c, that of a (g, d, 3), which cones are not flat, and which may be, (g, d).
     """
     rows = np.stack([cross(one, other), cross(inertial, other), -cross(inertial, one)], axis=2)
     volume = (rows[:, :, 0] * inertial).sum(axis=2)
-    sizes = np.linalg.norm(inertial, axis=2) * np.linalg.norm(one, axis=2) * np.linalg.norm(other, axis=2)
+    sizes = (
+        np.linalg.norm(inertial, axis=2)
+        * np.linalg.norm(one, axis=2)
+        * np.linalg.norm(other, axis=2)
+    )
     share = np.abs(volume) / sizes
     rows /= np.where(share > ZERO, volume, 1.0)[..., None, None]
     return rows, rows[:, :, 0], share > ZERO, (share > ZERO) & (share < CLEAR)
@@ -321,7 +360,9 @@ def _told(ways: _Ways, number: Integers, loads: Floats) -> tuple[Integers, Boole
     least = _products(ways.rows, number, whole).min(axis=2)
     there = ways.there[number]
     inside = there & (least > CLEAR)
-    unclear = ~ways.told[number] | (there & (np.abs(least) <= CLEAR)).any(axis=1) | ~inside.any(axis=1)
+    unclear = (
+        ~ways.told[number] | (there & (np.abs(least) <= CLEAR)).any(axis=1) | ~inside.any(axis=1)
+    )
     chosen = inside.argmax(axis=1)
     several = np.flatnonzero((inside.sum(axis=1) > 1) & ~unclear)
     if len(several):

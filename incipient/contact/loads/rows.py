@@ -12,7 +12,13 @@ import numpy as np
 from incipient.arrays import Booleans, Floats, Integers
 
 CLEAR = 1e-7  # of unit vectors: what is nearer to a boundary than that is judged by itself
-TURNS, SLIDES, ROLLS, LIFTS, SPINS = 1, 2, 4, 8, 16  # what a motion is made of; DOUBTFUL: it is not sure
+TURNS, SLIDES, ROLLS, LIFTS, SPINS = (
+    1,
+    2,
+    4,
+    8,
+    16,
+)  # what a motion is made of; DOUBTFUL: it is not sure
 DOUBTFUL = -1
 
 

@@ -30,17 +30,23 @@ from incipient.contact.loads.rows import (
 SURE = 1e-9  # relative error of a safety factor that counts as none
 ROOM = 1e-6  # in the cones: with less it is not sure whether a load is held
 NEAR_ZERO = 10.0  # factor on the acceleration that counts as zero, within which a motion is judged by itself
-SAME_ENERGY = 1e-6  # relative: motions whose energies are nearer than that are ordered by the single judge
+SAME_ENERGY = (
+    1e-6  # relative: motions whose energies are nearer than that are ordered by the single judge
+)
 TURNED, ROUND_OFF = (
     1e-4,
     1e-13,
 )  # of a unit load: what certainly turns a grain about its contacts, and what does not
-OUT_OF_PLANE = 1e-8  # determinant of moments of the unit vectors of a case, above which they are in no plane
+OUT_OF_PLANE = (
+    1e-8  # determinant of moments of the unit vectors of a case, above which they are in no plane
+)
 
 
 def in_no_plane(rows: Rows) -> Booleans:
     """Whose arms, normals and loads certainly span space, (n,)."""
-    loads = np.stack([unit_and_size(wrench[:, :3])[0] for wrench in (rows.flow, rows.weight)], axis=1)
+    loads = np.stack(
+        [unit_and_size(wrench[:, :3])[0] for wrench in (rows.flow, rows.weight)], axis=1
+    )
     vectors = np.concatenate([rows.arms, rows.inward, loads], axis=1)
     return np.asarray(np.linalg.det(vectors.transpose(0, 2, 1) @ vectors) > OUT_OF_PLANE)
 
@@ -50,7 +56,9 @@ def judged_in_space(rows: Rows) -> Answers:
 
     Raises ImportError without numba.
     """
-    from incipient.contact.loads import compiled_rows  # numba takes time to import, and most cases do without
+    from incipient.contact.loads import (
+        compiled_rows,
+    )  # numba takes time to import, and most cases do without
 
     columns = _wrenches(rows)
     few = rows.arms.shape[1] < 3
@@ -127,13 +135,19 @@ def _held_by_few(rows: Rows) -> Answers:
         turned.append(np.linalg.norm(np.einsum("naj,nj->na", axes, couple), axis=1))
         sizes.append(size)
     clear = (np.minimum(turned[0], turned[1]) > TURNED) & (length > ROOM)
-    clear &= ((turned[2] < ROUND_OFF) | (turned[2] > ROOM)) & (sizes[1] > CLEAR * (sizes[0] + sizes[2]))
-    return Answers(np.zeros(count), np.zeros(count, dtype=bool), np.ones(count, dtype=np.int64), ~clear)
+    clear &= ((turned[2] < ROUND_OFF) | (turned[2] > ROOM)) & (
+        sizes[1] > CLEAR * (sizes[0] + sizes[2])
+    )
+    return Answers(
+        np.zeros(count), np.zeros(count, dtype=bool), np.ones(count, dtype=np.int64), ~clear
+    )
 
 
 def _modes(made_of: Integers) -> Integers:
     """The modes as of `batch.LABELS`, by `motion_modes.mode`; what is doubtful moves."""
-    turns, slides, rolls, lifts, spins = (made_of & flag > 0 for flag in (TURNS, SLIDES, ROLLS, LIFTS, SPINS))
+    turns, slides, rolls, lifts, spins = (
+        made_of & flag > 0 for flag in (TURNS, SLIDES, ROLLS, LIFTS, SPINS)
+    )
     kinds = (
         (made_of < 0, None),
         (~turns & slides, Mode.SLIDING),

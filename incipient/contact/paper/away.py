@@ -24,8 +24,12 @@ class Axis(Enum):
 
     AWAY = "no normal meets or encircles it and every contact is left"
     INTERSECTED = "a normal meets it: that contact slides, the others are left"
-    ENCIRCLED = "normals to the contact surface can be drawn around it: some contact is pressed either way"
-    PRESSED = "no contact is left and some are pressed: only the opposite turn is away from the surface"
+    ENCIRCLED = (
+        "normals to the contact surface can be drawn around it: some contact is pressed either way"
+    )
+    PRESSED = (
+        "no contact is left and some are pressed: only the opposite turn is away from the surface"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,9 @@ def levers(points: Floats, direction: Floats, contacts: Contacts) -> Floats:
     return np.asarray(about_origin[None] - points @ np.cross(contacts.normals, direction).T)
 
 
-def kinds_of_axes(points: Floats, direction: Floats, contacts: Contacts, tolerance: float) -> list[Axis]:
+def kinds_of_axes(
+    points: Floats, direction: Floats, contacts: Contacts, tolerance: float
+) -> list[Axis]:
     """Which of the axes through `points` (k, 3) the contact normals exclude; levers below `tolerance` are zero."""
     return [_kind(row, tolerance) for row in levers(points, direction, contacts)]
 
@@ -72,7 +78,9 @@ def away(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
     )
 
 
-def nearest_axis(contacts: Contacts, centre: Floats, direction: Floats, tolerance: float) -> Floats | None:
+def nearest_axis(
+    contacts: Contacts, centre: Floats, direction: Floats, tolerance: float
+) -> Floats | None:
     """The point (3,) nearest to the centre at which an axis along `direction` lies beyond no normal.
 
     The points allowed are an intersection of half-planes across `direction`, one for each contact; the
@@ -110,7 +118,10 @@ def _corners(inward: Floats, edge: Floats, i: Floats, j: Floats) -> Floats:
     sine = np.linalg.norm(np.cross(inward[i], inward[j]), axis=1)
     i, j, sine = i[sine > PARALLEL], j[sine > PARALLEL], sine[sine > PARALLEL]
     cosine = (inward[i] * inward[j]).sum(axis=1)
-    along_i, along_j = (edge[i] - cosine * edge[j]) / sine**2, (edge[j] - cosine * edge[i]) / sine**2
+    along_i, along_j = (
+        (edge[i] - cosine * edge[j]) / sine**2,
+        (edge[j] - cosine * edge[i]) / sine**2,
+    )
     return np.asarray(along_i[:, None] * inward[i] + along_j[:, None] * inward[j])
 
 

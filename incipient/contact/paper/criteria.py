@@ -87,8 +87,12 @@ class Classification:
     C_friction: Floats  # 1: sticks, below: slips, 0: not pressed; (k,)
     reaction: Floats  # (k, 3)
     friction_force: Floats  # (k, 3)
-    couple_about_contact: Floats  # tau - r ^ F of the load, zero: no tendency to turn about x*; (k, 3)
-    held_by_sharing: bool  # an unequal sharing among the significant contacts makes the couple vanish
+    couple_about_contact: (
+        Floats  # tau - r ^ F of the load, zero: no tendency to turn about x*; (k, 3)
+    )
+    held_by_sharing: (
+        bool  # an unequal sharing among the significant contacts makes the couple vanish
+    )
     obstructed_by: tuple[int, ...]  # contacts that the motion found would have to pass through
     force_scale: float
     couple_scale: float
@@ -104,7 +108,9 @@ class Classification:
         from_force = np.broadcast_to(load.force, arms.shape)
         from_couple = _tangential_force(load.couple, arms)
         of_force, of_couple, of_both = (
-            distribute(pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance)
+            distribute(
+                pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance
+            )
             for pressing in (from_force, from_couple, from_force + from_couple)
         )
         left = load.force + of_both.force, load.couple + of_both.couple
@@ -116,7 +122,9 @@ class Classification:
         size, reach = _norm(self.load.couple), self.couple_scale / max(self.force_scale, 1e-300)
         if size <= self.couple_scale * self.tolerance:
             return None
-        return away(self.contacts, self.load.centre, self.load.couple / size, self.tolerance * reach)
+        return away(
+            self.contacts, self.load.centre, self.load.couple / size, self.tolerance * reach
+        )
 
     @property
     def moves(self) -> bool:
@@ -125,7 +133,12 @@ class Classification:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as numbers, strings and lists for JSON."""
-        stored = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves, **_plain(self)}
+        stored = {
+            "row": self.mode.row,
+            "wording": self.mode.wording,
+            "moves": self.moves,
+            **_plain(self),
+        }
         return stored | {"away": _plain(self.away), "distributions": _plain(self.distributions)}
 
 
@@ -197,7 +210,9 @@ def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
     arms = contacts.points - load.centre
     lengths = np.linalg.norm(arms, axis=1)
     if lengths.min() <= 1e-12 * lengths.max():
-        raise SceneError(f"contact {int(np.argmin(lengths))} lies at the centre of mass; give surface points")
+        raise SceneError(
+            f"contact {int(np.argmin(lengths))} lies at the centre of mass; give surface points"
+        )
     require_outward(contacts, load.centre)
     return np.asarray(arms)
 
@@ -219,7 +234,9 @@ def _minima(
     lever = lengths * (contacts.normals * _tangential_force(load.couple, arms)).sum(axis=1)
     force_zero, couple_zero = scales
     if _norm(load.couple) > couple_zero:
-        couple_zero = tolerance * _norm(load.couple)  # its sign is a matter of direction, not of size
+        couple_zero = tolerance * _norm(
+            load.couple
+        )  # its sign is a matter of direction, not of size
     return Minima(
         projections_2=toward,
         projections_7=-lever * np.abs(lever),
@@ -273,7 +290,9 @@ def _reaction_at(
     }
 
 
-def _mode(criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool) -> Mode:
+def _mode(
+    criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool
+) -> Mode:
     """The row of the table."""
     if criterion is Criterion.NO_LOAD:
         return Mode.NO_INCIPIENT_MOTION
@@ -285,7 +304,11 @@ def _mode(criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: 
 
 
 def _obstacles(
-    mode: Mode, contacts: Contacts, at: list[int], answer: dict[str, Any], scales: tuple[float, float]
+    mode: Mode,
+    contacts: Contacts,
+    at: list[int],
+    answer: dict[str, Any],
+    scales: tuple[float, float],
 ) -> tuple[int, ...]:
     """Contacts that the motion found would press the grain into: where the paper's assumption fails.
 

@@ -38,7 +38,9 @@ class Distribution:
     friction_force: Floats  # (n, 3)
     force: Floats  # F_c, (3,)
     couple: Floats  # tau_c about the centre, (3,)
-    unbalanced: Floats  # n . P less what the reactions balance of it at pressed contacts, (n,); 0 at n*
+    unbalanced: (
+        Floats  # n . P less what the reactions balance of it at pressed contacts, (n,); 0 at n*
+    )
 
 
 def distribute(
@@ -52,7 +54,9 @@ def distribute(
     toward = (normals * pressing).sum(axis=1)
     at = np.flatnonzero(toward >= toward.max() - tolerance).tolist()
     pressed = np.where(toward > tolerance, toward, 0.0)
-    c_1 = _scale(pressed, normals, measure, at, equal_shares(contacts.points[at], normals[at]), tolerance)
+    c_1 = _scale(
+        pressed, normals, measure, at, equal_shares(contacts.points[at], normals[at]), tolerance
+    )
     held = coulomb.C_friction(pressing, normals, friction) * (pressed > 0.0)
     reaction = -(c_1 * measure * pressed)[:, None] * normals
     along = -(c_1 * measure * held)[:, None] * coulomb.tangential(pressing, normals)
@@ -85,7 +89,12 @@ def measures(contacts: Contacts) -> Floats:
 
 
 def _scale(
-    pressed: Floats, normals: Floats, measure: Floats, at: list[int], share: Floats, tolerance: float
+    pressed: Floats,
+    normals: Floats,
+    measure: Floats,
+    at: list[int],
+    share: Floats,
+    tolerance: float,
 ) -> float:
     """c_1, from the balance of n* . P; where several n* share, from that of their mean."""
     if not pressed[at].all():

@@ -38,8 +38,14 @@ class Category(Enum):
     """
 
     TRANSLATION_ONLY = ("1", "translation only (lifting or sliding)")
-    SLIDING_WITH_AWAY_ROTATION = ("2", "sliding combined with an ``away from the surface'' rotation")
-    LIFTING_WITH_AWAY_ROTATION = ("3", "lifting combined with an ``away from the surface'' rotation")
+    SLIDING_WITH_AWAY_ROTATION = (
+        "2",
+        "sliding combined with an ``away from the surface'' rotation",
+    )
+    LIFTING_WITH_AWAY_ROTATION = (
+        "3",
+        "lifting combined with an ``away from the surface'' rotation",
+    )
     PIVOTTING_WITH_LIFTING = ("4", "pivotting combined with lifting")
     ROTATION_ONLY = ("5", "rotation only (pivotting or an ``away from the surface'' rotation)")
     PIVOTTING_WITH_SLIDING = ("6(a)", "pivotting combined with sliding: about the same contact")

@@ -41,16 +41,16 @@ class FreeSurfaceEffect(Effect):
         if scene.top != "slip" or numbers.froude is None:
             return Decision(self.name, False, reason)
         rise = 0.5 * numbers.froude**2
-        reason += (
-            f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(rise)} of the depth"
-        )
+        reason += f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(rise)} of the depth"
         return Decision(self.name, False, reason, expected=rise)
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """A flow that is nearly critical."""
         yield from filter(None, (near_critical(setup),))
 
-    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
+    def part_in_time(
+        self, setup: Setup, stage: Stage, kept: Checkpoint | None
+    ) -> MovingSurface | None:
         """The surface."""
         if not setup.scene.has_surface:
             return None
@@ -74,7 +74,11 @@ class FreeSurfaceEffect(Effect):
 
         rise = rise_under_lid(solved.run) / Setup(scene).base_flow.depth
         may_be = scene.domain.kind == "box" or scene.flow.kind in STREAMS
-        remedy = 'domain.top = "free-surface"' if may_be and not scene.is_averaged else "a deeper channel"
+        remedy = (
+            'domain.top = "free-surface"'
+            if may_be and not scene.is_averaged
+            else "a deeper channel"
+        )
         if rise > 1.0:
             how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
             yield Omission(self.name, None, how, True, remedy)

@@ -133,7 +133,10 @@ class MovingSurface(RunPart):
         assert grain is not None
         half = 0.5 * grain.size
         if self._up == 1:
-            half = float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max()) - placement.centre[1]
+            half = (
+                float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max())
+                - placement.centre[1]
+            )
         top, unit = placement.centre[self._up] + half, TOUCHING * grain.size
         raised = 0.0
         if top > domain.ceiling - NEAR * grain.size:
@@ -149,7 +152,9 @@ class MovingSurface(RunPart):
         """The mean elevation of the surface's nodes within half of a grain's size of its centre along the level."""
         own = slice(0, self.part.mesh.owned)
         away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
-        near = self.part.elevation[self.part.mesh.nodes[own]][np.linalg.norm(away, axis=1) <= 0.5 * size]
+        near = self.part.elevation[self.part.mesh.nodes[own]][
+            np.linalg.norm(away, axis=1) <= 0.5 * size
+        ]
         total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
         return float(total / max(count, 1.0))
 
@@ -163,7 +168,9 @@ class MovingSurface(RunPart):
             outline = placement.to_scene(grain.chain.points(OUTLINE))
             distances = np.linalg.norm(points[:, None] - outline, axis=2)
         else:
-            distances = np.linalg.norm(points - np.asarray(placement.centre), axis=1) - 0.5 * grain.size
+            distances = (
+                np.linalg.norm(points - np.asarray(placement.centre), axis=1) - 0.5 * grain.size
+            )
         nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
         return float(nearest - TOUCHING * grain.size)
 
@@ -204,7 +211,8 @@ class MovingSurface(RunPart):
     def reported(self) -> dict[str, Any]:
         """The surface at the end, and its elevations on the way."""
         stations = [
-            one[0] if len(one) == 1 else one for one in stations_of(self._scene.surface, self._scene.domain)
+            one[0] if len(one) == 1 else one
+            for one in stations_of(self._scene.surface, self._scene.domain)
         ]
         found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
         return {"surface": found | self._discharge(), "elevations": self.elevations}
@@ -217,7 +225,9 @@ class MovingSurface(RunPart):
 
     def unknowns(self) -> dict[str, int]:
         """Nodes of the surface."""
-        return {EffectName.FREE_SURFACE: int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))}
+        return {
+            EffectName.FREE_SURFACE: int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
+        }
 
     # -- checkpoints ------------------------------------------------------------------------------
 

@@ -39,14 +39,20 @@ class FreeBodyEffect(Effect):
         if body.locked:
             reason += f" but for {', '.join(body.locked)}"
         if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
-            reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
+            reason += (
+                f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
+            )
         return Decision(self.name, body.is_free, reason, setup.scene.effects.free_body != "auto")
 
-    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
+    def part_in_time(
+        self, setup: Setup, stage: Stage, kept: Checkpoint | None
+    ) -> MovingGrain | None:
         """A grain that moves, freely or not."""
         if not setup.scene.moves:
             return None
-        state = None if kept is None or kept.body is None else BodyState.unpacked(kept.body.made_for)
+        state = (
+            None if kept is None or kept.body is None else BodyState.unpacked(kept.body.made_for)
+        )
         assert setup.scene.body is not None
         if setup.scene.body.touches:
             from .on_bed import GrainOnBed

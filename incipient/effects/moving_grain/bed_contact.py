@@ -90,7 +90,10 @@ class BedContact:
         weight: Floats,
     ):
         law = ContactLaw(
-            contact.friction, contact.kinetic_friction, contact.restitution, contact.rolling_resistance
+            contact.friction,
+            contact.kinetic_friction,
+            contact.restitution,
+            contact.rolling_resistance,
         )
         self.motion = ContactMotion(body, self._gaps, law, near.grain.size)
         self.course = Course()
@@ -104,7 +107,11 @@ class BedContact:
     # -- each step --------------------------------------------------------------------------------
 
     def accept(
-        self, ends: tuple[BodyState, BodyState], mean_load: Floats, weight: Floats, contacts: ActiveContacts
+        self,
+        ends: tuple[BodyState, BodyState],
+        mean_load: Floats,
+        weight: Floats,
+        contacts: ActiveContacts,
     ) -> None:
         """Take note of a step between two states: its mean load (k,) of all but contact, the constant part of it
         (k,), and the contacts at its end."""
@@ -117,13 +124,20 @@ class BedContact:
         rested = course.rested + 1 if now == REST and course.first_motion is not None else 0
         height = self._height(after)
         self.course = replace(course, mode=now, rested=rested, **works)
-        if course.left is None and self._over_the_top(height) and self._falls_elsewhere(after.placement):
+        if (
+            course.left is None
+            and self._over_the_top(height)
+            and self._falls_elsewhere(after.placement)
+        ):
             self.course = replace(self.course, left=after.time)
         highest = max(height, course.highest)
         self.course = replace(self.course, heights=(height, course.heights[0]), highest=highest)
 
     def _mode(self, state: BodyState, contacts: ActiveContacts) -> str:
-        speeds = [np.linalg.norm(state.velocity), 0.5 * self._near.grain.size * np.linalg.norm(state.spin)]
+        speeds = [
+            np.linalg.norm(state.velocity),
+            0.5 * self._near.grain.size * np.linalg.norm(state.spin),
+        ]
         if max(speeds) <= self._still:
             return REST
         if not len(contacts):
@@ -151,7 +165,9 @@ class BedContact:
         near, size = self._near, self._near.grain.size
         first = Placement(tuple(self._start), placement.angle, placement.quaternion)
         try:
-            rests = [settle(near.grain, near.bed, one, self._weight, 0.0) for one in (first, placement)]
+            rests = [
+                settle(near.grain, near.bed, one, self._weight, 0.0) for one in (first, placement)
+            ]
         except SceneError:
             return False
         if rests[1].outcome is SettlingOutcome.ROLLS_OFF:
@@ -204,4 +220,6 @@ def _works(
     """The works of flow, weight and contact in a step."""
     way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
     gravity = float(weight @ way)
-    return dict(zip(WORKS, (float(mean_load @ way) - gravity, gravity, *contacts.work), strict=True))
+    return dict(
+        zip(WORKS, (float(mean_load @ way) - gravity, gravity, *contacts.work), strict=True)
+    )

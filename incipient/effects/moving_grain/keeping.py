@@ -51,7 +51,9 @@ def restore(part: RigidPart, body: StoredBody, coupling: Coupling) -> None:
     mesh = coupling.fluid.domain.mesh
     part.mesh.weights[:] = spread_nodes(mesh, body.weights)
     coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
-    part.past = [BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)]
+    part.past = [
+        BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
+    ]
     part.state, part.met = part.past[0], body.met
     part.end = End(part.state, body.load, body.flow_load, body.length)
     part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)

@@ -55,7 +55,9 @@ def landing(
     try:
         contacts = contacts_at(setup, state, met.distance)
     except IncipientError as error:
-        return Landing(why_not=f"the contacts where the grain met the {bed} were not found: {error}")
+        return Landing(
+            why_not=f"the contacts where the grain met the {bed} were not found: {error}"
+        )
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None

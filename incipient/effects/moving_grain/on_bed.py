@@ -65,7 +65,9 @@ class GrainOnBed(MovingGrain):
             return now.placement
         end = self.part.predicted(length, 2)
         way, turn = end.place - now.place, end.placement.turn_since(now.placement)
-        longest = float(np.linalg.norm(way) + 0.5 * self.grain.size * np.linalg.norm(turn) * self.turns_mesh)
+        longest = float(
+            np.linalg.norm(way) + 0.5 * self.grain.size * np.linalg.norm(turn) * self.turns_mesh
+        )
         share = min(0.5, AHEAD[self.body.gdim] * gap / max(longest, SMALLEST))
         return now.placement.moved(share * way, share * turn)
 
@@ -108,7 +110,9 @@ class GrainOnBed(MovingGrain):
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
         return {
-            **columns_of_load(contacts.mean_load(self.state.place, length), "contact", "contact_couple"),
+            **columns_of_load(
+                contacts.mean_load(self.state.place, length), "contact", "contact_couple"
+            ),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
             **self.bed_contact.columns(contacts),

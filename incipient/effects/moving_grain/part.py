@@ -60,7 +60,11 @@ class MovingGrain(RunPart):
     does = ""  # what it does on its bed, where it goes on there
 
     def __init__(
-        self, setup: Setup, stage: Stage, state: BodyState | None = None, made_for: Placement | None = None
+        self,
+        setup: Setup,
+        stage: Stage,
+        state: BodyState | None = None,
+        made_for: Placement | None = None,
     ):
         scene = setup.scene
         self.setup, self.scene, self._stage = setup, scene, stage
@@ -73,7 +77,10 @@ class MovingGrain(RunPart):
         self.body = rigid_body(scene.body, self._halved)
         first = setup.geometry.stance.placement
         assert first is not None
-        self._start, self._made_for = state or initial_state(scene.body, first, self._halved), made_for
+        self._start, self._made_for = (
+            state or initial_state(scene.body, first, self._halved),
+            made_for,
+        )
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
 
@@ -94,9 +101,14 @@ class MovingGrain(RunPart):
         self._fluid, self.energy = fluid, EnergyBudget(fluid)
         free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
         made_for = self._made_for or self._start.placement
-        self._displacement = RigidDisplacement(fluid.domain, "body", made_for, self.turns_mesh, free)
+        self._displacement = RigidDisplacement(
+            fluid.domain, "body", made_for, self.turns_mesh, free
+        )
         if before is not None:
-            self.remeshings, self.interface_iterations = before.remeshings, before.interface_iterations
+            self.remeshings, self.interface_iterations = (
+                before.remeshings,
+                before.interface_iterations,
+            )
 
     def displaced(self, motion: MeshMotion) -> None:
         """Move the mesh from where it was made to where the grain is, and put the body into the fluid there."""
@@ -160,7 +172,11 @@ class MovingGrain(RunPart):
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         """The load of what repels a free grain."""
-        return columns_of_load(self.repulsion(), "repulsion", "repulsion_couple") if self._is_free else {}
+        return (
+            columns_of_load(self.repulsion(), "repulsion", "repulsion_couple")
+            if self._is_free
+            else {}
+        )
 
     def budget(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
@@ -192,11 +208,17 @@ class MovingGrain(RunPart):
                 "without_verdict": "",
             },
             "place": state.place,
-            **({"quaternion": state.orientation} if in_space else {"angle": float(state.orientation[0])}),
+            **(
+                {"quaternion": state.orientation}
+                if in_space
+                else {"angle": float(state.orientation[0])}
+            ),
             "velocity": state.velocity,
             "spin": state.spin if in_space else float(state.spin[0]),
             "mass": self.body.inertia.mass,
-            "inertia": self.body.inertia.moments if in_space else float(self.body.inertia.moments[0]),
+            "inertia": self.body.inertia.moments
+            if in_space
+            else float(self.body.inertia.moments[0]),
             "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
             "remeshings": [asdict(one) for one in self.remeshings],
         }
@@ -252,7 +274,11 @@ class MovingGrain(RunPart):
         near = self.surroundings.clearance(state.placement, reach)
         if near.distance >= reach:
             return np.zeros(self.body.size)
-        speed, volume, mass = self.scene.reference_velocity, self.grain.volume, self.body.inertia.mass
+        speed, volume, mass = (
+            self.scene.reference_velocity,
+            self.grain.volume,
+            self.body.inertia.mass,
+        )
         weight = abs(mass - volume) * float(np.linalg.norm(self.scene.gravity_vector))
         drag = 100.0 * self.scene.viscosity * speed * self.grain.size ** (self.scene.gdim - 2)
         strength = 10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + drag
@@ -274,7 +300,11 @@ class MovingGrain(RunPart):
         from .keeping import stored
 
         assert coupling is not None
-        return {"body": stored(self.part, self.remeshings, self.interface_iterations, coupling, transient)}
+        return {
+            "body": stored(
+                self.part, self.remeshings, self.interface_iterations, coupling, transient
+            )
+        }
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take state and past from a checkpoint; the part is one made for its mesh."""
@@ -303,7 +333,12 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
     turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
     place = dict(zip("xyz", state.place.tolist(), strict=False))
     velocity, spin = apart(state.velocities)
-    return {**place, **turned, **named("velocity", velocity, gdim), **named_couple("spin", spin, gdim)}
+    return {
+        **place,
+        **turned,
+        **named("velocity", velocity, gdim),
+        **named_couple("spin", spin, gdim),
+    }
 
 
 def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:

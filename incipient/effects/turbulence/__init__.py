@@ -49,8 +49,20 @@ LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers b
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", "", None),
     ("largest", "largest y+ of the walls", "y_plus_max", "", None),
-    ("shear_velocity", "shear velocity u* along the walls, mean", "", "error_bars.shear_velocity.1", None),
-    ("at_outflow", "shear velocity u* at the outflow", "bed_shear_velocity", "", _of_shear_velocity),
+    (
+        "shear_velocity",
+        "shear velocity u* along the walls, mean",
+        "",
+        "error_bars.shear_velocity.1",
+        None,
+    ),
+    (
+        "at_outflow",
+        "shear velocity u* at the outflow",
+        "bed_shear_velocity",
+        "",
+        _of_shear_velocity,
+    ),
     ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
     (
         "separated.0",
@@ -84,7 +96,9 @@ class TurbulenceEffect(Effect):
             OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
             for key, words, column, error, ends in AT_WALLS
         ),
-        OutputQuantity("turbulence.applicable", "the walls are as the model asks", column="applicable"),
+        OutputQuantity(
+            "turbulence.applicable", "the walls are as the model asks", column="applicable"
+        ),
         OutputQuantity("turbulence.spread", "what loads still change by", column="load_spread"),
     )
 
@@ -99,7 +113,9 @@ class TurbulenceEffect(Effect):
         if scene.flow.kind == "log-law":
             reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
             if numbers.flow_reynolds < (least := turbulent_from(scene.flow.kind)):
-                reason += f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {least:g}"
+                reason += (
+                    f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {least:g}"
+                )
         elif found := transition(setup, numbers):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
@@ -107,9 +123,16 @@ class TurbulenceEffect(Effect):
     def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
         """In space: LU factorisation in time with wall functions, else approximate; and on few cells with upwinding."""
         if setup.scene.gdim == 3 and unsteady and setup.has_wall_layer:
-            why = "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
+            why = (
+                "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
+            )
             return Method("direct", why)
-        if setup.scene.gdim == 3 and unsteady and setup.resolves_walls and not setup.resolved_walls.plane:
+        if (
+            setup.scene.gdim == 3
+            and unsteady
+            and setup.resolves_walls
+            and not setup.resolved_walls.plane
+        ):
             why = "LU factors without what is far apart, to 1%; by blocks thin cells at walls need many iterations"
             why += f"; on {FEW_CELLS} cells or less whole factors are faster, and used"
             return Method("compressed", why)
@@ -164,7 +187,9 @@ class TurbulenceEffect(Effect):
         from ...results.wall_report import longest
 
         # Results of earlier versions have no remedy.
-        remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
+        remedy = found.get(
+            "remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}"
+        )
         # Results of earlier versions have no model.
         resolved = found.get("model") == "k-omega-sst"
         holds, fails = RESOLVED if resolved else BY_LAW
@@ -173,7 +198,9 @@ class TurbulenceEffect(Effect):
         upstream = "next to the bed the flow runs upstream from x, to x"
         rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
         if not found["plane"]:
-            rows.insert(0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"]))
+            rows.insert(
+                0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"])
+            )
         rows += [("shorter places where it does", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
         if spread := found.get("spread"):
@@ -187,7 +214,9 @@ class TurbulenceEffect(Effect):
         if setup.has_wall_layer:
             return " with turbulence"
         over, sides = setup.turbulence.roughness, setup.geometry.walled
-        return " with turbulence to the wall" + " over sand" * bool(over) + " and to the sides" * sides
+        return (
+            " with turbulence to the wall" + " over sand" * bool(over) + " and to the sides" * sides
+        )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
@@ -198,4 +227,6 @@ class TurbulenceEffect(Effect):
             yield Omission(self.name, None, how, True, remedy)
         elif numbers is not None and (found := transition(Setup(scene), numbers)):
             how = f"{found.number} {found.value:.4g} is above {found.least:g}"
-            yield Omission(self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}")
+            yield Omission(
+                self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
+            )

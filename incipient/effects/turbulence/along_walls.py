@@ -113,7 +113,9 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     """Read the flow along a named boundary, in space at corners of cells; `shear_velocity` is UFL. Collective."""
     domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
     # In space the functions of corners in elements of order two integrate to zero: no area would go with them.
-    space = fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
+    space = (
+        fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
+    )
     if gdim == 3:
         flow = dolfinx.fem.Function(space)
         flow.interpolate(fluid.velocity)
@@ -139,7 +141,9 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     ]
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
-    places, lengths, normals, velocities, shears = np.split(whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1)
+    places, lengths, normals, velocities, shears = np.split(
+        whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
+    )
     return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
 
 
@@ -190,7 +194,11 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
     space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
     nodes = boundary_blocks(space, domain.facets_of(boundary))
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
-    w, n, one = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh), ufl.as_vector([1.0, 0.0, 0.0])
+    w, n, one = (
+        ufl.TestFunction(space),
+        ufl.FacetNormal(domain.mesh),
+        ufl.as_vector([1.0, 0.0, 0.0]),
+    )
     slope = ufl.dot(ufl.grad(ufl.split(fluid.state)[0]), n)
     known = one, n, ufl.dot(slope, n) * n - slope
 
@@ -214,7 +222,9 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
         along -= (along * units).sum(axis=1, keepdims=True) * units
     else:
         along /= fluid.reynolds
-    return AlongWall(places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1)))
+    return AlongWall(
+        places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1))
+    )
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:

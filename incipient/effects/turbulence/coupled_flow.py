@@ -48,9 +48,13 @@ class CoupledFlow:
         self._scale = 1.0
         self._held: list[Any] = []
         self._per_step = turbulence.constant(0.0)
-        flow_from = fluid.state.x.array[fluid.space.velocity_map] if fluid.domain.gdim == 2 else np.empty(0)
+        flow_from = (
+            fluid.state.x.array[fluid.space.velocity_map] if fluid.domain.gdim == 2 else np.empty(0)
+        )
         self._speed = turbulence.constant(turbulence.largest(flow_from))
-        self._slowed = dolfinx.fem.Function(compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0)))
+        self._slowed = dolfinx.fem.Function(
+            compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0))
+        )
         self._slowed.x.array[:] = 1.0
         forms = self._residual_forms()
         states = fluid.state, turbulence.state
@@ -61,7 +65,9 @@ class CoupledFlow:
             for form, own in zip(forms, states, strict=True)
         ]
         self._vectors = [self._holding(petsc.assemble_vector(one)) for one in self._residuals]
-        self._blocks = [[self._holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives]
+        self._blocks = [
+            [self._holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
+        ]
         self._assemble_blocks()
         self._nest = self._holding(PETSc.Mat().createNest(self._blocks, comm=fluid.domain.comm))
         self._nest.assemble()
@@ -69,7 +75,9 @@ class CoupledFlow:
         self._solver = self._holding(
             self._factors() if fluid.domain.gdim == 2 else BlockByBlock(fluid, self._nest)
         )
-        self._right, self._correction = (self._holding(one) for one in self._solver.matrix.createVecs())
+        self._right, self._correction = (
+            self._holding(one) for one in self._solver.matrix.createVecs()
+        )
 
     def _factors(self) -> Direct:
         """The solver by factors of both as one matrix."""
@@ -87,10 +95,15 @@ class CoupledFlow:
         change = ufl.TrialFunction(state.function_space)
         found = ufl.derivative(form, state, change)
         coarser = {"quadrature_degree": DEGREE_OF_DERIVATIVE[self._fluid.domain.gdim]}
-        found = ufl.Form([one.reconstruct(metadata=one.metadata() | coarser) for one in found.integrals()])
+        found = ufl.Form(
+            [one.reconstruct(metadata=one.metadata() | coarser) for one in found.integrals()]
+        )
         if state is not own or self._in_time:
             return found
-        test, rate = ufl.TestFunction(state.function_space), self._per_step * self._slowed * self._passing()
+        test, rate = (
+            ufl.TestFunction(state.function_space),
+            self._per_step * self._slowed * self._passing(),
+        )
         degree = {"quadrature_degree": 2 * self._fluid.space.order}
         measure = ufl.dx(domain=self._fluid.domain.mesh, metadata=degree)
         if own is self._fluid.state:
@@ -141,9 +154,15 @@ class CoupledFlow:
             change.x.array[: len(values)] = values
             change.x.scatter_forward()
             changes.append(change.x.array)
-        logarithms, most = np.abs(changes[1]).reshape(-1, 2).max(axis=1), MOST_AT_NODES[1] * _fastest(fluid)
+        logarithms, most = (
+            np.abs(changes[1]).reshape(-1, 2).max(axis=1),
+            MOST_AT_NODES[1] * _fastest(fluid),
+        )
         asked = (
-            (fluid.space.velocity, np.linalg.norm(changes[0][fluid.space.unknowns_at_nodes], axis=1) / most),
+            (
+                fluid.space.velocity,
+                np.linalg.norm(changes[0][fluid.space.unknowns_at_nodes], axis=1) / most,
+            ),
             (self._turbulence.space, logarithms / MOST_AT_NODES[0]),
         )
         of_cells = [values[compat.cell_dofs(space)].max(axis=1) for space, values in asked]
@@ -151,7 +170,10 @@ class CoupledFlow:
 
     def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
         """Add corrections (owned unknowns,) to both states."""
-        for state, values in ((self._fluid.state, of_flow), (self._turbulence.state, of_logarithms)):
+        for state, values in (
+            (self._fluid.state, of_flow),
+            (self._turbulence.state, of_logarithms),
+        ):
             state.x.array[: len(values)] += values
             state.x.scatter_forward()
 
@@ -170,7 +192,9 @@ class CoupledFlow:
             ConvergenceError: the matrix has no factors.
         """
         self._turbulence.prepare()
-        for vector, form, conditions in zip(self._vectors, self._residuals, self._conditions, strict=True):
+        for vector, form, conditions in zip(
+            self._vectors, self._residuals, self._conditions, strict=True
+        ):
             with vector.localForm() as local:
                 local.set(0.0)
             petsc.assemble_vector(vector, form)

@@ -28,9 +28,7 @@ Values = Callable[[np.ndarray], np.ndarray]
 # (docs/k_omega_in_space.md, grains that move in space).
 MOST_CORRECTIONS = {2: 20, 3: 40}
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
-HALF_WAY = (
-    0.5  # to the state of the step before goes what upwinding knows: all the way two states may take turns
-)
+HALF_WAY = 0.5  # to the state of the step before goes what upwinding knows: all the way two states may take turns
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
 # Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
 CONTRACTION, SAME_RATE = 0.3, 0.3
@@ -99,7 +97,9 @@ class TurbulenceFields(ABC):
             return []
         self._given.interpolate(self.surroundings.values)
         facets = np.concatenate([self.domain.facets_of(name) for name in self.surroundings.inflow])
-        return [dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))]
+        return [
+            dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))
+        ]
 
     def give(self, values: Values) -> None:
         """Take other values at the inflow. Collective."""
@@ -168,13 +168,19 @@ class TurbulenceFields(ABC):
 
     # -- its equations ------------------------------------------------------------------------------
 
-    def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None) -> None:
+    def carried_by(
+        self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None
+    ) -> None:
         """Compile the equations of the turbulence that a velocity carries and makes.
 
         Arguments are UFL; `added` (2,) is what else makes both quantities, `carrier` the velocity less the mesh's, see
         `forms.turbulence.Stream`.
         """
-        mesh, unknowns, tests = self.domain.mesh, ufl.split(self.state), ufl.TestFunctions(self.space)
+        mesh, unknowns, tests = (
+            self.domain.mesh,
+            ufl.split(self.state),
+            ufl.TestFunctions(self.space),
+        )
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
@@ -197,7 +203,9 @@ class TurbulenceFields(ABC):
         self.form = form = self._equations(rate, tests, stream)
         self.of_molecules = of_molecules
         self._residual = compat.form(form)
-        self._jacobian = compat.form(ufl.derivative(form, self.state, ufl.TrialFunction(self.space)))
+        self._jacobian = compat.form(
+            ufl.derivative(form, self.state, ufl.TrialFunction(self.space))
+        )
         self._matrix = self._holding(petsc.create_matrix(self._jacobian))
         self._vector = self._holding(petsc.assemble_vector(self._residual))
         self._correction = self._holding(self._vector.duplicate())
@@ -228,7 +236,11 @@ class TurbulenceFields(ABC):
             function.x.array[:] = values
 
     def step(
-        self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float, lasting: bool = False
+        self,
+        rate: Sequence[float],
+        past: Sequence[np.ndarray],
+        tolerance: float,
+        lasting: bool = False,
     ) -> float:
         """Solve for the state with dK/dt = a0 K + a1 K(1) + a2 K(2) from its present values; the last correction.
 

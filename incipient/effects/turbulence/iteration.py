@@ -27,7 +27,9 @@ STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
 MOST_OF_FIRST, MOST_OF_FLOW = 7, 12
 MOST_TURNS = 15  # within a time step
 NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
-NO_FLOW = "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
+NO_FLOW = (
+    "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,10 @@ def solve_steadily(
         # The flow is found no better than its eddy viscosity is known, and with a factorisation kept while it serves.
         enough = SHARE_OF_FLOW * max(tolerance, moved)
         turbulence.look()
-        if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged:
+        if (
+            not np.isfinite(size)
+            or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged
+        ):
             logarithms[:], flow[:] = past, past_flow
             step *= CUT
             if step < shortest * time:
@@ -114,7 +119,9 @@ def relative_change(fluid: Fluid, change: np.ndarray) -> float:
 class Moving(Interface, Protocol):
     """What moves with the flow, solved together with it for given turbulence fields."""
 
-    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
+    def again(
+        self, length: float, order: int, tolerance: float, before: NewtonReport
+    ) -> NewtonReport:
         """Solve for the end of the step again, from the end found with other fields and the report of that."""
         ...
 
@@ -169,7 +176,9 @@ class InTime:
         self.forget()
         return NewtonReport(False, tuple(sizes), np.inf)
 
-    def _flow(self, length: float, order: int, tolerance: float, before: NewtonReport | None) -> NewtonReport:
+    def _flow(
+        self, length: float, order: int, tolerance: float, before: NewtonReport | None
+    ) -> NewtonReport:
         """The flow, with what moves in it, for given turbulence fields; `before` is the report with earlier ones."""
         if self._moving is None:
             return self._fluid.solve(tolerance)
@@ -211,4 +220,6 @@ class InTime:
         """Why the last attempt failed, and a remedy."""
         if self._failed:
             return f"{self.turbulence.names} do not converge: use a smaller time.step{self._remedy}"
-        return (self._moving.complaint() if self._moving is not None else "") or NO_STEP + self._remedy
+        return (
+            self._moving.complaint() if self._moving is not None else ""
+        ) or NO_STEP + self._remedy

@@ -26,7 +26,11 @@ class KEpsilon(TurbulenceFields):
     second = "epsilon"
 
     def __init__(
-        self, domain: Domain, surroundings: TurbulenceConditions, order: int, constants: Sequence[float]
+        self,
+        domain: Domain,
+        surroundings: TurbulenceConditions,
+        order: int,
+        constants: Sequence[float],
     ):
         super().__init__(domain, surroundings, order)
         self.closure = forms.Closure(*(self.constant(one) for one in constants))
@@ -49,7 +53,9 @@ class KEpsilon(TurbulenceFields):
         form = super()._equations(rate, tests, stream)
         if not self.surroundings.walls:
             return form
-        flux = forms.at_wall(ufl.split(self.state), tests[1], self._away, stream.viscosity, self.closure)
+        flux = forms.at_wall(
+            ufl.split(self.state), tests[1], self._away, stream.viscosity, self.closure
+        )
         names = self.domain.names
         walls = ufl.ds(
             tuple(names[name] for name in self.surroundings.walls),
@@ -95,7 +101,9 @@ class KEpsilonFlow(TurbulentFlow):
     def wall_report(self) -> WallReport:
         """u* and y+ along the walls, and what they say of the law."""
         scene, walls, names = self._scene, self._walls, self._walls.names
-        along = {name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names}
+        along = {
+            name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names
+        }
         governing, found, shares, x = (
             np.concatenate(parts)
             for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
@@ -126,7 +134,11 @@ class KEpsilonFlow(TurbulentFlow):
         scene = self._scene
         governing, found, _, x = self._shear_velocities(along)
         friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
-        columns = {"x": x, "y_plus": governing * self._walls.distance / scene.viscosity, "friction": friction}
+        columns = {
+            "x": x,
+            "y_plus": governing * self._walls.distance / scene.viscosity,
+            "friction": friction,
+        }
         return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
 
     def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:

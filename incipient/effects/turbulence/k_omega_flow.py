@@ -32,7 +32,9 @@ from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, Marching, solve_together
 from .together_in_time import FINEST, InTimeTogether, SetOffTogether
 
-LEAST = 1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
+LEAST = (
+    1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
+)
 # u* d/nu up to which a flow in space is found from the start; faster ones from slower ones, each faster by a factor,
 # and of a factor what is not worth a slower flow.
 FOUND_AT_ONCE, FASTER, SLIGHTLY = 100.0, 1.6, 0.5
@@ -111,7 +113,11 @@ class KOmegaFlow(TurbulentFlow):
     def _floored(self, logarithms: Floats) -> Floats:
         """(2, n) with k at least what is not destroyed, and what is added to it."""
         log_k, log_omega = logarithms
-        k = np.maximum(np.exp(log_k), self._least) if not self._added else np.exp(log_k) + self._added
+        k = (
+            np.maximum(np.exp(log_k), self._least)
+            if not self._added
+            else np.exp(log_k) + self._added
+        )
         return np.array([np.log(k), log_omega])
 
     def _give(self, fluid: Fluid) -> None:
@@ -167,7 +173,9 @@ class KOmegaFlow(TurbulentFlow):
                 if len(ahead) == 1:
                     return super().solve(run, factor, before > 0.0)
                 self._lead(
-                    run, factor * number / own, Marching(nearly=True, fast=own > FAST, onwards=before > 0.0)
+                    run,
+                    factor * number / own,
+                    Marching(nearly=True, fast=own > FAST, onwards=before > 0.0),
                 )
                 before = ahead.pop(0)
             except ConvergenceError:
@@ -208,7 +216,9 @@ class KOmegaFlow(TurbulentFlow):
         if by_turns and not self._started:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
-                rounds = solve_steadily(self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0)
+                rounds = solve_steadily(
+                    self._fluid, self.fields, time, BY_TURNS, watch, self._timed, 1.0
+                )
             if not rounds:
                 self.enter(self._fluid)
         with self._timed():
@@ -229,11 +239,15 @@ class KOmegaFlow(TurbulentFlow):
         from_rest = time is not None and time.start == "rest" and self._begins_among_forms
         if from_rest and interface is not None:
             moving = cast("Moving", interface)
-            self.in_time = SetOffTogether(self._fluid, self.fields, self._timed, moving, self._remedy)
+            self.in_time = SetOffTogether(
+                self._fluid, self.fields, self._timed, moving, self._remedy
+            )
             return self.in_time
         if self._scene.gdim == 2 or interface is not None:
             return super().around(interface)
-        self.in_time = self._fluid.holding(InTimeTogether(self._fluid, self.fields, self._timed, FINEST))
+        self.in_time = self._fluid.holding(
+            InTimeTogether(self._fluid, self.fields, self._timed, FINEST)
+        )
         return self.in_time
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
@@ -241,7 +255,9 @@ class KOmegaFlow(TurbulentFlow):
         start = self._of_run.geometry.placement
         if placement is None or start is None:
             return
-        if np.linalg.norm(np.subtract(placement.centre, start.centre)[:2]) > way_on_bed(self._of_run):
+        if np.linalg.norm(np.subtract(placement.centre, start.centre)[:2]) > way_on_bed(
+            self._of_run
+        ):
             raise ConvergenceError(
                 f"at t = {step.time:.6g} the grain comes to where level ground takes the bed's place: use a larger "
                 "numerics.meshed_bed"
@@ -251,7 +267,9 @@ class KOmegaFlow(TurbulentFlow):
     def _remedy(self) -> str:
         """Around a grain in a stream upwinding, where the scene has not asked for it."""
         helps = self._walls.around_grain and not self._fluid.model.upwind
-        return ', or numerics.stabilisation = "on", which upwinds and changes loads' if helps else ""
+        return (
+            ', or numerics.stabilisation = "on", which upwinds and changes loads' if helps else ""
+        )
 
     @property
     def coarser_first(self) -> bool:
@@ -308,10 +326,15 @@ class KOmegaFlow(TurbulentFlow):
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
         scene, walls = self._scene, self._walls
-        along = {name: along_resolved_wall(self._fluid, name, name in walls.rough) for name in walls.names}
+        along = {
+            name: along_resolved_wall(self._fluid, name, name in walls.rough)
+            for name in walls.names
+        }
         found, shares = (
             np.concatenate(parts)
-            for parts in zip(*((one.shear_velocities, one.lengths) for one in along.values()), strict=True)
+            for parts in zip(
+                *((one.shear_velocities, one.lengths) for one in along.values()), strict=True
+            )
         )
         y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
@@ -371,7 +394,8 @@ class KOmegaFlow(TurbulentFlow):
             for name in ("places", "shear_velocities", "lengths")
         )
         limits = np.repeat(
-            [self._walls.thickest(name) for name in walls], [len(one.lengths) for one in walls.values()]
+            [self._walls.thickest(name) for name in walls],
+            [len(one.lengths) for one in walls.values()],
         )
         nearest, mine = np.empty(0, dtype=np.int64), np.empty(0)
         if len(places):
@@ -389,8 +413,12 @@ class KOmegaFlow(TurbulentFlow):
         tree, drawn = cKDTree(ends), {}
         for wall, along in walls.items():
             found = along.shear_velocities
-            friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
+            friction = (
+                2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
+            )
             y_plus = found * away[tree.query(along.places)[1]] / scene.viscosity
             columns = {"x": along.places[:, 0], "y_plus": y_plus, "friction": friction}
-            drawn[wall] = {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
+            drawn[wall] = {
+                name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()
+            }
         return drawn

@@ -26,7 +26,9 @@ ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, 
 FAR = 1e9  # distance where there are no walls
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
-LEAST_SHARE = 0.05  # of k in what its unknown holds, around a grain in a stream, by which the model blends
+LEAST_SHARE = (
+    0.05  # of k in what its unknown holds, around a grain in a stream, by which the model blends
+)
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
@@ -79,9 +81,13 @@ class KOmegaSST(TurbulenceFields):
         self._smooth = tuple(name for name in surroundings.walls if name not in sand.walls)
         self._distance = dolfinx.fem.Function(scalar)
         # From smooth walls, where some are rough.
-        self._from_smooth = dolfinx.fem.Function(scalar) if sand.walls and self._smooth else self._distance
+        self._from_smooth = (
+            dolfinx.fem.Function(scalar) if sand.walls and self._smooth else self._distance
+        )
         self._beyond = dolfinx.fem.Function(compat.space(mesh, ("Discontinuous Lagrange", 0)))
-        self._seen = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,)))
+        self._seen = dolfinx.fem.Function(
+            compat.space(mesh, ("Lagrange", order_of_flow), (domain.gdim,))
+        )
         self._fluid: Fluid | None = None
         self.stretched, self.steep = added > 0.0, bool(sand.walls)
         self._molecules, self._least = viscosity, self.constant(least)
@@ -89,7 +95,9 @@ class KOmegaSST(TurbulenceFields):
         self._stress, self._little = self.constant(sand.stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
-        self._near, self._edge, self._within, self._source, self._ends = np.empty((5, 0), dtype=np.int64)
+        self._near, self._edge, self._within, self._source, self._ends = np.empty(
+            (5, 0), dtype=np.int64
+        )
         self._drop = np.empty(0)
         if surroundings.walls:
             self._stand_at_walls(scalar)
@@ -154,7 +162,9 @@ class KOmegaSST(TurbulenceFields):
                 "from a wall; enlarge it or numerics.mesh_size, or use a smaller fluid.reynolds"
             )
         least = ON_WALL / nearest
-        self._at_walls.x.array[self._near] = forms.at_smooth_wall(viscosity, np.maximum(away, least), np)
+        self._at_walls.x.array[self._near] = forms.at_smooth_wall(
+            viscosity, np.maximum(away, least), np
+        )
 
     def follow(self) -> None:
         """Let distances from walls, and what is given by them, be those of the mesh where it is now."""
@@ -174,7 +184,9 @@ class KOmegaSST(TurbulenceFields):
 
     def _places(self) -> Floats:
         """Places (n, gdim) of this rank's nodes."""
-        return np.asarray(self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim])
+        return np.asarray(
+            self._distance.function_space.tabulate_dof_coordinates()[:, : self.domain.gdim]
+        )
 
     def _entering(self) -> Integers:
         """Nodes at which both are given."""
@@ -204,7 +216,9 @@ class KOmegaSST(TurbulenceFields):
         if not len(self._edge):
             return np.zeros(len(self._within))
         beyond = away[self._source]
-        return np.asarray(forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond))
+        return np.asarray(
+            forms.EXPONENT * np.log(np.maximum(away[self._within], ON_WALL * beyond) / beyond)
+        )
 
     def prepare(self) -> None:
         """Let ln k within the cells at smooth walls follow that beyond, as the owner of a node has it. Collective."""
@@ -253,7 +267,9 @@ class KOmegaSST(TurbulenceFields):
     def viscosity(self, of_molecules: Any) -> Any:
         """The molecular and eddy viscosity, for `FlowModel.viscosity`, by the strain last looked at."""
         stream = Stream(self._seen, of_molecules, None)
-        return of_molecules + self._beyond * self.closure.eddy_viscosity(ufl.split(self.state), stream)
+        return of_molecules + self._beyond * self.closure.eddy_viscosity(
+            ufl.split(self.state), stream
+        )
 
     def energy(self, logarithm: Any) -> Any:
         """k by its unknown (UFL)."""
@@ -309,7 +325,9 @@ class KOmegaSST(TurbulenceFields):
         mesh = self.domain.mesh
         facets = self._interface()
         away = replace(self.closure, distance=ufl.max_value(self._from_smooth, self._floor))
-        flux = inside * forms.from_wall(ufl.split(self.state), tests[0], ufl.FacetNormal(mesh), stream, away)
+        flux = inside * forms.from_wall(
+            ufl.split(self.state), tests[0], ufl.FacetNormal(mesh), stream, away
+        )
         between = ufl.dS(1, domain=mesh, subdomain_data=facets, metadata=stream.measure.metadata())
         return form + (flux("+") + flux("-")) * between
 
@@ -328,10 +346,14 @@ class KOmegaSST(TurbulenceFields):
         mesh, gdim = self.domain.mesh, self.domain.gdim
         for dimensions in ((gdim - 1, gdim), (gdim, gdim - 1)):
             mesh.topology.create_connectivity(*dimensions)
-        cells, facets = (mesh.topology.connectivity(*one) for one in ((gdim - 1, gdim), (gdim, gdim - 1)))
+        cells, facets = (
+            mesh.topology.connectivity(*one) for one in ((gdim - 1, gdim), (gdim, gdim - 1))
+        )
         inside = self._beyond.x.array[compat.cell_dofs(self._beyond.function_space)[:, 0]]
         at_walls = np.flatnonzero(inside == 0.0)
         near = np.unique(np.concatenate([np.empty(0, np.int32), *map(facets.links, at_walls)]))
         owned = near[near < mesh.topology.index_map(gdim - 1).size_local].astype(np.int32)
-        found = np.array([one for one in owned if inside[cells.links(one)].sum() == 1.0], dtype=np.int32)
+        found = np.array(
+            [one for one in owned if inside[cells.links(one)].sum() == 1.0], dtype=np.int32
+        )
         return dolfinx.mesh.meshtags(mesh, gdim - 1, found, np.ones(len(found), dtype=np.int32))

@@ -25,13 +25,20 @@ def refusals(setup: Setup) -> Iterator[str]:
     walls, bed = setup.walls, setup.scene.bed
     if why := setup.turbulence.rows_beyond(walls.number, walls.depth):
         yield why
-    if float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance)) <= LEAST:
+    if (
+        float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance))
+        <= LEAST
+    ):
         yield (
             f"turbulence.roughness: is {walls.law.roughness:g}, and the law of the wall begins within the "
             f"sand, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
             "smaller roughness"
         )
-    if bed is not None and bed.kind in FORMS and setup.geometry.bed.feature < FINEST_FORM * walls.distance:
+    if (
+        bed is not None
+        and bed.kind in FORMS
+        and setup.geometry.bed.feature < FINEST_FORM * walls.distance
+    ):
         yield (
             f"bed: has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins "
             f"{walls.distance:.3g} from them: it stands for more than one of them; use a larger fluid.reynolds, "
@@ -44,12 +51,17 @@ def refusals(setup: Setup) -> Iterator[str]:
 def too_near(setup: Setup) -> str:
     """Why the law of the wall is not for a scene, or an empty string. Not collective."""
     walls = setup.walls
-    share, of = walls.distance / walls.reach, "depth" if walls.reach == walls.depth else "half width"
+    share, of = (
+        walls.distance / walls.reach,
+        "depth" if walls.reach == walls.depth else "half width",
+    )
     if walls.distance <= LARGEST_SHARE * walls.reach:
         return ""
     remedy = "use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
     if walls.distance == walls.law.roughness:
-        remedy = "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
+        remedy = (
+            "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
+        )
     return (
         f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}; "
         f"{remedy}"
@@ -67,7 +79,11 @@ def too_small(setup: Setup) -> str:
             f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
         )
     least = f"for the law of the wall it must be {SMALLEST_GRAIN:g} at least"
-    return "" if number >= SMALLEST_GRAIN else f"the grain has u* d/nu = {number:.3g}, {least}; {SMALLER}"
+    return (
+        ""
+        if number >= SMALLEST_GRAIN
+        else f"the grain has u* d/nu = {number:.3g}, {least}; {SMALLER}"
+    )
 
 
 def grain_number(setup: Setup) -> float:
@@ -136,7 +152,10 @@ def _narrow_gap(setup: Setup) -> Iterator[str]:
     nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance
     lid = setup.sides.top if setup.base_flow.flow.kind == "open-channel" else ""
     sides = () if setup.geometry.walled else setup.sides.across
-    if nearest.other in (setup.sides.right, setup.sides.left, lid, *sides) or nearest.distance >= least:
+    if (
+        nearest.other in (setup.sides.right, setup.sides.left, lid, *sides)
+        or nearest.distance >= least
+    ):
         return
     yield (
         f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "

@@ -22,10 +22,16 @@ RESTART, MOST_ITERATIONS = 100, 400
 TOGETHER = "turbulent_"
 MOST_TOGETHER = 150
 # k and omega after each other, each by factors: incomplete ones do not do.
-FIELDS = {"pc_type": "fieldsplit", "pc_fieldsplit_block_size": 2, "pc_fieldsplit_type": "multiplicative"}
+FIELDS = {
+    "pc_type": "fieldsplit",
+    "pc_fieldsplit_block_size": 2,
+    "pc_fieldsplit_type": "multiplicative",
+}
 FIELDS |= {f"fieldsplit_{i}_ksp_type": "preonly" for i in (0, 1)}
 ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
-PATIENCE = 10  # iterations up to which factors of the flow serve on; with older ones residuals tell little
+PATIENCE = (
+    10  # iterations up to which factors of the flow serve on; with older ones residuals tell little
+)
 
 
 class Incomplete:
@@ -111,7 +117,9 @@ class BlockByBlock:
         if self._aged:
             self._of_flow.assemble()
         self._factors.setOperators(self._blocks[1][1])
-        with defaults(TOGETHER + "fields_", FIELDS | exact("fieldsplit_0_") | exact("fieldsplit_1_")):
+        with defaults(
+            TOGETHER + "fields_", FIELDS | exact("fieldsplit_0_") | exact("fieldsplit_1_")
+        ):
             self._factors.setFromOptions()
             self._factors.setUp()
 
@@ -125,7 +133,11 @@ class BlockByBlock:
         Both are then solved as well: next to walls the logarithms' residuals are the larger by orders. Collective.
         """
         of_flow, of_fields = (one.norm() for one in right)
-        factor = float(of_flow / of_fields) if 0.0 < of_flow < np.inf and 0.0 < of_fields < np.inf else 1.0
+        factor = (
+            float(of_flow / of_fields)
+            if 0.0 < of_flow < np.inf and 0.0 < of_fields < np.inf
+            else 1.0
+        )
         for block in self._blocks[1]:
             block.scale(factor)
         return factor

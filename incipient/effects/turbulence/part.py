@@ -80,7 +80,10 @@ class TurbulentFlow(RunPart):
 
     def within(self, model: FlowModel) -> FlowModel:
         """The model of the flow with the eddy viscosity; on few cells with the direct solver in place of blocks."""
-        fields, cells = self.fields, self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global
+        fields, cells = (
+            self.fields,
+            self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global,
+        )
         iterates = model.solver in ("block", "compressed")
         solver = "direct" if iterates and cells <= FEW_CELLS else model.solver
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
@@ -109,11 +112,16 @@ class TurbulentFlow(RunPart):
             self.enter(fluid)
         with run.stage("flow"):
             rounds = self._steady(
-                lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence), self._loads(run)
+                lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
+                self._loads(run),
             )
         run.count(turbulence=len(rounds))
-        if spread := rounds[-1].spread:  # a run in time that begins with it has no other place for that
-            run.voice.say(f"the steady flow still changes: its loads by {100.0 * spread:.2g}% of their size")
+        if spread := rounds[
+            -1
+        ].spread:  # a run in time that begins with it has no other place for that
+            run.voice.say(
+                f"the steady flow still changes: its loads by {100.0 * spread:.2g}% of their size"
+            )
         return True
 
     def _loads(self, run: Solving) -> Callable[[], Floats] | None:

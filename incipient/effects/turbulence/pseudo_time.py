@@ -47,7 +47,10 @@ WARY = 2.0  # by which corrections of logarithms in stretched cells count more
 # and its drag by 5e-4.
 ENOUGH = {2: (1e4, 1.0), 3: (4e4, 600.0)}
 OF_STRETCHED = 2e4, 100.0  # likewise in stretched cells, by nearly all nodes
-BEGUN = 1.5, 0.015  # corrections of logarithms and flow with which a flow is a start for a faster one
+BEGUN = (
+    1.5,
+    0.015,
+)  # corrections of logarithms and flow with which a flow is a start for a faster one
 # In space a wake may change for ever, at a few nodes. The flow is taken all the same when in so many steps with such a
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
 # they then differ by is told: past a sphere in its pocket at u* d/nu = 138 0.9% (docs/k_omega_in_space.md).
@@ -66,7 +69,11 @@ LITTLE, FALLING = 3e-3, 0.5
 # largest speed, with which such a step is repeated, shorter.
 BEGINNING, BURST = 3, 0.3
 NEARBY = 0.1  # first correction of the flow up to which, in space, another one is near enough for long steps from it
-FAILED, FAILED_AT_FIRST, CUT = 0.3, 1.5, 0.3  # corrections of the flow with which a step is repeated, shorter
+FAILED, FAILED_AT_FIRST, CUT = (
+    0.3,
+    1.5,
+    0.3,
+)  # corrections of the flow with which a step is repeated, shorter
 
 
 @dataclass(frozen=True)
@@ -130,7 +137,9 @@ def solve_together(
 class _March:
     """The steps of pseudo-time made so far, and how long the next one is. Every method is collective."""
 
-    def __init__(self, system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields, how: Marching):
+    def __init__(
+        self, system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields, how: Marching
+    ):
         self._system, self._fluid, self._turbulence, self._how = system, fluid, turbulence, how
         self._in_space = fluid.domain.gdim == 3
         self._sizes, self._left = (0.0, 0.0), (0.0, 0.0)

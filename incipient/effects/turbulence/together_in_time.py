@@ -58,7 +58,9 @@ class InTimeTogether(InTime):
         from_rest: bool = False,
     ):
         super().__init__(fluid, turbulence, stage)
-        self._system: CoupledFlow | None = None  # made at the first step: the steady start has one of its own
+        self._system: CoupledFlow | None = (
+            None  # made at the first step: the steady start has one of its own
+        )
         self._aged, self._contraction = True, Contraction()
         # Sizes of the first correction of the step before, of the last one, and of the first; infinite: there is none.
         self._first = self.last = self._begun = float("inf")
@@ -107,7 +109,9 @@ class InTimeTogether(InTime):
         try:
             known = min(self._first, self.last)
             by_turns = known > NEAR and not self._from_rest
-            of_flow, of_logarithms = self._system.next_correction(fresh or known > FAR, by_turns=by_turns)
+            of_flow, of_logarithms = self._system.next_correction(
+                fresh or known > FAR, by_turns=by_turns
+            )
         except ConvergenceError:
             return float("inf")
         bound(fluid, of_flow)
@@ -156,11 +160,18 @@ class SetOffTogether(InTime):
         standing = InTimeTogether(fluid, turbulence, self._stage, FINEST, from_rest=True)
         near = standing.together(length, order, tolerance).converged or standing.last < NEAR
         if not near:
-            fluid.state.x.array[:], turbulence.state.x.array[:] = fluid.history[0].x.array, self.past[0]
+            fluid.state.x.array[:], turbulence.state.x.array[:] = (
+                fluid.history[0].x.array,
+                self.past[0],
+            )
         standing.destroy()
         return super().attempt(length, order, tolerance)
 
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy."""
         said = super().complaint()
-        return said if len(self.past) > 1 else f'{said}; from rest over bed forms use time.start = "steady"'
+        return (
+            said
+            if len(self.past) > 1
+            else f'{said}; from rest over bed forms use time.start = "steady"'
+        )

@@ -66,4 +66,8 @@ class LinearSolver(Protocol):
         ...
 
 
-SOLVERS: Mapping[str, type[LinearSolver]] = {"direct": Direct, "block": Block, "compressed": Compressed}
+SOLVERS: Mapping[str, type[LinearSolver]] = {
+    "direct": Direct,
+    "block": Block,
+    "compressed": Compressed,
+}

@@ -188,7 +188,9 @@ class Triangle:
 
     def __init__(self, matrix: Any, equations: Equations):
         self.split, self.transposed = Split(matrix, equations), False
-        self._velocity = DiagonalBlocks(equations, self.split) if equations.varying else Components(equations)
+        self._velocity = (
+            DiagonalBlocks(equations, self.split) if equations.varying else Components(equations)
+        )
         self._pressure = schur_complement(equations, self.split, self._velocity)
         self._gradient: Any = None  # B^T, made when first assembled
         self._vectors: tuple[Any, ...] = ()

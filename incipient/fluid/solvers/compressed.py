@@ -63,7 +63,9 @@ class CompressedFactors:
         # PETSc else makes new factors by itself when the matrix has changed.
         self._factors.setReusePreconditioner(True)
         if made.getMumpsInfog(OUTCOME) < 0:
-            raise ConvergenceError("the flow's matrix has no factors: use a smaller numerics.mesh_size")
+            raise ConvergenceError(
+                "the flow's matrix has no factors: use a smaller numerics.mesh_size"
+            )
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """Solve approximately with the matrix that the factors are of."""

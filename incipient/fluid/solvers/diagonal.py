@@ -59,7 +59,9 @@ class DiagonalBlocks:
         Other rows of `left`, and those where conditions hold, stay as they are. Collective.
         """
         if transposed not in self._cycles:
-            self._cycles[True] = [_Cycle(one.transpose(PETSc.Mat()), self._options) for one in self._matrices]
+            self._cycles[True] = [
+                _Cycle(one.transpose(PETSc.Mat()), self._options) for one in self._matrices
+            ]
         for rows, cycle in zip(self._rows, self._cycles[transposed], strict=True):
             left[rows] = cycle.solve(right[rows])
 

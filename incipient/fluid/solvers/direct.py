@@ -170,7 +170,9 @@ class Direct:
         if not np.isfinite(self.matrix.norm()):
             return NOT_FINITE
         rows = self.matrix.getLocalSize()[0]
-        failed = f"the linear system of the flow ({rows} unknowns on this rank) could not be factorised"
+        failed = (
+            f"the linear system of the flow ({rows} unknowns on this rank) could not be factorised"
+        )
         if error in SINGULAR:
             return f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
         if (apart := self._span()) > WIDEST:
@@ -183,7 +185,9 @@ class Direct:
         """The largest of the matrix's numbers over the least of its diagonal that is not zero. Collective."""
         diagonal = self.matrix.getDiagonal()
         sizes = np.abs(diagonal.array)
-        least = self.matrix.comm.tompi4py().allreduce(sizes[sizes > 0.0].min(initial=np.inf), MPI.MIN)
+        least = self.matrix.comm.tompi4py().allreduce(
+            sizes[sizes > 0.0].min(initial=np.inf), MPI.MIN
+        )
         diagonal.destroy()
         return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
 

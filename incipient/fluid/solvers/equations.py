@@ -72,7 +72,9 @@ class Equations:
     @property
     def upwind_size(self) -> Any:
         """Size of cells over the order of the elements that upwinding is that of."""
-        return cell_size(self.space.mixed.mesh) / self.space.order if self.size is None else self.size
+        return (
+            cell_size(self.space.mixed.mesh) / self.space.order if self.size is None else self.size
+        )
 
     @property
     def closed(self) -> bool:

@@ -25,7 +25,11 @@ SMOOTHING = {
     "mg_levels_pc_type": "jacobi",
 }
 # Where something convects neither Chebyshev's iteration nor incomplete factors nor Jacobi's smooth.
-CONVECTED = {"mg_levels_ksp_type": "richardson", "mg_levels_ksp_max_it": 1, "mg_levels_pc_type": "sor"}
+CONVECTED = {
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_ksp_max_it": 1,
+    "mg_levels_pc_type": "sor",
+}
 # In place of a cycle, where a smoother is all that is asked for: symmetric relaxation, each rank by itself.
 RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 RELAXED = "fluid_finer_velocity_"
@@ -122,7 +126,11 @@ class Cycle:
         self._forms, places = levels.forms, levels.held_in(levels.held[component])
         self.matrices = [petsc.create_matrix(form) for form in self._forms]
         self._conditions = [
-            [dolfinx.fem.dirichletbc(dolfinx.fem.Function(space), np.flatnonzero(where).astype(np.int32))]
+            [
+                dolfinx.fem.dirichletbc(
+                    dolfinx.fem.Function(space), np.flatnonzero(where).astype(np.int32)
+                )
+            ]
             for space, where in zip(levels.spaces, places, strict=True)
         ]
         self.interpolation = levels.interpolation and self._free_of(places, levels.interpolation)
@@ -142,7 +150,9 @@ class Cycle:
     def assemble(self) -> None:
         """Take the operators of the state as it is."""
         self._levels.way.value[:] = np.eye(len(self._levels.rows))[self._component]
-        for matrix, form, conditions in zip(self.matrices, self._forms, self._conditions, strict=True):
+        for matrix, form, conditions in zip(
+            self.matrices, self._forms, self._conditions, strict=True
+        ):
             matrix.zeroEntries()
             petsc.assemble_matrix(matrix, form, conditions)
             matrix.assemble()
@@ -276,7 +286,9 @@ class Components:
 def _alike(held: np.ndarray, comm: MPI.Comm) -> tuple[int, ...]:
     """The first component with the same conditions as each, on all ranks. Collective."""
     number = len(held)
-    same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=np.int32)
+    same = np.array(
+        [[np.array_equal(one, other) for other in held] for one in held], dtype=np.int32
+    )
     comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
     return tuple(int(np.flatnonzero(same[k])[0]) for k in range(number))
 

@@ -83,7 +83,9 @@ class ScaledMass:
     def __init__(self, equations: Equations):
         space = equations.space
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
-        integrand = preconditioning.pressure_mass(p, q, equations.viscosity, equations.reference_map)
+        integrand = preconditioning.pressure_mass(
+            p, q, equations.viscosity, equations.reference_map
+        )
         self._form = compat.form(integrand * _measure(equations))
         self._mass = petsc.create_matrix(self._form)
         self._right, self._left = self._mass.createVecLeft(), self._mass.createVecRight()
@@ -224,11 +226,20 @@ class ConvectedPressure:
     def __init__(self, equations: Equations, split: Split):
         space, self._split = equations.space, split
         self._poisson = _ScaledPoisson(equations.closed, STRETCHED)
-        self._mass, self._diffused = ScaledMass(replace(equations, viscosity=1.0)), ScaledMass(equations)
+        self._mass, self._diffused = (
+            ScaledMass(replace(equations, viscosity=1.0)),
+            ScaledMass(equations),
+        )
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
         mesh, (scalar, self._rows) = space.mixed.mesh, component_rows(space)
         size = cell_size(mesh) / (space.order - 1)
-        carried = (equations.viscosity, equations.carrier, size, _measure(equations), ufl.ds(domain=mesh))
+        carried = (
+            equations.viscosity,
+            equations.carrier,
+            size,
+            _measure(equations),
+            ufl.ds(domain=mesh),
+        )
         self._carried = compat.form(preconditioning.pressure_convection(p, q, *carried))
         u, w = ufl.TrialFunction(scalar), ufl.TestFunction(scalar)
         self._weighed = compat.form(u * w * _measure(equations))
@@ -321,7 +332,9 @@ class _Poisson:
     def __init__(self, matrix: Any, closed: bool, options: Mapping[str, Any] | None = None):
         self.matrix, self._options = matrix, options
         self._right, self._left = matrix.createVecs()
-        self._constant = PETSc.NullSpace().create(constant=True, comm=matrix.comm) if closed else None
+        self._constant = (
+            PETSc.NullSpace().create(constant=True, comm=matrix.comm) if closed else None
+        )
         self._cycle: Any = None
 
     def prepare(self) -> None:

@@ -26,7 +26,9 @@ class Split:
         self.pressures = space.pressure_map[: space.pressure.dofmap.index_map.size_local]
         self.order = np.argsort(self.pressures)
         self.held = np.flatnonzero(equations.held()[: self.owned])
-        self._sets = [self.index_set(rows) for rows in (self.velocities, self.pressures[self.order])]
+        self._sets = [
+            self.index_set(rows) for rows in (self.velocities, self.pressures[self.order])
+        ]
 
     def index_set(self, rows: np.ndarray) -> Any:
         """PETSc's set of owned rows by their local numbers; the caller frees it. Collective."""

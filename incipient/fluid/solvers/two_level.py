@@ -59,10 +59,20 @@ class TwoLevel:
         coarse: tuple[Any, Equations],
     ):
         self.matrix, self.statistics = None, LinearStatistics()
-        self._times, self._pressure_force, self._held = times, pressure_force, equations.owned_held()
+        self._times, self._pressure_force, self._held = (
+            times,
+            pressure_force,
+            equations.owned_held(),
+        )
         self._comm = equations.space.mixed.mesh.comm
-        self._velocity, self._mass = Components(equations, smoothing_only=True), ScaledMass(equations)
-        self._pressure, self._convected = _smoothing_mass(equations), equations.block_carrier is not None
+        self._velocity, self._mass = (
+            Components(equations, smoothing_only=True),
+            ScaledMass(equations),
+        )
+        self._pressure, self._convected = (
+            _smoothing_mass(equations),
+            equations.block_carrier is not None,
+        )
         self._pressures = _owned_pressures(equations)
         self._solver, self._transfer = coarse[0], OrderTransfer(coarse[1], equations)
         self._constant = _constant_pressures(equations) if equations.closed else None
@@ -101,7 +111,9 @@ class TwoLevel:
         if self._scale is None:
             self.prepare()
         held, right = self._held, b.array_r.copy()
-        found = np.where(held, right, 0.0)  # where conditions hold the equations are those of the identity
+        found = np.where(
+            held, right, 0.0
+        )  # where conditions hold the equations are those of the identity
         residual = self._without_level(np.where(held, 0.0, right))
         found += self._without_level(self._reduced(residual, rtol, transposed))
         x.setArray(found)
@@ -144,7 +156,9 @@ class TwoLevel:
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
         pressure[self._pressures] = -self._pressure.solve(residual[self._pressures], transposed)
         if self._convected:
-            residual = residual - np.where(self._held, 0.0, self._pressure_force.times(pressure, transposed))
+            residual = residual - np.where(
+                self._held, 0.0, self._pressure_force.times(pressure, transposed)
+            )
         self._velocity.solve(residual, z, transposed)
         z[self._pressures] = pressure[self._pressures]
         return z
@@ -187,7 +201,9 @@ class OrderTransfer:
 
     def __init__(self, coarse: Equations, fine: Equations):
         self._held = [equations.owned_held() for equations in (coarse, fine)]
-        (one, mine), (other, theirs) = (component_rows(equations.space) for equations in (coarse, fine))
+        (one, mine), (other, theirs) = (
+            component_rows(equations.space) for equations in (coarse, fine)
+        )
         self._velocity = compat.interpolation_matrix(one, other)
         self._pressure = compat.interpolation_matrix(coarse.space.pressure, fine.space.pressure)
         pressures = [_owned_pressures(equations) for equations in (coarse, fine)]

@@ -289,7 +289,9 @@ class HalfDiscs(Bed):
         """b at abscissae (n,), (n,)."""
         x = abscissae(x)
         off_centre = np.minimum(np.abs(x - self._centre(x)), self.radius)
-        return np.asarray(self.origin_y + np.sqrt((self.radius - off_centre) * (self.radius + off_centre)))
+        return np.asarray(
+            self.origin_y + np.sqrt((self.radius - off_centre) * (self.radius + off_centre))
+        )
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx left and right; infinite where a half-disc stands on the base line."""
@@ -300,7 +302,9 @@ class HalfDiscs(Bed):
             np.isclose(np.abs(away), self.radius, rtol=1e-12), np.copysign(self.radius, away), away
         )
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(np.abs(away) <= self.radius, -away / np.sqrt(self.radius**2 - away**2), 0.0)
+            slope = np.where(
+                np.abs(away) <= self.radius, -away / np.sqrt(self.radius**2 - away**2), 0.0
+            )
         if self._touching:
             at_foot = np.abs(away) == self.radius
             return np.where(at_foot, -np.inf, slope), np.where(at_foot, np.inf, slope)
@@ -323,7 +327,9 @@ class HalfDiscs(Bed):
         feet = self._on_disc(points, centre)
         if self._touching:
             return feet
-        left = np.where(x < centre, centre - self.spacing, centre)  # of the base line next to the point
+        left = np.where(
+            x < centre, centre - self.spacing, centre
+        )  # of the base line next to the point
         base_x = np.clip(x, left + self.radius, left + self.spacing - self.radius)
         base = np.column_stack([base_x, np.full(len(points), self.origin_y)])
         is_nearer = np.square(base - points).sum(axis=1) < np.square(feet - points).sum(axis=1)
@@ -335,7 +341,9 @@ class HalfDiscs(Bed):
         away[:, 1] = np.maximum(away[:, 1], 0.0)
         length = np.linalg.norm(away, axis=1, keepdims=True)
         direction = np.where(length > 0.0, away / np.where(length > 0.0, length, 1.0), [0.0, 1.0])
-        return np.column_stack([centre, np.full(len(points), self.origin_y)]) + self.radius * direction
+        return (
+            np.column_stack([centre, np.full(len(points), self.origin_y)]) + self.radius * direction
+        )
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""
@@ -352,7 +360,9 @@ class HalfDiscs(Bed):
             middle = 0.5 * (start[0] + end[0])
             centre = float(self._centre(np.array(middle)))
             on_disc = abs(middle - centre) < self.radius
-            curves.append(Arc(start, (centre, float(self.origin_y)), end) if on_disc else Line(start, end))
+            curves.append(
+                Arc(start, (centre, float(self.origin_y)), end) if on_disc else Line(start, end)
+            )
         return tuple(curves)
 
 
@@ -378,7 +388,9 @@ def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
     count = int(np.ceil(np.log(step / end_step) / np.log(1.02)))
     growing = end_step * 1.02 ** np.arange(count)
     middle = max(int(np.ceil((x1 - x0 - 2.0 * growing.sum()) / step)), 4)
-    x = np.concatenate([[0.0], np.cumsum(np.concatenate([growing, np.full(middle, step), growing[::-1]]))])
+    x = np.concatenate(
+        [[0.0], np.cumsum(np.concatenate([growing, np.full(middle, step), growing[::-1]]))]
+    )
     x = x0 + (x1 - x0) * (x / x[-1])
     x[-1] = x1
     return np.asarray(x)

@@ -49,11 +49,18 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
     first, last = (top + float(along[order[k]]) for k in (0, -1))
     low, high = (_wider(outline, bed, tables, start, width) for start in ((first, -1), (last, 1)))
     if low is None or high is None or high - low >= count:
-        raise SceneError("contact.gap: the space between grain and bed is nowhere wider; give a smaller one")
-    high, low = _without_crumbs(outline, high, width, up=True), _without_crumbs(outline, low, width, up=False)
+        raise SceneError(
+            "contact.gap: the space between grain and bed is nowhere wider; give a smaller one"
+        )
+    high, low = (
+        _without_crumbs(outline, high, width, up=True),
+        _without_crumbs(outline, low, width, up=False),
+    )
     ends = [_at(outline, place) for place in (low, high)]
     left, right = (Line(plain(bed.nearest(end[None])[0]), plain(end)) for end in ends)
-    return Closing(width, left, right, _pieces(outline, high, low + count), np.asarray(contacts)[order])
+    return Closing(
+        width, left, right, _pieces(outline, high, low + count), np.asarray(contacts)[order]
+    )
 
 
 def _sampled(curve: Curve, width: float) -> tuple[Floats, Floats]:
@@ -96,7 +103,9 @@ def _wider(
     return None
 
 
-def _crossing(outline: Sequence[Curve], bed: Bed, inside: float, outside: float, width: float) -> float:
+def _crossing(
+    outline: Sequence[Curve], bed: Bed, inside: float, outside: float, width: float
+) -> float:
     """Where between two places the distance from the bed is the width."""
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)

@@ -35,7 +35,9 @@ class Curved(Polyline):
     def __init__(self, knots: ArrayLike, origin_y: float = 0.0) -> None:
         corners = Polyline(knots).points
         if any(left[0] == right[0] for left, right in pairwise(corners)):
-            raise SceneError("a smooth bed has a step, two points with the same x; leave one of them out")
+            raise SceneError(
+                "a smooth bed has a step, two points with the same x; leave one of them out"
+            )
         object.__setattr__(self, "knots", corners)
         places = [self._on_curve(a, b, bends) for a, b, bends in self._stretches()]
         super().__init__(np.vstack([places[0], *(place[1:] for place in places[1:])]), origin_y)
@@ -51,7 +53,11 @@ class Curved(Polyline):
         slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
         away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))
         bends = (away > STRAIGHT * np.abs(chord).max()).tolist()
-        ends = [0, *(k for k in range(1, len(bends)) if bends[k] != bends[k - 1] or not bends[k]), len(bends)]
+        ends = [
+            0,
+            *(k for k in range(1, len(bends)) if bends[k] != bends[k - 1] or not bends[k]),
+            len(bends),
+        ]
         return [(float(x[a]), float(x[b]), bends[a]) for a, b in pairwise(ends)]
 
     def _on_curve(self, a: float, b: float, bends: bool) -> Floats:

@@ -109,7 +109,12 @@ class Spline:
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 4 or not np.isfinite(points).all():
+        if (
+            points.ndim != 2
+            or points.shape[1] != 2
+            or len(points) < 4
+            or not np.isfinite(points).all()
+        ):
             raise ValueError("a spline needs at least four finite points of two coordinates")
         points.flags.writeable = False
         object.__setattr__(self, "points", points)

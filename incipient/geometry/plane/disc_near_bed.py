@@ -18,7 +18,9 @@ AT_START, WITHIN, AT_END = 0, 1, 2
 Foot = tuple[int, Point]  # where on a curve, and the place
 
 
-def disc_near_bed(centre: Point, radius: float, bed: Bed, within: float) -> tuple[Floats, Floats] | None:
+def disc_near_bed(
+    centre: Point, radius: float, bed: Bed, within: float
+) -> tuple[Floats, Floats] | None:
     """Gaps (k,) not above `within`, and the bed's points (k, 2) there; None: not known by formulas.
 
     That is so for beds of other curves, and where the centre of the disc is within the bed.
@@ -30,13 +32,19 @@ def disc_near_bed(centre: Point, radius: float, bed: Bed, within: float) -> tupl
     # As long as the disc stays near, so do these.
     ends = (radius * math.floor((x - reach) / radius), radius * math.ceil((x + reach) / radius))
     lowest, highest = bed.extent
-    curves = _curves(bed, *(ends if lowest <= ends[0] and ends[1] <= highest else (x - reach, x + reach)))
-    if not all(isinstance(one, Line) or (isinstance(one, Arc) and one.major is None) for one in curves):
+    curves = _curves(
+        bed, *(ends if lowest <= ends[0] and ends[1] <= highest else (x - reach, x + reach))
+    )
+    if not all(
+        isinstance(one, Line) or (isinstance(one, Arc) and one.major is None) for one in curves
+    ):
         return None
     feet = [_foot(one, centre) for one in curves]
     places = [place for end, place in feet if end == WITHIN]
     places += [
-        feet[k][1] for k in range(len(feet) - 1) if feet[k][0] == AT_END and feet[k + 1][0] == AT_START
+        feet[k][1]
+        for k in range(len(feet) - 1)
+        if feet[k][0] == AT_END and feet[k + 1][0] == AT_START
     ]
     points = np.array([one for one in places if math.dist(one, centre) <= reach]).reshape(-1, 2)
     gaps = np.hypot(*(points - centre).T) - radius

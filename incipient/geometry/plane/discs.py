@@ -30,8 +30,12 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
     found: list[tuple[int, float, float]] = []
     for i in range(len(radii)):
         found += [(i, first, last) for first, last in _gaps(_covered(i, centres, radii))]
-    owner, start, end = (np.array(column) for column in zip(*found, strict=True)) if found else ([],) * 3
-    return Arcs(np.asarray(owner, dtype=int), np.asarray(start, dtype=float), np.asarray(end, dtype=float))
+    owner, start, end = (
+        (np.array(column) for column in zip(*found, strict=True)) if found else ([],) * 3
+    )
+    return Arcs(
+        np.asarray(owner, dtype=int), np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    )
 
 
 def _covered(i: int, centres: Floats, radii: Floats) -> list[tuple[float, float]] | None:
@@ -78,7 +82,9 @@ class Discs(Balls, Grain):
     centres: tuple[Point, ...]
     radii: tuple[float, ...]
 
-    def __init__(self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats) -> None:
+    def __init__(
+        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
+    ) -> None:
         points, sizes = checked_balls(centres, radii, 2)
         arcs = exposed_arcs(points, sizes)
         require_exposed(arcs.owner, len(sizes), "disc")
@@ -102,7 +108,9 @@ class Discs(Balls, Grain):
         """Arcs of at most a quarter turn, joined in exact corners."""
         arcs, centres, radii = self._arcs, np.array(self.centres), np.array(self.radii)
         order = _chained(arcs, centres, radii)
-        corners = [_on_circle(centres, radii, int(arcs.owner[k]), float(arcs.start[k])) for k in order]
+        corners = [
+            _on_circle(centres, radii, int(arcs.owner[k]), float(arcs.start[k])) for k in order
+        ]
         curves: list[Curve] = []
         for position, k in enumerate(order):
             owner = int(arcs.owner[k])

@@ -12,7 +12,10 @@ from incipient.geometry.plane.curves import Curve
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.outline import Outline
 
-SECTIONS, SECTIONINGS = 128, 8  # a bracket of parameters is cut into parts so often: down to round-off
+SECTIONS, SECTIONINGS = (
+    128,
+    8,
+)  # a bracket of parameters is cut into parts so often: down to round-off
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,9 @@ def placed_outline(grain: Grain, placement: Placement) -> Outline:
     return Outline(grain.chain, placement)
 
 
-def approaches(grain: Grain, placement: Placement, bed: Bed, within: float | None = None) -> list[Approach]:
+def approaches(
+    grain: Grain, placement: Placement, bed: Bed, within: float | None = None
+) -> list[Approach]:
     """All local minima of the distance not above `within`; None: those that may be the smallest.
 
     The minima are exact to round-off as long as they lie farther apart than the samples (1/64 of the smaller
@@ -47,7 +52,9 @@ def approaches(grain: Grain, placement: Placement, bed: Bed, within: float | Non
         return []
     curve, s = outline.sampled(kept, bed, grain.size)
     points = outline.point(curve, s)
-    spacing = float((outline.chain.lengths[kept] / outline.steps(kept, bed, grain.size)).max(initial=0.0))
+    spacing = float(
+        (outline.chain.lengths[kept] / outline.steps(kept, bed, grain.size)).max(initial=0.0)
+    )
     if within is None:
         straight_down = float((points[:, 1] - bed.height(points[:, 0])).min())
         distances = _distances_below(points, bed, max(straight_down, 0.0) + spacing)
@@ -85,7 +92,9 @@ def _brackets(
     low = np.where(known, distances[before], np.inf)
     inner = s < 1.0
     after = np.where(inner, np.roll(distances, -1), np.inf)
-    valleys = np.flatnonzero(inner & (distances <= low) & (distances <= after) & (distances <= below))
+    valleys = np.flatnonzero(
+        inner & (distances <= low) & (distances <= after) & (distances <= below)
+    )
     found: list[list[tuple[int, float, float]]] = []
     for i in valleys:
         k, ahead = int(curve[i]), float(s[i + 1])

@@ -77,7 +77,9 @@ def _velocities(ends: Floats, middles: Floats) -> Floats:
     matrix = np.zeros((2, count, 2, count))
     for at, weight in zip(ABSCISSAE, WEIGHTS, strict=True):
         # On the parabola through start, middle and end.
-        point = 0.5 * at * (at - 1.0) * start + (1.0 - at * at) * middles + 0.5 * at * (at + 1.0) * end
+        point = (
+            0.5 * at * (at - 1.0) * start + (1.0 - at * at) * middles + 0.5 * at * (at + 1.0) * end
+        )
         rate = np.hypot(*((at - 0.5) * start - 2.0 * at * middles + (at + 0.5) * end).T)
         matrix += weight * _periodic(middles[:, None] - point) * rate
     own, along = np.arange(count), end - start

@@ -121,7 +121,9 @@ class Rectangle(Grain):
     @property
     def _radius(self) -> float:
         """The corner radius, zero where it is lost in round-off beside the sides."""
-        return self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
+        return (
+            self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
+        )
 
     @property
     def _core(self) -> Floats:

@@ -143,7 +143,9 @@ class Outline:
         fewest = np.where(self.chain.straight[curves], 1, FEWEST)
         return np.asarray(np.clip(steps, fewest, MOST).astype(int))
 
-    def crossings(self, curve: np.ndarray, s: Floats, abscissae: Floats) -> tuple[np.ndarray, Floats]:
+    def crossings(
+        self, curve: np.ndarray, s: Floats, abscissae: Floats
+    ) -> tuple[np.ndarray, Floats]:
         """Numbers and parameters at which sampled curves pass over abscissae; `curve`, `s` as `sampled` gives them."""
         x = self.point(curve, s)[:, 0]
         step = np.flatnonzero(curve[1:] == curve[:-1])

@@ -15,7 +15,9 @@ from incipient.geometry.plane.outline import Outline
 from incipient.geometry.rest import rest
 
 MOST_SAMPLES = 30  # that a minimum is followed from one placement to the next
-ON_CORNER = 1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
+ON_CORNER = (
+    1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,11 @@ class PlanarProximity:
         if corners:
             return minima
         given = {row.curve for row in minima.rows if row.parameter is None}
-        rows = (row for row in minima.rows if row.parameter is not None or self._counts(row.curve, given))
+        rows = (
+            row
+            for row in minima.rows
+            if row.parameter is not None or self._counts(row.curve, given)
+        )
         return PlanarMinima(tuple(rows))
 
     def _counts(self, k: int, given: set[int]) -> bool:
@@ -186,8 +192,12 @@ class PlanarProximity:
                 beside &= (feet >= left[cornered] - slack) & (feet <= right[cornered] + slack)
                 which, gaps = [*which, cornered[beside]], [*gaps, gap[beside]]
                 normals.append(normal[beside])
-        rows = zip(np.concatenate(which), np.concatenate(gaps), np.concatenate(normals), strict=True)
-        found = sorted(((int(i), float(g), n) for i, g, n in rows if g <= within), key=lambda one: one[0])
+        rows = zip(
+            np.concatenate(which), np.concatenate(gaps), np.concatenate(normals), strict=True
+        )
+        found = sorted(
+            ((int(i), float(g), n) for i, g, n in rows if g <= within), key=lambda one: one[0]
+        )
         return [_Row(g, points[i], n, int(curves[i]), None) for i, g, n in found]
 
 
@@ -201,7 +211,12 @@ def _seen_from(piece: Curve, points: Floats) -> tuple[Floats, Floats, Floats, np
         away = points - np.asarray(piece.start)
         normal, place = quarter_turned(along), away @ along
         beside = (place >= -1e-9 * piece.length) & (place <= (1.0 + 1e-9) * piece.length)
-        return piece.start[0] + place * along[0], away @ normal, np.tile(normal, (len(points), 1)), beside
+        return (
+            piece.start[0] + place * along[0],
+            away @ normal,
+            np.tile(normal, (len(points), 1)),
+            beside,
+        )
     if isinstance(piece, Arc):
         centre = np.asarray(piece.centre)
         away, ends = points - centre, np.array([piece.start, piece.end]) - centre

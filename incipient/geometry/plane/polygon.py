@@ -28,8 +28,15 @@ class Polygon(Grain):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
-            raise SceneError("a polygon needs at least three vertices of two finite coordinates; add them")
+        if (
+            corners.ndim != 2
+            or corners.shape[1] != 2
+            or len(corners) < 3
+            or not np.isfinite(corners).all()
+        ):
+            raise SceneError(
+                "a polygon needs at least three vertices of two finite coordinates; add them"
+            )
         corners = _centred(corners)
         _require_simple(corners)
         object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
@@ -79,7 +86,9 @@ class Polygon(Grain):
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 2)."""
         parts = self._parts(rows(x))
-        return np.concatenate([self._inside(part) * self._nearest(part).min(axis=1) for part in parts])
+        return np.concatenate(
+            [self._inside(part) * self._nearest(part).min(axis=1) for part in parts]
+        )
 
     def normal(self, x: ArrayLike) -> Floats:
         """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
@@ -170,7 +179,9 @@ def meeting_sides(corners: Floats) -> tuple[int, int] | None:
     for i, j in _overlapping(start, end):
         neighbours = (j - i == 1) | (j - i == n - 1)
         i, j = i[~neighbours], j[~neighbours]
-        meet = _straddles(start[i], end[i], start[j], end[j]) & _straddles(start[j], end[j], start[i], end[i])
+        meet = _straddles(start[i], end[i], start[j], end[j]) & _straddles(
+            start[j], end[j], start[i], end[i]
+        )
         pairs = [*zip(i[meet].tolist(), j[meet].tolist(), strict=True), *([first] if first else [])]
         first = min(pairs) if pairs else None
     return first
@@ -188,7 +199,12 @@ def _overlapping(start: Floats, end: Floats) -> Iterator[tuple[np.ndarray, np.nd
     counts = last - np.arange(len(order)) - 1
     for part in np.array_split(np.arange(len(order)), 1 + int(counts.sum()) // TABLE):
         i = np.repeat(part, counts[part])
-        j = i + 1 + np.arange(len(i)) - np.repeat(np.cumsum(counts[part]) - counts[part], counts[part])
+        j = (
+            i
+            + 1
+            + np.arange(len(i))
+            - np.repeat(np.cumsum(counts[part]) - counts[part], counts[part])
+        )
         a, b, other = order[i], order[j], 1 - axis
         close = (low[a, other] <= high[b, other]) & (low[b, other] <= high[a, other])
         yield np.minimum(a, b)[close], np.maximum(a, b)[close]
@@ -196,7 +212,9 @@ def _overlapping(start: Floats, end: Floats) -> Iterator[tuple[np.ndarray, np.nd
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     """Whether the lines through a-b pass between, or through, c and d; (m,) for points (m, 2) each."""
-    return np.asarray(np.sign(planar_cross(b - a, c - a)) * np.sign(planar_cross(b - a, d - a)) <= 0.0)
+    return np.asarray(
+        np.sign(planar_cross(b - a, c - a)) * np.sign(planar_cross(b - a, d - a)) <= 0.0
+    )
 
 
 def _shoelace(corners: Floats) -> tuple[float, Floats]:

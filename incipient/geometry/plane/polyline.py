@@ -29,12 +29,16 @@ class Polyline(Bed):
     def __init__(self, points: ArrayLike, origin_y: float = 0.0) -> None:
         array = np.array(points, dtype=float)
         if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
-            raise SceneError("a polyline bed needs at least two points of two finite coordinates; add them")
+            raise SceneError(
+                "a polyline bed needs at least two points of two finite coordinates; add them"
+            )
         dx, dy = np.diff(array, axis=0).T
         falling = (dx < 0.0) | ((dx == 0.0) & (dy == 0.0))
         if falling.any():
             k = int(np.argmax(falling)) + 1
-            raise SceneError(f"polyline point {k} lies to the left of, or at, the one before; sort by x")
+            raise SceneError(
+                f"polyline point {k} lies to the left of, or at, the one before; sort by x"
+            )
         object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
         object.__setattr__(self, "origin_y", float(origin_y))
 
@@ -75,7 +79,9 @@ class Polyline(Bed):
         if len(points) > MOST_IN_CELL:
             parts = np.array_split(points, MOST_IN_CELL)
             highest = [part[np.argmax(part[:, 1])] for part in parts]
-            points = np.vstack([points[0], *(one for one in highest if x0 < one[0] < x1), points[-1]])
+            points = np.vstack(
+                [points[0], *(one for one in highest if x0 < one[0] < x1), points[-1]]
+            )
         back = points[-2::-1] * [-1.0, 1.0] + [2.0 * x1, 0.0]
         ends = [(float(x), float(y)) for x, y in np.vstack([points, back])]
         return tuple(Line(start, end) for start, end in pairwise(ends))
@@ -101,7 +107,9 @@ class Polyline(Bed):
         vertices, x = self._vertices, abscissae(x)
         dx, dy = np.diff(vertices, axis=0).T
         upright = dx == 0.0  # no abscissa lies within such a line
-        slope = np.concatenate([[0.0], np.where(upright, 0.0, dy / np.where(upright, 1.0, dx)), [0.0]])
+        slope = np.concatenate(
+            [[0.0], np.where(upright, 0.0, dy / np.where(upright, 1.0, dx)), [0.0]]
+        )
         # A vertex found to round-off is that vertex.
         slack = 1e-12 * np.ptp(vertices[:, 0])
         left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
@@ -128,7 +136,9 @@ class Polyline(Bed):
         if len(points) == 0:
             return points
         vertices = self._vertices
-        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(vertices[:, 0])
+        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(
+            vertices[:, 0]
+        )
         x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
         left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
         right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])

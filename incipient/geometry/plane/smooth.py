@@ -72,7 +72,9 @@ class Superellipse(Smooth):
     def __post_init__(self) -> None:
         require_positive("semi-axis", *self.semi_axes)
         if not 2.0 <= self.exponent <= MAX_EXPONENT:
-            raise SceneError(f"exponent {self.exponent} is not between 2 and {MAX_EXPONENT:g}; change it")
+            raise SceneError(
+                f"exponent {self.exponent} is not between 2 and {MAX_EXPONENT:g}; change it"
+            )
 
     @property
     def size(self) -> float:
@@ -100,7 +102,9 @@ class Superellipse(Smooth):
         """Outward unit normals (n, 2) of the similar superellipse through each of the points (n, 2)."""
         scaled = rows(x) / np.asarray(self.semi_axes)
         scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
-        slope = np.sign(scaled) * np.abs(scaled) ** (self.exponent - 1.0) / np.asarray(self.semi_axes)
+        slope = (
+            np.sign(scaled) * np.abs(scaled) ** (self.exponent - 1.0) / np.asarray(self.semi_axes)
+        )
         return unit(slope)
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
@@ -118,7 +122,9 @@ class Superellipse(Smooth):
 def power_norm(x: Floats, exponent: float) -> Floats:
     """(sum of x_i^n)^(1/n) along the last axis of numbers that are not negative, without overflow."""
     largest = np.maximum(x.max(axis=-1, keepdims=True), 1e-300)
-    return np.asarray(largest[..., 0] * ((x / largest) ** exponent).sum(axis=-1) ** (1.0 / exponent))
+    return np.asarray(
+        largest[..., 0] * ((x / largest) ** exponent).sum(axis=-1) ** (1.0 / exponent)
+    )
 
 
 def farthest(semi_axes: Sequence[float], exponent: float) -> float:
@@ -170,14 +176,18 @@ class Star(Smooth):
         angle = np.linspace(0.0, 2.0 * pi, 721)
         r = np.asarray(self.radius(angle), dtype=float)
         if r.shape != angle.shape or not np.isfinite(r).all():
-            raise SceneError("the radius of the star is not one finite number for each angle; change it")
+            raise SceneError(
+                "the radius of the star is not one finite number for each angle; change it"
+            )
         if r.min() <= 0.0:
             worst = np.degrees(angle[np.argmin(r)])
             raise SceneError(
                 f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
             )
         if abs(r[0] - r[-1]) > 1e-9 * r.max():
-            raise SceneError("the radius of the star differs at 0 and 360 degrees; make it periodic")
+            raise SceneError(
+                "the radius of the star differs at 0 and 360 degrees; make it periodic"
+            )
 
     @cached_property
     def _moments(self) -> moments.Moments:
@@ -216,7 +226,9 @@ class Star(Smooth):
     def level(self, x: ArrayLike) -> Floats:
         """The distance from the pole less the radius in that direction, at points (n, 2)."""
         away = rows(x) - self.pole
-        return np.asarray(np.linalg.norm(away, axis=1) - self.radius(np.arctan2(away[:, 1], away[:, 0])))
+        return np.asarray(
+            np.linalg.norm(away, axis=1) - self.radius(np.arctan2(away[:, 1], away[:, 0]))
+        )
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 2) of the level function at points (n, 2)."""

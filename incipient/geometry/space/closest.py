@@ -19,7 +19,10 @@ from incipient.geometry.space.surfaces import Surface, refined
 from incipient.geometry.space.terrain import SmoothTerrain, Terrain
 from incipient.geometry.space.triangles import least_on_triangles
 
-SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain's size and along the bed's smallest feature
+SAMPLES, SAMPLES_PER_FEATURE = (
+    24.0,
+    6.0,
+)  # along the grain's size and along the bed's smallest feature
 STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 
 
@@ -30,7 +33,9 @@ class DistanceMinima:
     gaps: Floats  # distances (k,), negative where the grain is in the bed
     points: Floats  # on the grain (k, 3); `normals` (k, 3) are the bed's there, into the fluid
     normals: Floats
-    anchors: Floats  # the points of the core, or of the surface without a core, in the body frame (k, 3)
+    anchors: (
+        Floats  # the points of the core, or of the surface without a core, in the body frame (k, 3)
+    )
     # Which core (-1: none), which triangle of it (negative: corner or edge, see `SpatialProximity`) and which of the
     # pieces of the bed, (k, 3)
     origin: np.ndarray
@@ -42,7 +47,9 @@ class DistanceMinima:
     def only(self, which: np.ndarray) -> "DistanceMinima":
         """Some of the minima, by a mask or by indices."""
         gaps, points, normals = self.gaps[which], self.points[which], self.normals[which]
-        return DistanceMinima(gaps, points, normals, self.anchors[which], self.origin[which], self.pieces)
+        return DistanceMinima(
+            gaps, points, normals, self.anchors[which], self.origin[which], self.pieces
+        )
 
 
 def _cut(core: Core, spacing: float) -> Core:
@@ -160,14 +167,21 @@ class SpatialProximity:
         fixed, free = np.flatnonzero(old.origin[:, 1] < 0), np.flatnonzero(old.origin[:, 1] >= 0)
         row, triangle = core.search.near(old.anchors[free], 0.1 * self.spacing)
         row = free[row]
-        row, triangle = np.concatenate([row, fixed]), np.concatenate([triangle, old.origin[fixed, 1]])
-        start = placement.to_scene(nearest_on_triangles(old.anchors[row], self._spanned(k, triangle)))
+        row, triangle = (
+            np.concatenate([row, fixed]),
+            np.concatenate([triangle, old.origin[fixed, 1]]),
+        )
+        start = placement.to_scene(
+            nearest_on_triangles(old.anchors[row], self._spanned(k, triangle))
+        )
         feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
         found = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
         order = np.lexsort([found.gaps, row])
         return found.only(order[np.unique(row[order], return_index=True)[1]])
 
-    def _valleys(self, placement: Placement, pieces: Pieces, within: float) -> tuple[Floats, np.ndarray]:
+    def _valleys(
+        self, placement: Placement, pieces: Pieces, within: float
+    ) -> tuple[Floats, np.ndarray]:
         """Sampled points (m, 3) nearer to a piece (m,) than the samples around them."""
         points = placement.to_scene(self._samples.points)
         rough = pieces.rough(points)
@@ -196,7 +210,9 @@ class SpatialProximity:
                 trial = placement.to_scene(self.grain.project(placement.to_body(trial)))
                 seen = pieces.sight(trial, which, sight.feet[:, :2])
                 lower = seen.gaps <= sight.gaps + 1e-16 * self.size
-                moved = np.maximum(moved, np.where(lower, np.abs(step).max(axis=1, initial=0.0), 0.0))
+                moved = np.maximum(
+                    moved, np.where(lower, np.abs(step).max(axis=1, initial=0.0), 0.0)
+                )
                 points = np.where(lower[:, None], trial, points)
                 sight = _chosen(lower, seen, sight)
                 step = np.where(lower[:, None], 0.0, 0.25 * step)
@@ -205,9 +221,13 @@ class SpatialProximity:
             if moved.max(initial=0.0) <= 1e-12 * self.size:
                 break
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
-        return DistanceMinima(sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces)
+        return DistanceMinima(
+            sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces
+        )
 
-    def _newton_step(self, placement: Placement, points: Floats, sight: Sight) -> tuple[Floats, Floats]:
+    def _newton_step(
+        self, placement: Placement, points: Floats, sight: Sight
+    ) -> tuple[Floats, Floats]:
         """Tangents (n, 3, 2) of the grain and the step along them (n, 2) towards the least distance."""
         outward = self._outward(placement, points)
         tangents = np.stack(frame_of(outward), axis=2)
@@ -230,7 +250,9 @@ class SpatialProximity:
         """The placed grain's unit normals (n, 3) at points (n, 3) of the scene."""
         return self.grain.normal(placement.to_body(x)) @ placement.rotation.T
 
-    def _core_minima(self, placement: Placement, pieces: Pieces, k: int, within: float) -> DistanceMinima:
+    def _core_minima(
+        self, placement: Placement, pieces: Pieces, k: int, within: float
+    ) -> DistanceMinima:
         """Minima over the triangles of a core, and all its corners where they are close."""
         core = self.cores[k]
         points = placement.to_scene(core.points)
@@ -258,7 +280,9 @@ class SpatialProximity:
         lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
         counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
         edge = np.repeat(np.arange(len(edges)), counts)
-        place = (np.concatenate([np.arange(n) for n in counts]) if len(counts) else np.empty(0)) + 0.5
+        place = (
+            np.concatenate([np.arange(n) for n in counts]) if len(counts) else np.empty(0)
+        ) + 0.5
         s = (place / counts[edge])[:, None]
         starts = placement.to_scene((1.0 - s) * edges[edge, 0] + s * edges[edge, 1])
         slack = (0.5 * lengths / counts)[edge] + 0.5 * self.spacing
@@ -291,7 +315,12 @@ class SpatialProximity:
         # The minimum may lie on a triangle next to that below the sample.
         beside = apart <= apart.min(axis=1, keepdims=True, initial=np.inf) + self.spacing
         sample, triangle = np.nonzero(beside & mine[:, None])
-        return triangle, np.zeros(len(sample), dtype=int), nearest[sample, triangle], starts[sample, :2]
+        return (
+            triangle,
+            np.zeros(len(sample), dtype=int),
+            nearest[sample, triangle],
+            starts[sample, :2],
+        )
 
     def _on_core(
         self,
@@ -310,7 +339,12 @@ class SpatialProximity:
         origin = np.column_stack([np.full(len(piece), k), triangle, piece]).astype(int)
         surface = points - core.radius * sight.normals
         return DistanceMinima(
-            sight.gaps - core.radius, surface, sight.normals, placement.to_body(points), origin, pieces
+            sight.gaps - core.radius,
+            surface,
+            sight.normals,
+            placement.to_body(points),
+            origin,
+            pieces,
         )
 
     def _spanned(self, k: int, triangle: np.ndarray) -> Floats:
@@ -324,7 +358,11 @@ class SpatialProximity:
         return corners
 
     def locally_least(
-        self, placement: Placement, minima: DistanceMinima, corners: bool = False, slack: float = 0.0
+        self,
+        placement: Placement,
+        minima: DistanceMinima,
+        corners: bool = False,
+        slack: float = 0.0,
     ) -> DistanceMinima:
         """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
 
@@ -373,7 +411,9 @@ class SpatialProximity:
         """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
         drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
         minima, reach = self.minima(placement, drop + 1e-9 * self.size), self.size
-        while not len(minima):  # next to a bed that overhangs it the grain is nearer than its way down says
+        while not len(
+            minima
+        ):  # next to a bed that overhangs it the grain is nearer than its way down says
             minima, reach = self.minima(placement, reach), 2.0 * reach
         k = int(np.argmin(minima.gaps))
         gap, point = float(minima.gaps[k]), minima.points[k]
@@ -412,7 +452,9 @@ def _distinct(minima: DistanceMinima, tolerance: float) -> DistanceMinima:
     if len(minima) > 1:
         lowest = np.argsort(minima.gaps, kind="stable")
         points, normals = minima.points[lowest], minima.normals[lowest]
-        pairs = np.sort(cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray"), axis=1)
+        pairs = np.sort(
+            cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray"), axis=1
+        )
         same = np.abs(normals[pairs[:, 0]] - normals[pairs[:, 1]]).max(axis=1, initial=0.0) <= 1e-4
         for i, j in pairs[same][np.argsort(pairs[same][:, 0], kind="stable")].tolist():
             keep[lowest[j]] &= not keep[lowest[i]]

@@ -61,7 +61,9 @@ def footprint(proximity: SpatialProximity, placement: Placement, tolerance: floa
                 continue
             found = _patches(proximity, placement, core, close.only(mine), tolerance)
             for patch in found:
-                loose[mine] &= ~patch.covers(close.points[mine], max(tolerance, 1e-9 * proximity.size))
+                loose[mine] &= ~patch.covers(
+                    close.points[mine], max(tolerance, 1e-9 * proximity.size)
+                )
             patches += found
     points = proximity.locally_least(placement, close.only(loose), slack=tolerance)
     points = points.only(_extreme(points, 1e-7 * proximity.size))
@@ -70,15 +72,24 @@ def footprint(proximity: SpatialProximity, placement: Placement, tolerance: floa
 
 def _contacts(minima: DistanceMinima, patches: list[Patch], tolerance: float) -> Contacts:
     points = [minima.points, *(patch.corners for patch in patches)]
-    normals = [-minima.normals, *(np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches)]
+    normals = [
+        -minima.normals,
+        *(np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches),
+    ]
     areas = np.concatenate([np.zeros(len(minima)), *(patch.shares() for patch in patches)])
     if len(areas) == 0:
-        raise SceneError(f"the grain does not touch the bed within {tolerance:g}; settle it on the bed")
+        raise SceneError(
+            f"the grain does not touch the bed within {tolerance:g}; settle it on the bed"
+        )
     return Contacts(np.vstack(points), np.vstack(normals), areas if patches else None)
 
 
 def _patches(
-    proximity: SpatialProximity, placement: Placement, core: Core, close: DistanceMinima, tolerance: float
+    proximity: SpatialProximity,
+    placement: Placement,
+    core: Core,
+    close: DistanceMinima,
+    tolerance: float,
 ) -> list[Patch]:
     """The parts of a core that lie on one piece of bed: connected triangles all of whose corners touch."""
     piece = close.origin[0, 2]
@@ -115,7 +126,9 @@ def _patch(corners: Floats, radius: float) -> Patch:
     points = corners.reshape(-1, 3)
     first, second = (t[0] for t in frame_of(normal[None]))
     order = _hull(points @ np.column_stack([first, second]))
-    return Patch(points[order] + radius * normal, normal, float(np.linalg.norm(areas, axis=1).sum()))
+    return Patch(
+        points[order] + radius * normal, normal, float(np.linalg.norm(areas, axis=1).sum())
+    )
 
 
 def _hull(points: Floats) -> np.ndarray:

@@ -33,9 +33,16 @@ class SphereHeap(Terrain):
     posts: np.ndarray
 
     def __init__(
-        self, centres: ArrayLike, radii: ArrayLike, origin_z: float = 0.0, posts: ArrayLike | None = None
+        self,
+        centres: ArrayLike,
+        radii: ArrayLike,
+        origin_z: float = 0.0,
+        posts: ArrayLike | None = None,
     ) -> None:
-        points, sizes = np.array(centres, dtype=float).reshape(-1, 3), np.array(radii, dtype=float).ravel()
+        points, sizes = (
+            np.array(centres, dtype=float).reshape(-1, 3),
+            np.array(radii, dtype=float).ravel(),
+        )
         if len(points) != len(sizes) or not len(sizes):
             raise SceneError(
                 f"{len(points)} centres and {len(sizes)} radii; give as many of both, one or more"
@@ -44,7 +51,9 @@ class SphereHeap(Terrain):
             raise SceneError(
                 "centres and radii are not finite or not positive; give finite, positive numbers"
             )
-        standing = np.zeros(len(sizes), dtype=bool) if posts is None else np.array(posts, dtype=bool)
+        standing = (
+            np.zeros(len(sizes), dtype=bool) if posts is None else np.array(posts, dtype=bool)
+        )
         given = {"centres": points, "radii": sizes, "origin_z": float(origin_z), "posts": standing}
         for name, value in given.items():
             object.__setattr__(self, name, value)
@@ -71,7 +80,10 @@ class SphereHeap(Terrain):
         away = np.linalg.norm(self.centres[:, :2] - np.asarray(middle, dtype=float), axis=1)
         near = away <= reach + self.radii
         up = np.array([[0.0, 0.0, 1.0]])
-        base, posts = np.array([[0.0, 0.0, self.origin_z]]), self.posts[near] if self.posts.any() else None
+        base, posts = (
+            np.array([[0.0, 0.0, self.origin_z]]),
+            self.posts[near] if self.posts.any() else None,
+        )
         return HalfSpacesAndBalls(base, up, self.centres[near], self.radii[near], posts)
 
     def _highest(self, x: Floats) -> tuple[Floats, np.ndarray]:

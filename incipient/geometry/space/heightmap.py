@@ -14,7 +14,9 @@ from incipient.geometry.space.triangle_files import require_file, triangles_in
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
-KEYS = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])  # cubics by four heights
+KEYS = 0.5 * np.array(
+    [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
+)  # cubics by four heights
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 
@@ -34,10 +36,14 @@ class HeightMap(SmoothTerrain):
     def __post_init__(self) -> None:
         heights = np.array(self.heights, dtype=float)
         if heights.ndim != 2 or min(heights.shape) < 2:
-            raise SceneError("a height map needs two or more rows and columns; give a table of heights")
+            raise SceneError(
+                "a height map needs two or more rows and columns; give a table of heights"
+            )
         if not np.isfinite(heights).all():
             row, column = np.argwhere(~np.isfinite(heights))[0]
-            raise SceneError(f"the height in row {row}, column {column} is not finite; fill the gap")
+            raise SceneError(
+                f"the height in row {row}, column {column} is not finite; fill the gap"
+            )
         require_positive("cell", *self.cell)
         heights.flags.writeable = False
         object.__setattr__(self, "heights", heights)
@@ -81,7 +87,11 @@ class HeightMap(SmoothTerrain):
 
     @classmethod
     def of_triangles(
-        cls, corners: Floats, cell: tuple[float, float] | None, path: Path, within: Extent | None = None
+        cls,
+        corners: Floats,
+        cell: tuple[float, float] | None,
+        path: Path,
+        within: Extent | None = None,
     ) -> "HeightMap":
         """A bed from the upper side of triangles (m, 3, 3) of a file, at their heights; as `from_surface`.
 
@@ -93,7 +103,9 @@ class HeightMap(SmoothTerrain):
             low[:2], high[:2] = np.maximum(low[:2], least), np.minimum(high[:2], most)
         extent = high - low
         if not extent[:2].min() > 1e-9 * extent.max():
-            raise SceneError(f"{path} has no upper side: it stands upright; turn it until z is upwards")
+            raise SceneError(
+                f"{path} has no upper side: it stands upright; turn it until z is upwards"
+            )
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
         require_positive("cell", dx, dy)
         _require_few(path, *(extent[:2] / (dx, dy)))
@@ -171,7 +183,10 @@ class HeightMap(SmoothTerrain):
         values = self.heights[j[:, :, None], i[:, None, :]]
         found = []
         for along_x, along_y in orders:
-            u, v = _weights(t[:, 0], along_x, self.cell[0]), _weights(t[:, 1], along_y, self.cell[1])
+            u, v = (
+                _weights(t[:, 0], along_x, self.cell[0]),
+                _weights(t[:, 1], along_y, self.cell[1]),
+            )
             total = ((values @ u[..., None])[..., 0] * v).sum(axis=1)
             level = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
             found.append(np.where(level, 0.0, total))
@@ -181,7 +196,11 @@ class HeightMap(SmoothTerrain):
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
     one, zero = np.ones_like(t), np.zeros_like(t)
-    powers = [one, t, t * t, t**3], [zero, one, 2.0 * t, 3.0 * t * t], [zero, zero, 2.0 * one, 6.0 * t]
+    powers = (
+        [one, t, t * t, t**3],
+        [zero, one, 2.0 * t, 3.0 * t * t],
+        [zero, zero, 2.0 * one, 6.0 * t],
+    )
     return np.asarray(np.column_stack(powers[derivative]) @ KEYS / step**derivative)
 
 
@@ -205,7 +224,9 @@ def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: floa
     return heights
 
 
-Raster = tuple[Floats, tuple[float, float] | None, tuple[float, float]]  # heights, cell, first point
+Raster = tuple[
+    Floats, tuple[float, float] | None, tuple[float, float]
+]  # heights, cell, first point
 
 
 def _read(path: Path) -> Raster:
@@ -220,7 +241,9 @@ def _read(path: Path) -> Raster:
         raise
     except Exception as error:  # whatever the reader stumbled over
         why = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(f"{path} cannot be read as heights ({why[:80]}); export it again") from None
+        raise SceneError(
+            f"{path} cannot be read as heights ({why[:80]}); export it again"
+        ) from None
 
 
 def _read_array(path: Path) -> Raster:
@@ -235,7 +258,9 @@ def _require_few(path: Path, *counts: float) -> None:
     """Refuse a raster of too many heights before it is read or made."""
     count = float(np.prod(np.array(counts, dtype=float)))
     if count > MOST_HEIGHTS:
-        raise SceneError(f"{path} has {count:.7g} heights; give {MOST_HEIGHTS} at most, or a larger cell")
+        raise SceneError(
+            f"{path} has {count:.7g} heights; give {MOST_HEIGHTS} at most, or a larger cell"
+        )
 
 
 def _read_image(path: Path) -> Raster:
@@ -280,5 +305,8 @@ def _read_grid(path: Path) -> Raster:
     if (values == header.get("nodata_value", np.nan)).any():
         raise SceneError(f"{path} has cells without data; fill them")
     cell = header["cellsize"]
-    corner = [header.get(f"{a}llcenter", header.get(f"{a}llcorner", -0.5 * cell) + 0.5 * cell) for a in "xy"]
+    corner = [
+        header.get(f"{a}llcenter", header.get(f"{a}llcorner", -0.5 * cell) + 0.5 * cell)
+        for a in "xy"
+    ]
     return values.reshape(shape)[::-1], (cell, cell), (corner[0], corner[1])

@@ -17,7 +17,9 @@ def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
     return np.concatenate([level(part) for part in parts])
 
 
-def level_surface(level: Callable[[Floats], Floats], axes: tuple[Floats, Floats, Floats]) -> Surface:
+def level_surface(
+    level: Callable[[Floats], Floats], axes: tuple[Floats, Floats, Floats]
+) -> Surface:
     """The surface level = 0 within a grid given by its abscissae along three axes; it faces growing levels.
 
     Each cell is cut into six tetrahedra about its diagonal (Kuhn), in each of which the level is taken to be linear,
@@ -34,7 +36,9 @@ def level_surface(level: Callable[[Floats], Floats], axes: tuple[Floats, Floats,
     for lonely, count in ((True, 1), (False, 3)):
         chosen = tetrahedra[number == count]
         alone = np.argmax(above[number == count] == lonely, axis=1)
-        rest = [np.take_along_axis(chosen, ((alone + k) % 4)[:, None], 1)[:, 0] for k in (0, 1, 2, 3)]
+        rest = [
+            np.take_along_axis(chosen, ((alone + k) % 4)[:, None], 1)[:, 0] for k in (0, 1, 2, 3)
+        ]
         pieces.append(np.stack([np.column_stack([rest[0], rest[k]]) for k in (1, 2, 3)], axis=1))
     halves = tetrahedra[number == 2]
     order = np.argsort(~above[number == 2], axis=1, kind="stable")
@@ -50,7 +54,9 @@ def _crossed_tetrahedra(values: Floats) -> np.ndarray:
     steps = np.array([index[1, 0, 0], index[0, 1, 0], index[0, 0, 1]])
     positive = values > 0.0
     corner = [
-        positive[i : values.shape[0] - 1 + i, j : values.shape[1] - 1 + j, k : values.shape[2] - 1 + k]
+        positive[
+            i : values.shape[0] - 1 + i, j : values.shape[1] - 1 + j, k : values.shape[2] - 1 + k
+        ]
         for i in (0, 1)
         for j in (0, 1)
         for k in (0, 1)

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
-RAY = unit(np.array([0.36419, 0.27183, 0.89124]))  # no direction in which grains have faces and edges
+RAY = unit(
+    np.array([0.36419, 0.27183, 0.89124])
+)  # no direction in which grains have faces and edges
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 CLEAR = 1e-9  # how far a ray must pass an edge to be counted: an area, in squares of the triangles' size
@@ -137,7 +139,10 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
         foot = start + np.clip(along, 0.0, 1.0)[..., None] * side
         away_squared = ((foot - x) ** 2).sum(-1)
         closer = away_squared < squared
-        best, squared = np.where(closer[..., None], foot, best), np.where(closer, away_squared, squared)
+        best, squared = (
+            np.where(closer[..., None], foot, best),
+            np.where(closer, away_squared, squared),
+        )
     return np.asarray(best)
 
 
@@ -202,5 +207,7 @@ class Cloud:
         distance, nearest = self.vertices(x)
         near = np.flatnonzero(distance < CLOSE * self.spacing)
         feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
-        distance[near] = np.minimum(distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1))
+        distance[near] = np.minimum(
+            distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1)
+        )
         return distance

@@ -39,7 +39,9 @@ class Packing(BallLattice):
         if self.layers < 1:
             raise SceneError(f"layers {self.layers} is none; give one or more")
         if self.layers > 1 and not self._rise_squared > 0.0:
-            raise SceneError("spheres so far apart carry no further layer; reduce spacing or give layers = 1")
+            raise SceneError(
+                "spheres so far apart carry no further layer; reduce spacing or give layers = 1"
+            )
 
     @property
     def crest(self) -> float:
@@ -69,7 +71,9 @@ class Packing(BallLattice):
             return np.column_stack([ideal, height])
         reach, turn, drop = (self._chance(places, layer, number) for number in range(3))
         room = max(0.5 * self.spacing - self.radius, 0.0) * np.sqrt(reach)
-        shift = room[:, None] * np.column_stack([np.cos(2.0 * np.pi * turn), np.sin(2.0 * np.pi * turn)])
+        shift = room[:, None] * np.column_stack(
+            [np.cos(2.0 * np.pi * turn), np.sin(2.0 * np.pi * turn)]
+        )
         return np.column_stack([ideal + shift, height - LOWEST * self.radius * drop])
 
     def _chance(self, places: np.ndarray, layer: int, number: int) -> Floats:
@@ -100,9 +104,14 @@ class Packing(BallLattice):
                 centre = self._at(home + np.array(step) - AROUND, layer)
                 beside = x - centre[:, :2]
                 below = self.radius**2 - (beside**2).sum(axis=1)
-                top = np.where(below >= 0.0, centre[:, 2] + np.sqrt(np.maximum(below, 0.0)), -np.inf)
+                top = np.where(
+                    below >= 0.0, centre[:, 2] + np.sqrt(np.maximum(below, 0.0)), -np.inf
+                )
                 higher = top > height
-                height, away = np.where(higher, top, height), np.where(higher[:, None], beside, away)
+                height, away = (
+                    np.where(higher, top, height),
+                    np.where(higher[:, None], beside, away),
+                )
         return height, away
 
     def height(self, x: ArrayLike) -> Floats:

@@ -48,7 +48,10 @@ class HalfSpacesAndBalls:
     def rough(self, points: Floats) -> Floats:
         """The exact distances (k, n)."""
         above = points @ self.directions.T - (self.origins * self.directions).sum(axis=1)
-        away = np.linalg.norm(self._beside(points[:, None], np.arange(len(self.radii))), axis=2) - self.radii
+        away = (
+            np.linalg.norm(self._beside(points[:, None], np.arange(len(self.radii))), axis=2)
+            - self.radii
+        )
         return np.concatenate([above.T, away.T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
@@ -131,7 +134,9 @@ class Graph:
         matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
         bent = matrix + offset[:, None, None] * self.hessian(x)
         convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
-        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[..., 0]
+        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
+            ..., 0
+        ]
         length = np.linalg.norm(step, axis=1, keepdims=True)
         return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
 

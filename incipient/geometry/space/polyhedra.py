@@ -96,7 +96,9 @@ class Box(FlatSided):
 def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
     """The means (count, 3) of unit normals (k, 3) that belong to rows (k,); those of a row that agree count once."""
     distinct = np.unique(np.column_stack([row, np.round(normals, 9)]), axis=0, return_index=True)[1]
-    return unit(np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T]))
+    return unit(
+        np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T])
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +116,19 @@ class Triangulated(FlatSided):
 
     def __post_init__(self) -> None:
         points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
-        if points.ndim != 2 or points.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+        if (
+            points.ndim != 2
+            or points.shape[1] != 3
+            or triangles.ndim != 2
+            or triangles.shape[1] != 3
+        ):
             raise SceneError(f"{self.name} needs vertices (n, 3) and triangles (m, 3); give them")
         if not np.isfinite(points).all():
             raise SceneError(f"{self.name} has a vertex that is not finite; give finite numbers")
         if len(triangles) == 0 or triangles.min() < 0 or triangles.max() >= len(points):
-            raise SceneError(f"{self.name} has no triangles, or one of vertices that do not exist; check it")
+            raise SceneError(
+                f"{self.name} has no triangles, or one of vertices that do not exist; check it"
+            )
         extent = float(np.ptp(points, axis=0).max())
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
@@ -197,7 +206,14 @@ class Polyhedron(Triangulated):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
-            raise SceneError("a polyhedron needs four or more vertices of three finite coordinates; add them")
+        if (
+            corners.ndim != 2
+            or corners.shape[1] != 3
+            or len(corners) < 4
+            or not np.isfinite(corners).all()
+        ):
+            raise SceneError(
+                "a polyhedron needs four or more vertices of three finite coordinates; add them"
+            )
         hull = surfaces.hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")

@@ -16,7 +16,10 @@ from incipient.geometry.space.surfaces import Surface, vector_areas
 from incipient.geometry.space.topology import Topology, lowest_around, summed
 
 GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
-LONG, SHORT = 1.37, 0.74  # in units of the wanted size: edges that are split, and that are collapsed
+LONG, SHORT = (
+    1.37,
+    0.74,
+)  # in units of the wanted size: edges that are split, and that are collapsed
 ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles has settled
 # Cosines of the angles at which facets meet whose edge is kept: always, and where both are no smaller than the cells.
 BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
@@ -183,7 +186,9 @@ def _on_curves(mesh: SurfaceMesh, kept: np.ndarray) -> np.ndarray:
 def _lengths(mesh: SurfaceMesh, edges: np.ndarray) -> Floats:
     """The lengths (k,) of edges in units of the size wanted there, in six digits."""
     first, second = mesh.points[edges].transpose(1, 0, 2)
-    return np.asarray(np.round(np.linalg.norm(first - second, axis=1) / mesh.sizes[edges].mean(axis=1), 6))
+    return np.asarray(
+        np.round(np.linalg.norm(first - second, axis=1) / mesh.sizes[edges].mean(axis=1), 6)
+    )
 
 
 def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
@@ -230,7 +235,9 @@ def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.n
     two, whole = number == 2, np.argmin(cut, axis=1)
     a, b, c, p, q = _turned(triangles, middles, two, (whole + 1) % 3)[:5]
     parts.append(np.column_stack([p, b, q]))
-    across, other = (np.linalg.norm(points[start] - points[end], axis=1) for start, end in ((a, q), (p, c)))
+    across, other = (
+        np.linalg.norm(points[start] - points[end], axis=1) for start, end in ((a, q), (p, c))
+    )
     shorter = across < (1.0 + 1e-6) * other
     parts += [np.column_stack([a, p, q])[shorter], np.column_stack([a, q, c])[shorter]]
     parts += [np.column_stack([a, p, c])[~shorter], np.column_stack([p, q, c])[~shorter]]
@@ -284,7 +291,9 @@ def _common(edges: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
     at_ends[edges[which]] = True
     near = edges[at_ends[edges].any(axis=1)]
     both = np.vstack([near, near[:, ::-1]])
-    adjacency = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
+    adjacency = coo_matrix(
+        (np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)
+    ).tocsr()
     a, b = edges[which].T
     return np.asarray(adjacency[a].multiply(adjacency[b]).sum(axis=1)).ravel()
 
@@ -341,7 +350,9 @@ def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floa
     corners, was = moved[triangles], mesh.points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     too_long = longest > LONG * mesh.sizes[triangles].mean(axis=1) * (1.0 + 1e-6)
-    longer = longest > (1.0 + 1e-6) * np.linalg.norm(was - np.roll(was, 1, axis=1), axis=2).max(axis=1)
+    longer = longest > (1.0 + 1e-6) * np.linalg.norm(was - np.roll(was, 1, axis=1), axis=2).max(
+        axis=1
+    )
     turned = _overturned(was, corners, TURNED)
     turned &= (unit(vector_areas(corners)) * unit(facing)[of]).sum(axis=1) < ALIGNED
     bad = np.zeros(len(stays), dtype=bool)
@@ -395,7 +406,9 @@ def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
     corners = mesh.triangles[first]
     ordered = ((corners == a[:, None]) & (np.roll(corners, -1, axis=1) == b[:, None])).any(axis=1)
     a, b = np.where(ordered, a, b), np.where(ordered, b, a)
-    old = unit(vector_areas(mesh.points[corners]) + vector_areas(mesh.points[mesh.triangles[second]]))
+    old = unit(
+        vector_areas(mesh.points[corners]) + vector_areas(mesh.points[mesh.triangles[second]])
+    )
     new = [unit(vector_areas(mesh.points[np.column_stack(t)])) for t in ((a, d, c), (d, b, c))]
     least = np.minimum(*((old * n).sum(axis=1) for n in new))
     level = (least > 0.7) | (least > 0.0) & (now < 0.1)
@@ -451,7 +464,9 @@ def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     move[mesh.held] = 0.0
     free = ~mesh.fixed
     target = mesh.points.copy()
-    target[free] = task.projected(mesh.points[free] + 0.7 * move[free], mesh.held[free], on_curve[free])
+    target[free] = task.projected(
+        mesh.points[free] + 0.7 * move[free], mesh.held[free], on_curve[free]
+    )
     points = _without_folds(mesh, target)
     return replace(mesh, points=points, sizes=task.size(points))
 

@@ -41,7 +41,9 @@ def _in_one_sense(triangles: Indices) -> Indices:
     part = connected(count, np.column_stack([first, second]))
     starts = np.unique(part, return_index=True)[1][part]
     # Number k is triangle k as given, k + count the same turned; those of one sense are linked.
-    links = np.stack([[first, second + count * against], [first + count, second + count * ~against]])
+    links = np.stack(
+        [[first, second + count * against], [first + count, second + count * ~against]]
+    )
     sense = connected(2 * count, np.concatenate(links, axis=1).T)
     turned = sense[:count] != sense[starts]
     return np.where(turned[:, None], triangles[:, ::-1], triangles)
@@ -79,5 +81,7 @@ def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
     turned = np.cross(away, first)
     u, v = inverse * (away * across).sum(axis=1), inverse * (along * turned).sum(axis=1)
     t = inverse * (second * turned).sum(axis=1)
-    inside = (np.minimum(u, v) > BESIDE) & (u + v < 1.0 - BESIDE) & (t > BESIDE) & (t < 1.0 - BESIDE)
+    inside = (
+        (np.minimum(u, v) > BESIDE) & (u + v < 1.0 - BESIDE) & (t > BESIDE) & (t < 1.0 - BESIDE)
+    )
     return np.asarray(proper & inside)

@@ -93,7 +93,9 @@ class Superquadric(Solid):
         require_positive("semi-axis", *self.semi_axes)
         for value in self.exponents:
             if not 2.0 <= value <= MAX_EXPONENT:
-                raise SceneError(f"exponent {value} is not between 2 and {MAX_EXPONENT:g}; change it")
+                raise SceneError(
+                    f"exponent {value} is not between 2 and {MAX_EXPONENT:g}; change it"
+                )
 
     @property
     def size(self) -> float:
@@ -151,7 +153,9 @@ class Superquadric(Solid):
 
     def surface(self, spacing: float) -> Surface:
         """A sphere's triangles, stretched along the axes and carried along rays onto the surface."""
-        return triangulated(lambda d: self.project(d * np.asarray(self.semi_axes)), self.size, spacing)
+        return triangulated(
+            lambda d: self.project(d * np.asarray(self.semi_axes)), self.size, spacing
+        )
 
 
 @dataclass(frozen=True)

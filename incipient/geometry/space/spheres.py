@@ -31,11 +31,15 @@ class Spheres(Balls, Solid):
     centres: tuple[Triple, ...]
     radii: tuple[float, ...]
 
-    def __init__(self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats) -> None:
+    def __init__(
+        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
+    ) -> None:
         points, sizes = checked_balls(centres, radii, 3)
         require_exposed(_showing(points, sizes), len(sizes), "sphere")
         points = points - _union(points, sizes).centroid
-        object.__setattr__(self, "centres", tuple((float(x), float(y), float(z)) for x, y, z in points))
+        object.__setattr__(
+            self, "centres", tuple((float(x), float(y), float(z)) for x, y, z in points)
+        )
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
 
     @cached_property
@@ -47,7 +51,9 @@ class Spheres(Balls, Solid):
     def cores(self) -> tuple[Core, ...]:
         """The centres."""
         point = np.zeros((1, 3), dtype=int)
-        return tuple(Core(np.array([c]), point, r) for c, r in zip(self.centres, self.radii, strict=True))
+        return tuple(
+            Core(np.array([c]), point, r) for c, r in zip(self.centres, self.radii, strict=True)
+        )
 
     def surface(self, spacing: float) -> Surface:
         """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""
@@ -129,7 +135,9 @@ def _critical_heights(centres: Floats, radii: Floats) -> Floats:
     return found[(found >= low) & (found <= high)]
 
 
-def _meeting_circle(first: Floats, r: float, second: Floats, s: float) -> tuple[Floats, Floats, float] | None:
+def _meeting_circle(
+    first: Floats, r: float, second: Floats, s: float
+) -> tuple[Floats, Floats, float] | None:
     """Centre, axis and radius of the circle in which two spheres meet."""
     d = float(np.linalg.norm(second - first))
     if not abs(r - s) < d < r + s:
@@ -139,7 +147,9 @@ def _meeting_circle(first: Floats, r: float, second: Floats, s: float) -> tuple[
     return first + along * axis, axis, float(np.sqrt(r * r - along * along))
 
 
-def _circle_on_sphere(middle: Floats, axis: Floats, radius: float, centre: Floats, r: float) -> list[float]:
+def _circle_on_sphere(
+    middle: Floats, axis: Floats, radius: float, centre: Floats, r: float
+) -> list[float]:
     """Heights of the points in which a circle meets a sphere."""
     away = centre - middle
     across = away - (away @ axis) * axis

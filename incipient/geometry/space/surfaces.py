@@ -77,7 +77,9 @@ def hull_of(points: Floats) -> Surface:
 def box(half_sides: Floats, spacing: float) -> Surface:
     """A box about the origin whose sides are cut into parts of at most `spacing`."""
     counts = np.ceil(2.0 * half_sides / spacing)
-    counts = np.clip(counts * min(1.0, (MOST_POINTS / max(6.0 * counts.max() ** 2, 1.0)) ** 0.5), 1, None)
+    counts = np.clip(
+        counts * min(1.0, (MOST_POINTS / max(6.0 * counts.max() ** 2, 1.0)) ** 0.5), 1, None
+    )
     points, triangles, offset = [], [], 0
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -95,7 +97,9 @@ def grid(us: Floats, vs: Floats) -> tuple[Floats, Indices]:
     """Points (n, 2) of a grid with these abscissae and ordinates, and its triangles (m, 3)."""
     u, v = np.meshgrid(us, vs, indexing="ij")
     index = np.arange(u.size).reshape(u.shape)
-    a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    a, b, c, d = (
+        k.ravel() for k in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    )
     cells = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     return np.column_stack([u.ravel(), v.ravel()]), cells
 
@@ -125,7 +129,9 @@ def refined(surface: Surface, spacing: float) -> Surface:
 
 def _split(surface: Surface, parts: int) -> Surface:
     """Every triangle cut into parts^2 similar ones."""
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij"))
+    i, j = (
+        k.ravel() for k in np.meshgrid(np.arange(parts + 1), np.arange(parts + 1), indexing="ij")
+    )
     keep = i + j <= parts
     i, j = i[keep], j[keep]
     number = np.full((parts + 2, parts + 2), -1)
@@ -144,7 +150,9 @@ def _split(surface: Surface, parts: int) -> Surface:
 def joined(surfaces: list[Surface]) -> Surface:
     """Several surfaces as one."""
     offsets = np.cumsum([0, *(len(surface.points) for surface in surfaces[:-1])])
-    triangles = [surface.triangles + offset for surface, offset in zip(surfaces, offsets, strict=True)]
+    triangles = [
+        surface.triangles + offset for surface, offset in zip(surfaces, offsets, strict=True)
+    ]
     return Surface(np.vstack([surface.points for surface in surfaces]), np.vstack(triangles))
 
 
@@ -155,12 +163,18 @@ def require_closed(surface: Surface, name: str) -> None:
     separate parts, or if neighbouring triangles disagree on what is outside.
     """
     directed = sides(surface.triangles)
-    _, inverse, counts = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    _, inverse, counts = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
     open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
     if open_edges:
-        raise SceneError(f"{name} is not watertight: it has {open_edges} open edges; close its holes")
+        raise SceneError(
+            f"{name} is not watertight: it has {open_edges} open edges; close its holes"
+        )
     if crowded:
-        raise SceneError(f"{name} has {crowded} edges with more than two triangles; separate its sheets")
+        raise SceneError(
+            f"{name} has {crowded} edges with more than two triangles; separate its sheets"
+        )
     forward = np.bincount(inverse.ravel(), weights=directed[:, 0] < directed[:, 1])
     if (forward != 1).any():
         raise SceneError(f"{name} has triangles that face different ways; orient them outwards")

@@ -163,7 +163,11 @@ class BallLattice(Terrain):
     @cached_property
     def _lattice(self) -> Floats:
         """The two steps from one centre to its neighbours, in rows."""
-        steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+        steps = (
+            np.eye(2)
+            if self.arrangement == "square"
+            else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+        )
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
 
@@ -205,7 +209,9 @@ class Hemispheres(BallLattice):
         require_positive("radius", self.radius)
         require_positive("spacing", self.spacing)
         if self.arrangement not in ("square", "triangular"):
-            raise SceneError(f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"')
+            raise SceneError(
+                f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"'
+            )
 
     @property
     def crest(self) -> float:

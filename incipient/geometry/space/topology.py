@@ -24,7 +24,12 @@ class Topology:
         new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
         inverse = np.empty(len(keys), dtype=np.int64)
         inverse[order] = np.cumsum(new) - 1
-        self._keys, self._width, self._order, self._first = keys[new], width, order, np.flatnonzero(new)
+        self._keys, self._width, self._order, self._first = (
+            keys[new],
+            width,
+            order,
+            np.flatnonzero(new),
+        )
         self.edges = np.column_stack([self._keys // width, self._keys % width])
         self.of_sides = inverse.reshape(3, -1).T
 

@@ -67,7 +67,9 @@ def _obj(path: Path) -> tuple[Floats, Integers]:
         if word == "v":
             points.append([decimal(one) for one in rest[:3]])
             if len(rest) < 3:
-                raise SceneError(f"{path} line {number} has no vertex of three coordinates; export it again")
+                raise SceneError(
+                    f"{path} line {number} has no vertex of three coordinates; export it again"
+                )
         elif word == "f":
             around = [_index(path, number, one, len(points)) for one in rest]
             triangles += [(around[0], b, c) for b, c in pairwise(around[1:])]
@@ -79,7 +81,9 @@ def _index(path: Path, line: int, text: str, before: int) -> int:
     decimal(text.partition("/")[0])  # which refuses what Python reads otherwise
     number = int(text.partition("/")[0])
     if number == 0:
-        raise SceneError(f"{path} line {line} names vertex 0; OBJ files count from 1, export it again")
+        raise SceneError(
+            f"{path} line {line} names vertex 0; OBJ files count from 1, export it again"
+        )
     return number - 1 if number > 0 else before + number
 
 
@@ -101,5 +105,7 @@ def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, I
             f"{path} has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size"
         )
     if (extent := float(np.ptp(points, axis=0).max())) < SMALLEST:
-        raise SceneError(f"{path} measures {extent:g} from end to end; give it at least {SMALLEST:g}")
+        raise SceneError(
+            f"{path} measures {extent:g} from end to end; give it at least {SMALLEST:g}"
+        )
     return points, triangles

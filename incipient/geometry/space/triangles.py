@@ -64,7 +64,8 @@ def _model_minimum(corners: Floats, points: Floats, sight: Sight) -> Floats:
 def _model(x: Floats, points: Floats, sight: Sight) -> Floats:
     away = x - points
     return np.asarray(
-        (away * sight.normals).sum(axis=1) + 0.5 * np.einsum("mi,mij,mj->m", away, sight.bends, away)
+        (away * sight.normals).sum(axis=1)
+        + 0.5 * np.einsum("mi,mij,mj->m", away, sight.bends, away)
     )
 
 

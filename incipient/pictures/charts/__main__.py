@@ -16,7 +16,13 @@ for name in ("--quantity", "--against", "--by"):
     parser.add_argument(name)
 options = parser.parse_args()
 try:
-    draw(options.file, lambda path: print(path, flush=True), options.quantity, options.against, options.by)
+    draw(
+        options.file,
+        lambda path: print(path, flush=True),
+        options.quantity,
+        options.against,
+        options.by,
+    )
 except IncipientError as error:
     print(error, file=sys.stderr)
     raise SystemExit(error.exit_code) from None

@@ -43,7 +43,14 @@ def draw(directory: Path) -> list[Path]:
 
 def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH))
-    figure.text(0.07, 0.975, stored["title"] or "What accuracy costs", fontsize=11.5, weight="bold", va="top")
+    figure.text(
+        0.07,
+        0.975,
+        stored["title"] or "What accuracy costs",
+        fontsize=11.5,
+        weight="bold",
+        va="top",
+    )
     words = textwrap.wrap(f"{stored['words'][0].upper()}{stored['words'][1:]}", 118)
     figure.text(0.07, 0.935, "\n".join(words), fontsize=9, va="top", linespacing=1.3)
     every = figure.subplots(2, 2, sharey=True)
@@ -54,7 +61,9 @@ def _figure(stored: dict[str, Any]) -> Figure:
     for axes in every[:, 0]:
         axes.set_ylabel("relative error")
     handles, labels = every[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=min(len(labels), _MOST_NAMES), fontsize=8)
+    figure.legend(
+        handles, labels, loc="lower center", ncols=min(len(labels), _MOST_NAMES), fontsize=8
+    )
     return figure
 
 
@@ -105,7 +114,9 @@ def _draw_law(axes: Axes, law: CostLaw, errors: Sequence[float]) -> None:
     """The fitted law, a digit beyond the runs on either side."""
     shown = np.geomspace(min(errors) / 4.0, max(errors) * 2.0, 60)
     name = f"error ~ (t − {law.start:.2g} s)^−{law.power:.2g}"
-    axes.plot([law.time(error) for error in shown], shown, "--", color=_LAW, lw=1.2, label=name, zorder=1)
+    axes.plot(
+        [law.time(error) for error in shown], shown, "--", color=_LAW, lw=1.2, label=name, zorder=1
+    )
 
 
 def _label(axis: Any, limit: Any, values: Sequence[float], told: Callable[[float], str]) -> None:
@@ -127,7 +138,12 @@ def _round_numbers(low: float, high: float) -> list[float]:
         powers = 10.0 ** np.arange(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
         ticks: list[float] = []
         for digits in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
-            ticks = [digit * power for power in powers for digit in digits if low <= digit * power <= high]
+            ticks = [
+                digit * power
+                for power in powers
+                for digit in digits
+                if low <= digit * power <= high
+            ]
             if len(ticks) <= _MOST_TICKS:
                 break
         return ticks

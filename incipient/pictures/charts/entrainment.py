@@ -28,7 +28,9 @@ def _figure(stored: dict[str, Any]) -> Figure:
     shields, found, low, high = (np.array([one[name] for one in stored["curve"]]) for name in names)
     given = stored["quantiles"]
     errors = (
-        "all errors" if all(one["error"] is not None for one in given) else "known errors, not the flow's"
+        "all errors"
+        if all(one["error"] is not None for one in given)
+        else "known errors, not the flow's"
     )
     looks: style.Looks = {"color": style.FLOW, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_between(shields, low, high, label=f"its range by {errors}", **looks)
@@ -41,13 +43,18 @@ def _figure(stored: dict[str, Any]) -> Figure:
     if stored["data"]:
         axes.plot(*np.array(stored["data"]).T, "x", color=style.MOTION, label="measured")
     axes.set(
-        xscale="log", yscale="log", xlabel="Shields number of the mean flow [-]", ylabel="probability [-]"
+        xscale="log",
+        yscale="log",
+        xlabel="Shields number of the mean flow [-]",
+        ylabel="probability [-]",
     )
     axes.set_ylim(0.5 * min(*found, *heights), 1.5)
     axes.xaxis.set_minor_locator(LogLocator(subs=(2, 3, 5)))
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
-    figure.suptitle(textwrap.fill(stored["title"] or "Motion in a fluctuating stream", 80), fontsize="medium")
+    figure.suptitle(
+        textwrap.fill(stored["title"] or "Motion in a fluctuating stream", 80), fontsize="medium"
+    )
     axes.legend(loc="lower right")
     return figure
 
@@ -55,7 +62,8 @@ def _figure(stored: dict[str, Any]) -> Figure:
 def _errors(given: list[dict[str, Any]]) -> np.ndarray:
     """(2, n) errors below and above, none below zero; those without bound are ten times the number."""
     terms = [
-        [10.0 * one["shields"] if term is None else term for term in one["terms"].values()] for one in given
+        [10.0 * one["shields"] if term is None else term for term in one["terms"].values()]
+        for one in given
     ]
     errors = np.array([sum(one) for one in terms])
     return np.array([np.minimum(errors, [0.99 * one["shields"] for one in given]), errors])

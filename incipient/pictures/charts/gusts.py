@@ -23,15 +23,21 @@ def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
     axes = figure.add_subplot()
     points = sorted(stored["points"], key=lambda one: one["duration"])
-    duration, strength = (np.array([one[name] for one in points]) for name in ("duration", "strength"))
+    duration, strength = (
+        np.array([one[name] for one in points]) for name in ("duration", "strength")
+    )
     errors = [one["error"] or 0.0 for one in points]
     looks: style.Looks = {"marker": "o", "color": style.FLOW, "capsize": 3}
     axes.errorbar(duration, strength, errors, label="leaves its pocket above", **looks)
     looks = {"color": style.INK, "linestyle": "--", "linewidth": 0.9}
     axes.axhline(stored["static"], label="a steady flow moves it above", **looks)
     shortest = 1.0 + (strength[0] - 1.0) * duration[0] / duration
-    axes.plot(duration, shortest, color=style.PUSH, linestyle=":", label="impulse of the shortest gust")
-    axes.set(xscale="log", yscale="log", xlabel="duration of the gust [time]", ylabel="strength [-]")
+    axes.plot(
+        duration, shortest, color=style.PUSH, linestyle=":", label="impulse of the shortest gust"
+    )
+    axes.set(
+        xscale="log", yscale="log", xlabel="duration of the gust [time]", ylabel="strength [-]"
+    )
     axes.set_title(stored["title"] or "The weakest gusts that move the grain out of its pocket")
     axes.legend()
     return figure

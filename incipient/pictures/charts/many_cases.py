@@ -38,7 +38,9 @@ BAND = (0.05, 0.95)  # shares of the cases of a bin below and above which they a
 Columns = dict[str, Floats]
 
 
-def figures(store: Store, quantity: str | None, against: str | None, by: str | None) -> dict[str, Figure]:
+def figures(
+    store: Store, quantity: str | None, against: str | None, by: str | None
+) -> dict[str, Figure]:
     """The pictures of `sweep.draw` by name. Not collective.
 
     Raises:
@@ -83,14 +85,18 @@ def _numbers(values: Any) -> Floats:
     try:
         return np.array(values, dtype=float)
     except (TypeError, ValueError):
-        return np.array([one if isinstance(one, int | float) else np.nan for one in values], dtype=float)
+        return np.array(
+            [one if isinstance(one, int | float) else np.nan for one in values], dtype=float
+        )
 
 
 def _finite(values: Floats) -> Any:
     return np.isfinite(values)
 
 
-def _curves(sources: list[str], title: str, table: Columns, names: tuple[str, str, str | None]) -> Figure:
+def _curves(
+    sources: list[str], title: str, table: Columns, names: tuple[str, str, str | None]
+) -> Figure:
     figure, axes = figure_of(sources, title, _note())
     across, up, by = names
     x, y = table[across], table[up]
@@ -127,7 +133,9 @@ def _families(table: Columns, by: str | None) -> list[tuple[str, Any]]:
     ends = np.quantile(column[_finite(column)], np.linspace(0.0, 1.0, FAMILIES + 1))
     last = [*ends[1:-1], np.inf]
     pairs = zip(ends[:-1], ends[1:], last, strict=True)
-    return [(f"{low:.4g} to {high:.4g}", (column >= low) & (column < end)) for low, high, end in pairs]
+    return [
+        (f"{low:.4g} to {high:.4g}", (column >= low) & (column < end)) for low, high, end in pairs
+    ]
 
 
 def _binned(values: Floats, number: int, is_logarithmic: bool) -> tuple[Any, Floats]:
@@ -167,7 +175,11 @@ def _shields(sources: list[str], table: Columns) -> Figure:
     axes.set(xscale="log", yscale="log")
     good = (table["shields"] > 0.0) & (table["shear_reynolds"] > 0.0)
     _median(
-        axes, table["shear_reynolds"][good], table["shields"][good], "one grain, laminar flow", COLOURS[0]
+        axes,
+        table["shear_reynolds"][good],
+        table["shields"][good],
+        "one grain, laminar flow",
+        COLOURS[0],
     )
     beside_soulsby_whitehouse(axes)
     legend(axes, None, AT)
@@ -194,10 +206,14 @@ def _map(sources: list[str], table: Columns, names: tuple[str, str], modes: Any)
     )
     if counts.any() and min(shape) > 1:
         means = np.ma.masked_where(counts == 0, sums / np.maximum(counts, 1))
-        filled = axes.pcolormesh(middles_x, middles_y, means, cmap="Greys", alpha=0.6, shading="nearest")
+        filled = axes.pcolormesh(
+            middles_x, middles_y, means, cmap="Greys", alpha=0.6, shading="nearest"
+        )
         figure.colorbar(filled, ax=axes, pad=0.02).set_label(f"log10 of the {name_of(value)}, mean")
         if value == "safety_factor" and means.min() < 0.0 < means.max():
-            axes.contour(middles_x, middles_y, means, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
+            axes.contour(
+                middles_x, middles_y, means, levels=[0.0], colors=[style.PUSH], linewidths=1.6
+            )
             axes.plot([], [], color=style.PUSH, lw=1.6, label="S = 1")
     _mark_modes(axes, (middles_x, middles_y), cells, modes, known)
     axes.set(xlabel=name_of(names[0]), ylabel=name_of(names[1]))
@@ -205,7 +221,9 @@ def _map(sources: list[str], table: Columns, names: tuple[str, str], modes: Any)
     return figure
 
 
-def _mark_modes(axes: Axes, middles: tuple[Floats, Floats], cells: Any, modes: Any, known: Any) -> None:
+def _mark_modes(
+    axes: Axes, middles: tuple[Floats, Floats], cells: Any, modes: Any, known: Any
+) -> None:
     """A small mark in each cell, of the mode that most of its cases have."""
     if not len(modes):
         return

@@ -35,9 +35,13 @@ def draw(directory: Path) -> list[Path]:
     try:
         grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
     except (OSError, ValueError, KeyError) as error:
-        raise OutputError(f"{directory}: its tables cannot be read ({error}); survey it again") from error
+        raise OutputError(
+            f"{directory}: its tables cannot be read ({error}); survey it again"
+        ) from error
     made = drawn(
-        directory / "survey.json", lambda stored: _figure(stored, grains, spheres), "survey it again"
+        directory / "survey.json",
+        lambda stored: _figure(stored, grains, spheres),
+        "survey it again",
     )
     return [*made, _for_paraview(directory / "survey.vtp", grains, spheres)]
 
@@ -50,7 +54,9 @@ def _table(path: Path) -> dict[str, Floats]:
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
 
-def _figure(stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]) -> Figure:
+def _figure(
+    stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]
+) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
     sides = figure.subplots(2, 2)
     _map(figure, sides[0, 0], stored, grains, spheres)
@@ -62,13 +68,19 @@ def _figure(stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str
 
 
 def _map(
-    figure: Figure, axes: Axes, stored: dict[str, Any], grains: dict[str, Floats], spheres: dict[str, Floats]
+    figure: Figure,
+    axes: Axes,
+    stored: dict[str, Any],
+    grains: dict[str, Floats],
+    spheres: dict[str, Floats],
 ) -> None:
     """All spheres from above, the higher over the lower; those that may go coloured by their threshold."""
     order = np.argsort(spheres["z"] + 0.5 * spheres["diameter"])
     top = spheres["z"][order]
     shades = _DARKEST + (1.0 - _DARKEST) * (top - top.min()) / max(float(np.ptp(top)), 1e-12)
-    circles = [Circle((spheres["x"][k], spheres["y"][k]), 0.5 * spheres["diameter"][k]) for k in order]
+    circles = [
+        Circle((spheres["x"][k], spheres["y"][k]), 0.5 * spheres["diameter"][k]) for k in order
+    ]
     values, label, norm = _coloured(grains)
     colours = np.column_stack([shades, shades, shades, np.ones(len(shades))])
     place = {int(number): row for row, number in enumerate(grains["number"])}
@@ -77,7 +89,9 @@ def _map(
         row = place.get(k)
         if row is not None and np.isfinite(values[row]):
             colours[position] = palette(norm(values[row]))
-    axes.add_collection(PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3))
+    axes.add_collection(
+        PatchCollection(circles, facecolors=colours, edgecolors=style.INK, linewidths=0.3)
+    )
     azimuth = np.radians(stored["request"]["flow"]["azimuth"])
     axes.annotate(
         "flow",
@@ -100,7 +114,11 @@ def _coloured(grains: dict[str, Floats]) -> tuple[Floats, str, Normalize]:
     if "stress" in grains and np.isfinite(grains["stress"]).any():
         values = grains["stress"]
         finite = values[np.isfinite(values) & (values > 0.0)]
-        return values, "critical Shields number by the median grain [-]", LogNorm(finite.min(), finite.max())
+        return (
+            values,
+            "critical Shields number by the median grain [-]",
+            LogNorm(finite.min(), finite.max()),
+        )
     values = np.where(grains["carries"] == 0.0, grains["pivot"], np.nan)
     return values, "pivot angle [degrees]", Normalize(0.0, 90.0)
 
@@ -110,10 +128,17 @@ def _pivots(axes: Axes, stored: dict[str, Any], grains: dict[str, Floats]) -> No
     free = grains["carries"] == 0.0
     sizes = grains["diameter"][free] / stored["bed"]["median_diameter"]
     reduced = np.sort(grains["pivot"][free] * sizes**0.3)
-    axes.plot(reduced, (np.arange(len(reduced)) + 0.5) / len(reduced), color=style.FLOW, label="free grains")
+    axes.plot(
+        reduced,
+        (np.arange(len(reduced)) + 0.5) / len(reduced),
+        color=style.FLOW,
+        label="free grains",
+    )
     law = [row["kirchner"] for row in stored["pivots"]]
     shares = [0.01 * row["percentile"] for row in stored["pivots"]]
-    axes.plot(law, shares, "--", color=style.INK, label="Kirchner et al. 1990, water-worked mixtures")
+    axes.plot(
+        law, shares, "--", color=style.INK, label="Kirchner et al. 1990, water-worked mixtures"
+    )
     axes.set(
         xlabel="pivot angle, (D/K50)^0.3 times [degrees]",
         ylabel="share of grains below [-]",
@@ -130,14 +155,23 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
         shields, mobile, low, high = (
             np.array([row[name] for row in curve]) for name in ("shields", "mobile", "low", "high")
         )
-        axes.fill_between(shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="95%")
+        axes.fill_between(
+            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="95%"
+        )
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in others if row["shields"] is not None]
     places, shares = [row["shields"] for row in known], [0.01 * row["percentile"] for row in known]
     axes.plot(
-        places, shares, "o--", color=style.PUSH, markersize=3, label="drag coefficient 0.76 and a log law"
+        places,
+        shares,
+        "o--",
+        color=style.PUSH,
+        markersize=3,
+        label="drag coefficient 0.76 and a log law",
     )
-    axes.set(xlabel="Shields number by the median grain [-]", ylabel="share of free grains mobile [-]")
+    axes.set(
+        xlabel="Shields number by the median grain [-]", ylabel="share of free grains mobile [-]"
+    )
     axes.set(xscale="log", ylim=(0.0, 1.0))
     axes.legend(loc="upper left")
 
@@ -147,12 +181,16 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
     free = grains["carries"] == 0.0
     axes.set_xlabel("protrusion over the mean surface [diameters]")
     if "shields" not in grains or not np.isfinite(grains["shields"]).any():
-        axes.plot(grains["protrusion"][free], grains["pivot"][free], "o", color=style.FLOW, markersize=3)
+        axes.plot(
+            grains["protrusion"][free], grains["pivot"][free], "o", color=style.FLOW, markersize=3
+        )
         axes.set_ylabel("pivot angle [degrees]")
         return
     shown = free & np.isfinite(grains["shields"]) & (grains["shields"] > 0.0)
     x, y = grains["protrusion"][shown], grains["shields"][shown]
-    high = np.where(np.isfinite(grains["shields_high"][shown]), grains["shields_high"][shown], 10.0 * y)
+    high = np.where(
+        np.isfinite(grains["shields_high"][shown]), grains["shields_high"][shown], 10.0 * y
+    )
     below, above = np.maximum(y - grains["shields_low"][shown], 0.0), np.maximum(high - y, 0.0)
     looks: style.Looks = {"fmt": "o", "color": style.FLOW, "markersize": 3, "elinewidth": 0.7}
     axes.errorbar(x, y, yerr=[np.minimum(below, 0.99 * y), above], **looks)

@@ -77,7 +77,9 @@ def draw(
         return _saved(figures, file, announce)
 
 
-def _saved(figures: Mapping[str, Figure], file: Path, announce: Callable[[Path], object]) -> list[Path]:
+def _saved(
+    figures: Mapping[str, Figure], file: Path, announce: Callable[[Path], object]
+) -> list[Path]:
     paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
     for path, figure in zip(paths, figures.values(), strict=True):
         style.save(figure, path)
@@ -96,7 +98,9 @@ def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path
     if not _numbers(shown, quantity):
         raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
     worded = not _numbers(shown, against)
-    places = {value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))}
+    places = {
+        value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))
+    }
     for label, mine, looks in _families(shown, by):
         x = np.array([places[row[against]] if worded else float(row[against]) for row in mine])
         _plot(axes, x, mine, quantity, label, looks | ({"lw": 0.0} if worded else {}))
@@ -124,7 +128,9 @@ def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: L
     finite = np.isfinite(y)
     looks = {"lw": 1.1, **looks, "label": label or None}
     errors = np.maximum(bars[:, finite], 0.0)
-    axes.errorbar(x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks)
+    axes.errorbar(
+        x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks
+    )
 
 
 def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
@@ -151,7 +157,9 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     figure, axes = figure_of(
         (row["source"] for row in found), "Critical Shields number", note=ONE_GRAIN_AND_BEDS
     )
-    families = _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
+    families = (
+        _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
+    )
     for label, mine, looks in families:
         x = np.array([float(row["shear_reynolds"]) for row in mine])
         _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
@@ -173,7 +181,13 @@ def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
     modes = sorted({str(row.get("mode", "")) for row in shown})
     for mode, marker, colour in zip(modes, cycle(MARKERS), cycle(COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        looks: Looks = {"color": colour, "mec": "white", "mew": 0.6, "ms": 7.0, "label": mode or "no verdict"}
+        looks: Looks = {
+            "color": colour,
+            "mec": "white",
+            "mew": 0.6,
+            "ms": 7.0,
+            "label": mode or "no verdict",
+        }
         axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
     legend(axes, None)
     return figure
@@ -202,4 +216,6 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
 def _numbers(found: Rows, name: str) -> bool:
     """Whether a column holds numbers alone."""
     values = [row[name] for row in found if name in row]
-    return bool(values) and all(isinstance(one, int | float) and not isinstance(one, bool) for one in values)
+    return bool(values) and all(
+        isinstance(one, int | float) and not isinstance(one, bool) for one in values
+    )

@@ -47,7 +47,9 @@ def figure_of(sources: Iterable[str], title: str, note: str = "") -> tuple[Figur
 def legend(axes: Axes, by: str | None, place: str = "best") -> None:
     """A legend where something has a label, headed by the column that the labels are of."""
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(title=by and name_of(by), fontsize=8, title_fontsize=8, loc=place, framealpha=0.9)
+        axes.legend(
+            title=by and name_of(by), fontsize=8, title_fontsize=8, loc=place, framealpha=0.9
+        )
 
 
 def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
@@ -65,7 +67,12 @@ def beside_soulsby_whitehouse(axes: Axes) -> None:
     reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
     label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
-    axes.set(xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel=name_of("shields"))
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="grain Reynolds number  u* d/ν",
+        ylabel=name_of("shields"),
+    )
 
 
 def choose_scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:

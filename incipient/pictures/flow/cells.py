@@ -47,7 +47,9 @@ def stage(view: style.View) -> Any:
     return plotter
 
 
-def framed(plotter: Any, view: style.View, title: str, what: str, fastest: float, up: str = "y") -> Figure:
+def framed(
+    plotter: Any, view: style.View, title: str, what: str, fastest: float, up: str = "y"
+) -> Figure:
     """What a plotter shows of a view, with a title, axes and the colours of the speed, from zero; it is closed."""
     plotter.camera.parallel_scale = 0.5 * (view[3] - view[2])
     plotter.reset_camera_clipping_range()
@@ -74,12 +76,16 @@ def _edges(pyvista: Any, run: StoredRun) -> Any:
     """Every cell's outline as a polyline along the sides' parabolas."""
     corners, sides = run.mesh.cells[:, :3], run.mesh.cells[:, 3:]
     s = np.linspace(0.0, 1.0, 7)[:, None, None, None]
-    start, middle, end = (run.mesh.points[part] for part in (corners, sides, np.roll(corners, -1, axis=1)))
+    start, middle, end = (
+        run.mesh.points[part] for part in (corners, sides, np.roll(corners, -1, axis=1))
+    )
     curves = (1 - s) * (1 - 2 * s) * start + 4 * s * (1 - s) * middle + s * (2 * s - 1) * end
     lines = curves.transpose(1, 2, 0, 3).reshape(-1, len(s), 2)
     connectivity = np.arange(lines.shape[0] * len(s)).reshape(-1, len(s))
     heads = np.full((len(connectivity), 1), len(s))
-    return pyvista.PolyData(spatial(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel())
+    return pyvista.PolyData(
+        spatial(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel()
+    )
 
 
 def _view(run: StoredRun) -> style.View:

@@ -14,10 +14,15 @@ from ..style import INK, panels
 from .mesh import QUARTERS
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
-_MIDDLES = np.array([(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)])  # nodes on the sides of these, in order
+_MIDDLES = np.array(
+    [(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)]
+)  # nodes on the sides of these, in order
 _UPWARD = 0.1  # least rise of a normal that points up
 _LEVELS = 24  # colours
-_LINES, _PLACES = 7, 201  # lines of equal height of the bed; places in each direction at which that is known
+_LINES, _PLACES = (
+    7,
+    201,
+)  # lines of equal height of the bed; places in each direction at which that is known
 
 
 def picture(run: StoredRun) -> Figure:
@@ -30,7 +35,9 @@ def picture(run: StoredRun) -> Figure:
     figure, [(axes, bar)] = panels([view], run.headline)
     largest = max(float(np.abs(elevation).max()), 1e-300)
     levels = np.linspace(-largest, largest, _LEVELS + 1)
-    drawn = axes.tricontourf(points[:, 0], points[:, 1], triangles, elevation, levels=levels, cmap="RdBu_r")
+    drawn = axes.tricontourf(
+        points[:, 0], points[:, 1], triangles, elevation, levels=levels, cmap="RdBu_r"
+    )
     forms = _show_bed(domain, scene.bed_shape, axes)
     axes.set_title("The free surface from above" + ("; lines: heights of the bed" if forms else ""))
     figure.colorbar(drawn, cax=bar).set_label("elevation [scene units]")
@@ -44,7 +51,9 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     """
     cells, points = run.fields.cells, run.fields.points
     corners = cells[:, _FACES].reshape(-1, 3)
-    _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(
+        np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True
+    )
     outside = first[count == 1]
     a, b, c = points[corners[outside]].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)

@@ -41,7 +41,9 @@ def pressure(run: StoredRun) -> Figure:
 
 def vorticity(run: StoredRun) -> Figure:
     """Vorticity in colour, anticlockwise positive; the colour bar is symmetric and clips the extremes."""
-    return _picture(run, run.field("vorticity"), "vorticity", "RdBu_r", _symmetric, lambda axes, view: None)
+    return _picture(
+        run, run.field("vorticity"), "vorticity", "RdBu_r", _symmetric, lambda axes, view: None
+    )
 
 
 def profiles(run: StoredRun) -> Figure:
@@ -71,10 +73,14 @@ def draw_solids(run: StoredRun, axes: Axes, fluid_shown: bool, grain_shown: bool
     outer = run.mesh.loops[0]
     if run.scene.get("bed"):
         low = axes.get_ylim()[0]
-        axes.add_artist(Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0))
+        axes.add_artist(
+            Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0)
+        )
     if not fluid_shown:
         axes.add_artist(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
-    axes.add_artist(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
+    axes.add_artist(
+        Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3)
+    )
     for outline in _grains(run) if grain_shown else ():
         axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
 
@@ -96,7 +102,9 @@ def draw_streamlines(
     heads = [head for line in lines if (head := _arrow_head(line, 0.45 * separation)) is not None]
     fluid = Polygon(curve(run.mesh.points, run.mesh.loops[0]), transform=axes.transData)
     for drawn in (
-        LineCollection(lines, colors=color, linewidths=0.6, alpha=alpha, zorder=2, capstyle="round"),
+        LineCollection(
+            lines, colors=color, linewidths=0.6, alpha=alpha, zorder=2, capstyle="round"
+        ),
         PolyCollection(heads, facecolor=color, edgecolor="none", alpha=alpha, zorder=2),
     ):
         axes.add_collection(drawn, autolim=False)
@@ -131,7 +139,9 @@ def _picture(
     zoom = near_grain(run)
     views = [(x0, x1, _floor(run), y1)] + ([zoom] if zoom else [])
     figure, places = panels(views, run.headline)
-    for (axes, bar), view, what in zip(places, views, ("whole domain", "around the grain"), strict=False):
+    for (axes, bar), view, what in zip(
+        places, views, ("whole domain", "around the grain"), strict=False
+    ):
         shown = values[np.unique(run.mesh.within(view).cells)]
         norm = limits(shown)
         _paint(run, axes, view, values, colours, norm)
@@ -142,12 +152,16 @@ def _picture(
     return figure
 
 
-def _paint(run: StoredRun, axes: Axes, view: View, values: np.ndarray, colours: str, norm: Normalize) -> None:
+def _paint(
+    run: StoredRun, axes: Axes, view: View, values: np.ndarray, colours: str, norm: Normalize
+) -> None:
     seen = run.mesh.within(view)
     parts = int(np.clip(np.sqrt(_TRIANGLES / max(len(seen.cells), 1)), 2, 6))
     points, triangles, fine = seen.subdivided(values, parts)
     # What `axes.tripcolor` makes, without its pass over all triangles to find limits that are known.
-    painted = TriMesh(triangles_of(points, triangles), cmap=colours, norm=norm, rasterized=True, zorder=1)
+    painted = TriMesh(
+        triangles_of(points, triangles), cmap=colours, norm=norm, rasterized=True, zorder=1
+    )
     painted.set_array(fine)
     axes.add_collection(painted, autolim=False)
 
@@ -157,7 +171,9 @@ def _colour_bar(
 ) -> None:
     lowest, highest = _range(norm)
     above, below = shown.max() > highest, shown.min() < lowest
-    extend = {(True, True): "both", (True, False): "max", (False, True): "min"}.get((above, below), "neither")
+    extend = {(True, True): "both", (True, False): "max", (False, True): "min"}.get(
+        (above, below), "neither"
+    )
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend, extendfrac=0.04)
     bar.set_label(label)
     bar.ax.tick_params(width=0.5)

@@ -37,7 +37,9 @@ class QuadraticMesh:
         seen = (low[:, 0] <= x1) & (high[:, 0] >= x0) & (low[:, 1] <= y1) & (high[:, 1] >= y0)
         return QuadraticMesh(self.points, self.cells[seen])
 
-    def subdivided(self, values: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def subdivided(
+        self, values: np.ndarray, parts: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points (n, 2), linear triangles (m, 3) and values (n,), each cell's side cut into `parts`."""
         barycentric, triangles = _lattice(parts)
         shapes = _shape_functions(barycentric)

@@ -46,7 +46,9 @@ class VerticalSection:
     z: np.ndarray  # of the rows
     inside: np.ndarray
     fields: dict[str, np.ndarray]  # outside of the fluid those of the next point in it
-    fluid: tuple[np.ndarray, ...]  # closed lines (n, 2) where the plane cuts the boundary of the mesh
+    fluid: tuple[
+        np.ndarray, ...
+    ]  # closed lines (n, 2) where the plane cuts the boundary of the mesh
     grain: tuple[np.ndarray, ...]  # closed lines (n, 2) around the grain, by its own shape
 
     @property
@@ -79,10 +81,15 @@ def views_of(run: StoredRun) -> list[View]:
         return [whole]
     x, _, z = centre
     near = (x - 2.0 * size, x + 2.5 * size, z - 1.2 * size, z + 1.3 * size)
-    return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1))]
+    return [
+        whole,
+        (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1)),
+    ]
 
 
-def section_of(run: StoredRun, view: View, names: Sequence[str], columns: int = COLUMNS) -> VerticalSection:
+def section_of(
+    run: StoredRun, view: View, names: Sequence[str], columns: int = COLUMNS
+) -> VerticalSection:
     """Fields by name on a grid over a part of the plane, `columns` points along its longer side."""
     pyvista = pyvista_off_screen()
     spacing = max(view[1] - view[0], view[3] - view[2]) / columns
@@ -113,8 +120,12 @@ def draw_outlines(axes: Axes, section: VerticalSection, image: AxesImage) -> lis
     """Cut an image to the fluid, and draw lines around it, the ground outside, and the grain."""
     axes.set_facecolor(GROUND)
     codes = [Path(line, closed=True) for line in section.fluid]
-    fluid = PathPatch(Path.make_compound_path(*codes), fill=False, edgecolor=INK, lw=0.8, zorder=2.5)
-    grains = [Polygon(line, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3) for line in section.grain]
+    fluid = PathPatch(
+        Path.make_compound_path(*codes), fill=False, edgecolor=INK, lw=0.8, zorder=2.5
+    )
+    grains = [
+        Polygon(line, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3) for line in section.grain
+    ]
     drawn = [axes.add_artist(one) for one in (fluid, *grains)]
     image.set_clip_path(fluid)
     return drawn
@@ -124,7 +135,9 @@ def boundary_lines(grid: Any, level: float) -> tuple[np.ndarray, ...]:
     """Closed lines (n, 2) of x and z along which a plane of constant y cuts the boundary of quadratic tetrahedra."""
     y = grid.points[:, 1][grid.cells_dict[TETRAHEDRON]]
     cut = grid.extract_cells(np.flatnonzero((y.min(axis=1) <= level) & (y.max(axis=1) >= level)))
-    surface = cut.extract_surface(nonlinear_subdivision=SUBDIVIDED, algorithm="dataset_surface").triangulate()
+    surface = cut.extract_surface(
+        nonlinear_subdivision=SUBDIVIDED, algorithm="dataset_surface"
+    ).triangulate()
     lines = surface.slice(normal="y", origin=(0.0, level, 0.0)).strip(join=True)
     return tuple(line.points[:, [0, 2]] for line in lines.cell)
 
@@ -140,7 +153,9 @@ def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
     x, z = centre[0] + half, centre[2] + half
     across, up = np.meshgrid(x, z)
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = contour_generator(x, z, grain.level(placement.to_body(points)).reshape(across.shape)).lines(0.0)
+    found = contour_generator(
+        x, z, grain.level(placement.to_body(points)).reshape(across.shape)
+    ).lines(0.0)
     return tuple(np.asarray(line) for line in found)
 
 
@@ -150,7 +165,10 @@ def _in_fluid(run: StoredRun, points: np.ndarray, known: np.ndarray) -> np.ndarr
     if centre is None:
         return known
     scene = Scene(**run.scene)
-    bed, placement = scene.bed_shape, Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
+    bed, placement = (
+        scene.bed_shape,
+        Placement(centre, quaternion=tuple(run.value("grain", "quaternion"))),
+    )
     low = scene.domain.bottom if bed is None else bed.height(points[:, :2])
     away = scene.grain.level(placement.to_body(points))
     beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)

@@ -38,7 +38,9 @@ class Sampled:
     velocity: np.ndarray
 
 
-def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, float, float]) -> Sampled:
+def sample(
+    mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, float, float]
+) -> Sampled:
     """Nodal velocity (nodes, 2) on a grid over a rectangle (left, right, bottom, top)."""
     x0, x1, y0, y1 = view
     spacing = max(x1 - x0, y1 - y0) / _CELLS_ACROSS

@@ -51,5 +51,7 @@ def _bounds(found: dict[str, Any]) -> tuple[float, float]:
     """y+ at the walls' distance from which to which the law holds; both one where it never does."""
     viscosity, distance = found["viscosity"], found["distance"]
     law, y_plus = WallLaw(found.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
-    holds = law.holds(y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf))
+    holds = law.holds(
+        y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf)
+    )
     return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

@@ -18,7 +18,10 @@ from ...output.ownership import CONTACTS
 from ...scene import Contact
 from ..style import STATES
 
-MARKS = (STATES["ROLL"][0], STATES["SLIDE"][0])  # colours of contacts that keep their place, and that slide
+MARKS = (
+    STATES["ROLL"][0],
+    STATES["SLIDE"][0],
+)  # colours of contacts that keep their place, and that slide
 SAME_TIME = 1e-9  # relative
 USUAL, LONGEST, SHORTEST = (
     0.45,
@@ -72,7 +75,9 @@ class ContactForces:
             drawn.append(axes.add_artist(cone))
             if length > 0.0:
                 drawn.append(
-                    axes.add_artist(_arrow(point, point + length * force / np.linalg.norm(force), colour))
+                    axes.add_artist(
+                        _arrow(point, point + length * force / np.linalg.norm(force), colour)
+                    )
                 )
         return drawn
 
@@ -99,7 +104,9 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
             rows = list(csv.DictReader(stream))
         upwards = "z" if rows and "z" in rows[0] else "y"
         pairs = {
-            name: np.array([[float(row[f"{name}x"]), float(row[f"{name}{upwards}"])] for row in rows])
+            name: np.array(
+                [[float(row[f"{name}x"]), float(row[f"{name}{upwards}"])] for row in rows]
+            )
             for name in ("", "normal_", "force_")
         }
         times, slips = (np.array([float(row[name]) for row in rows]) for name in ("time", "slip"))

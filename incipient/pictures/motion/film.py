@@ -121,7 +121,9 @@ class Film(Frames):
         for artist in self._drawn:
             artist.remove()
         run, time = self.run(number), float(self.moments[number])
-        self.axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
+        self.axes.set_title(
+            f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left"
+        )
         self._drawn = self._shown(run, time)
 
     def run(self, number: int) -> StoredRun:
@@ -185,7 +187,9 @@ class Film(Frames):
         upwards = f"{self._upwards} [scene units]"
         axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="x [scene units]", ylabel=upwards)
         axes.set_facecolor(GROUND)
-        bar = figure.add_axes(((_LEFT + across + 0.1) / width, _BOTTOM / height, 0.13 / width, up / height))
+        bar = figure.add_axes(
+            ((_LEFT + across + 0.1) / width, _BOTTOM / height, 0.13 / width, up / height)
+        )
         figure.colorbar(ScalarMappable(self.norm, self.colours), cax=bar, extendfrac=0.04)
         bar.yaxis.set_major_locator(MaxNLocator(7))
         bar.set_ylabel(f"{self.field.name} [scene units]")
@@ -259,7 +263,9 @@ class FilmInPlane(Film):
         """The velocity on a regular grid, from the three nearest nodes."""
         x0, x1, y0, y1 = run.box
         spacing = max(x1 - x0, y1 - y0) / ARROWS
-        grid = np.meshgrid(np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing))
+        grid = np.meshgrid(
+            np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing)
+        )
         places = np.column_stack([one.ravel() for one in grid])
         places = places[_in_fluid(run, places)]
         distances, nodes = KDTree(run.mesh.points).query(places, k=3)
@@ -349,7 +355,9 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
     first = StoredRun(directory, {}, {}, read_step(directory / "fields", int(indices[0])), None)
     with style.applied():
-        film = (FilmInSpace if first.in_space else FilmInPlane)(directory, FIELDS[field], indices, moments)
+        film = (FilmInSpace if first.in_space else FilmInPlane)(
+            directory, FIELDS[field], indices, moments
+        )
         film_file.write(film, path, rate)
     return path
 

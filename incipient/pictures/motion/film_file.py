@@ -49,7 +49,9 @@ class Frames(ABC):
 def write(film: Frames, path: Path, rate: int) -> None:
     """Write a film at so many frames per second in the format that the path ends in; raises OutputError."""
     unfinished = path.with_name(f"{path.stem}.part{path.suffix}")
-    with replaced(path, unfinished, (subprocess.CalledProcessError, RuntimeError, ValueError)) as part:
+    with replaced(
+        path, unfinished, (subprocess.CalledProcessError, RuntimeError, ValueError)
+    ) as part:
         part.touch()
         (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(film, part, rate)
 
@@ -59,7 +61,9 @@ def check(path: Path) -> None:
     if path.suffix.lower() not in (".gif", ".mp4"):
         raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
     if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
-        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif")
+        raise OutputError(
+            f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif"
+        )
 
 
 def _write_gif(film: Frames, path: Path, rate: int) -> None:
@@ -78,7 +82,9 @@ def _write_gif(film: Frames, path: Path, rate: int) -> None:
 
 
 def _write_mp4(film: Frames, path: Path, rate: int) -> None:
-    writer = FFMpegWriter(fps=rate, codec="h264", extra_args=["-crf", "20", "-movflags", "+faststart"])
+    writer = FFMpegWriter(
+        fps=rate, codec="h264", extra_args=["-crf", "20", "-movflags", "+faststart"]
+    )
     with writer.saving(film.figure, path, DOTS):
         for k in range(film.count):
             film.show(k)

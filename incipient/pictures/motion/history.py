@@ -56,7 +56,9 @@ class History:
 
     def at(self, time: float) -> Placement:
         """Where the grain is at a time, between rows on the straight line from one to the next."""
-        place = [float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]]
+        place = [
+            float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
+        ]
         if self.gdim == 2:
             return Placement((place[0], place[1]), place[2])
         w, x, y, z = (float(part) for part in np.divide(place[3:], np.linalg.norm(place[3:])))
@@ -88,7 +90,9 @@ def read_history(path: Path) -> History:
         with path.open(encoding="utf-8", newline="") as stream:
             header, *rows = list(csv.reader(stream)) or [[]]
     except FileNotFoundError:
-        raise OutputError(f"{path}: no such file; is this the directory of a finished run?") from None
+        raise OutputError(
+            f"{path}: no such file; is this the directory of a finished run?"
+        ) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
     names = [heading.partition(" [")[0] for heading in header]

@@ -39,7 +39,10 @@ from .history import RATES, History, read_history
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
 _COARSE = 0.05  # of the size of a grain in space: distance of the points among which its axis ends
 _SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be told apart
-_MOMENTS, _APART = 21, 0.45  # at which the grain may be drawn; least distance of two drawings [grain sizes]
+_MOMENTS, _APART = (
+    21,
+    0.45,
+)  # at which the grain may be drawn; least distance of two drawings [grain sizes]
 _LEAST = 1e-3  # of its largest value: smaller changes of a quantity are shown as small
 _FEW_TURNS = 3.0  # up to which the angle is shown in degrees
 _NEAR = 0.5  # of the domain: a path of smaller extent is shown enlarged beside it
@@ -82,7 +85,9 @@ class _Look:
     dashes: Any = "solid"
 
 
-def figure(scene: Scene, history: History, title: str, contacts: ContactForces | None = None) -> Figure:
+def figure(
+    scene: Scene, history: History, title: str, contacts: ContactForces | None = None
+) -> Figure:
     """The path in the domain, enlarged if it is short, beside or above six quantities against time.
 
     In the larger drawing the grain has its forces of contact, in their friction cones.
@@ -98,7 +103,11 @@ def figure(scene: Scene, history: History, title: str, contacts: ContactForces |
     heading = textwrap.wrap(title, int(width * 11))[:2]
     made.text(_LEFT / width, 1 - 0.2 / height, "\n".join(heading), fontsize=11, va="top")
     norm = Normalize(*_span(history))
-    names = ("Path of the grain",) if len(maps) == 1 else ("Whole domain", "Path of the grain, enlarged")
+    names = (
+        ("Path of the grain",)
+        if len(maps) == 1
+        else ("Whole domain", "Path of the grain, enlarged")
+    )
     for axes, view, name in zip(maps, views, names, strict=True):
         upwards = f"{'xyz'[scene.up]} [scene units]"
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel=upwards, title=name)
@@ -107,7 +116,9 @@ def figure(scene: Scene, history: History, title: str, contacts: ContactForces |
     if contacts is not None:
         marks += _draw_contacts(maps[-1], contacts, grain.size, history)
     made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
-    new = _draw_quantities(panels, _quantities(history, grain.size, scene.reference_velocity), history)
+    new = _draw_quantities(
+        panels, _quantities(history, grain.size, scene.reference_velocity), history
+    )
     handles, labels = zip(*marks, *new, strict=True)
     made.legend(
         handles, labels, loc="lower left", ncols=6, fontsize=8, borderpad=0, borderaxespad=0,
@@ -169,14 +180,21 @@ def _panels_below(end: float, up: float) -> tuple[tuple[float, float], list[Plac
     width = max(end + _BAR, _WIDEST)
     across = (width - _LEFT - 0.25 - 2 * _BESIDE) / 3
     places = [
-        (_LEFT + column * (across + _BESIDE), _BOTTOM + row * (_PANEL_UP + _ABOVE), across, _PANEL_UP)
+        (
+            _LEFT + column * (across + _BESIDE),
+            _BOTTOM + row * (_PANEL_UP + _ABOVE),
+            across,
+            _PANEL_UP,
+        )
         for row in (1, 0)
         for column in range(3)
     ]
     return (width, _BOTTOM + 2 * _PANEL_UP + 2 * _ABOVE + _AXIS + up + _TOP), places
 
 
-def _draw_domain(axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: np.ndarray | None) -> None:
+def _draw_domain(
+    axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: np.ndarray | None
+) -> None:
     """Walls, which may be above and below, as full lines, open sides as broken ones, the bed with its ground."""
     left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
     closed = domain.kind == "box"
@@ -190,7 +208,11 @@ def _draw_domain(axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: n
     else:
         draw_bed(axes, ground)
     for x, y, wall in sides:
-        line = Line2D(x, y, color=INK, lw=1.4) if wall else Line2D(x, y, color=INK, lw=0.7, ls=(0, (4, 3)))
+        line = (
+            Line2D(x, y, color=INK, lw=1.4)
+            if wall
+            else Line2D(x, y, color=INK, lw=0.7, ls=(0, (4, 3)))
+        )
         line.set_zorder(3)
         axes.add_artist(line)
 
@@ -199,10 +221,14 @@ def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
     """Points (n, 2) along the bed from left to right, in space below where the grain starts."""
     if domain.gdim == 3:
         x = np.linspace(domain.left, domain.right, _BED_PIECES)
-        return np.column_stack([x, bed.height(np.column_stack([x, np.full_like(x, start.centre[1])]))])
+        return np.column_stack(
+            [x, bed.height(np.column_stack([x, np.full_like(x, start.centre[1])]))]
+        )
     curves = bed.curves(domain.left, domain.right)
     counts = [max(8, int(_BED_PIECES * curve.length / domain.length)) for curve in curves]
-    return np.vstack([curve.point(np.linspace(0.0, 1.0, n)) for curve, n in zip(curves, counts, strict=True)])
+    return np.vstack(
+        [curve.point(np.linspace(0.0, 1.0, n)) for curve, n in zip(curves, counts, strict=True)]
+    )
 
 
 def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> list[Mark]:
@@ -213,7 +239,9 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
         _draw_grain(axes, grain, history.at(time), _Look(colour(np.array(time)), 0.8, 4.0))
     end = _draw_grain(axes, grain, history.at(last), _Look(INK, 1.7, 4.5, face=GRAIN))
     # Above the end and broken: both may be in one place.
-    start = _draw_grain(axes, grain, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5))))
+    start = _draw_grain(
+        axes, grain, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5)))
+    )
     axes.add_collection(_path(history, norm), autolim=False)
     middle = colour(np.array((history.times[0] + history.times[-1]) / 2))
     axis = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
@@ -225,7 +253,9 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
     ]
 
 
-def _draw_contacts(axes: Axes, contacts: ContactForces, size: float, history: History) -> list[Mark]:
+def _draw_contacts(
+    axes: Axes, contacts: ContactForces, size: float, history: History
+) -> list[Mark]:
     """The forces of contact where the grain is drawn; what the marks mean."""
     step, drawn = float(np.diff(history.times).max(initial=0.0)), []
     for time in _moments(size, history):
@@ -284,7 +314,9 @@ def _axis_seen(grain: Any, placement: Placement) -> np.ndarray:
     return placement.to_scene([[0.0, 0.0, 0.0], [arm, 0.0, 0.0]])[:, [0, 2]]
 
 
-def _draw_quantities(panels: Sequence[Axes], shown: Sequence[Shown], history: History) -> list[Mark]:
+def _draw_quantities(
+    panels: Sequence[Axes], shown: Sequence[Shown], history: History
+) -> list[Mark]:
     """Place and rates; what the mark of a new mesh means, if there is one."""
     made = history.remeshings
     new = []
@@ -298,7 +330,9 @@ def _draw_quantities(panels: Sequence[Axes], shown: Sequence[Shown], history: Hi
         axes.tick_params(labelsize=7.5)
         axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.yaxis.set_major_locator(MaxNLocator(4))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−")))
+        axes.yaxis.set_major_formatter(
+            FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−"))
+        )
     lowest = min(axes.get_position().y0 for axes in panels)
     for axes in panels:
         if axes.get_position().y0 < lowest + 1e-6:
@@ -313,7 +347,9 @@ def _quantities(history: History, size: float, velocity: float) -> list[Shown]:
     if history.gdim == 3:
         places = [(f"{axis} [scene units]", history[axis], 1e-3 * size) for axis in "xyz"]
         least, unit = 1e-4 * velocity / size, "[radians per unit of time]"
-        return places + [(f"spin about {name[-1]} {unit}", history[name], least) for name in RATES[3][3:]]
+        return places + [
+            (f"spin about {name[-1]} {unit}", history[name], least) for name in RATES[3][3:]
+        ]
     angle = history["angle"]
     turned = np.ptp(angle) > _FEW_TURNS * 2 * np.pi
     unit, scale = ("turns", 2 * np.pi) if turned else ("degrees", np.pi / 180)

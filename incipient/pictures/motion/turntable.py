@@ -30,7 +30,10 @@ from .film_file import DOTS, Frames
 _FRAMES, _RATE = 60, 12  # and per second
 _PIXELS = (620, 520)
 _LETTERS = 110  # of a line
-_RAISED, _FIRST = 24.0, -66.0  # of the camera: above the horizontal; at first, 0 being downstream; degrees
+_RAISED, _FIRST = (
+    24.0,
+    -66.0,
+)  # of the camera: above the horizontal; at first, 0 being downstream; degrees
 # Lengths in grain sizes.
 _SEEN, _REACH = 1.2, 1.45  # half the height of the picture; radius of what is shown
 _STEP = 0.025  # between the points of the bed
@@ -89,7 +92,10 @@ class _Turntable(Frames):
         width, height = across + 1.0, up + 0.75
         figure = Figure(figsize=(width, height), dpi=DOTS)
         sentence = (self._run.result.get("verdict") or {}).get("sentence", "")
-        lines = [shorten(self._run.headline, _LETTERS), *wrap(sentence.partition(";")[0], _LETTERS)[:2]]
+        lines = [
+            shorten(self._run.headline, _LETTERS),
+            *wrap(sentence.partition(";")[0], _LETTERS)[:2],
+        ]
         figure.text(0.15 / width, 1 - 0.12 / height, "\n".join(lines), fontsize=9, va="top")
         axes = figure.add_axes((0.0, 0.0, across / width, up / height))
         axes.set_axis_off()
@@ -125,7 +131,9 @@ class _Turntable(Frames):
         bed = self._scene.bed_shape
         if bed is None:
             return
-        around = bed_around(self._pyvista, bed, self._centre, _REACH * self._size, _STEP * self._size)
+        around = bed_around(
+            self._pyvista, bed, self._centre, _REACH * self._size, _STEP * self._size
+        )
         looks = {"smooth_shading": True, "ambient": 0.25, "opacity": _THROUGH["bed"]}
         self._plotter.add_mesh(around, color=GROUND, **looks)
 
@@ -144,7 +152,9 @@ class _Turntable(Frames):
         if self._run.halved:
             beside = np.abs(beside[: (_LINES[0] + 1) // 2]) + 1e-4 * self._size
         above = np.linspace(-_ABOVE, _ABOVE, _LINES[1]) * self._size
-        y, z = (one.ravel() for one in np.meshgrid(self._centre[1] + beside, self._centre[2] + above))
+        y, z = (
+            one.ravel() for one in np.meshgrid(self._centre[1] + beside, self._centre[2] + above)
+        )
         points = np.column_stack([np.full(y.size, self._centre[0] - _REACH * self._size), y, z])
         bed = self._scene.bed_shape
         low = self._scene.domain.bottom if bed is None else bed.height(points[:, :2])

@@ -83,7 +83,9 @@ def traction(run: StoredRun) -> Figure:
     """Arrows of the traction on the grain's surface, and its components around the grain."""
     surface = _surface(run)
     figure = Figure(figsize=(9.4, 4.7))
-    figure.text(0.07, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top")
+    figure.text(
+        0.07, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top"
+    )
     _show_arrows(run, figure.add_axes((0.07, 0.11, 0.44, 0.73)), surface)
     _show_components(run, figure.add_axes((0.61, 0.11, 0.37, 0.73)), surface)
     return figure
@@ -196,14 +198,18 @@ def _rounded(value: float) -> float:
 def _settled(run: StoredRun) -> np.ndarray:
     """The shift from where the flow was computed to where the grain touches, (2,)."""
     resting, computed = (run.value("grain", key) for key in ("centre", "computed_centre"))
-    return np.zeros(2) if resting is None or computed is None else np.subtract(resting, computed)[:2]
+    return (
+        np.zeros(2) if resting is None or computed is None else np.subtract(resting, computed)[:2]
+    )
 
 
 def _draw_unjudged(run: StoredRun, axes: Axes, surface: GrainSurface) -> Marks:
     """The load, and the contacts if there are any."""
     forces = run.acting()
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
-    draw_load(axes, _centre(run, surface), surface.size, forces, run.space("couple", "flow"), largest)
+    draw_load(
+        axes, _centre(run, surface), surface.size, forces, run.space("couple", "flow"), largest
+    )
     if not run.contacts:
         return []
     points, normals = (np.array(column) for column in zip(*run.contacts, strict=True))
@@ -223,7 +229,10 @@ def _numbers(run: StoredRun) -> list[Group]:
     rows: Group = [("Flow", "", INK)]
     closed = bool(run.value("gap", "closed"))
     for name, value in (
-        *((f"{key.capitalize()} coefficient", run.value("coefficients", key)) for key in _COEFFICIENTS),
+        *(
+            (f"{key.capitalize()} coefficient", run.value("coefficients", key))
+            for key in _COEFFICIENTS
+        ),
         ("Reynolds number", run.setting("fluid", "reynolds")),
         (_CLOSED if closed else _GAP, run.value("gap", "width")),
         *(() if closed else (("Cells across the gap", run.value("gap", "cells")),)),

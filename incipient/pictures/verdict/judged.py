@@ -64,7 +64,12 @@ class Judged:
     @property
     def planar(self) -> bool:
         """Whether everything lies in the plane of the first two directions."""
-        vectors = (self.contacts.points, self.contacts.normals, self.load.flow_force, self.load.weight)
+        vectors = (
+            self.contacts.points,
+            self.contacts.normals,
+            self.load.flow_force,
+            self.load.weight,
+        )
         return not any(v[..., 2].any() for v in vectors) and not self.load.flow_couple[:2].any()
 
     @property
@@ -74,7 +79,9 @@ class Judged:
             return []
         found: dict[tuple[float, ...], list[int]] = {}
         for index in np.flatnonzero(self.contacts.areas > 0):
-            found.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(int(index))
+            found.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
+                int(index)
+            )
         return list(found.values())
 
     @property
@@ -97,7 +104,10 @@ class Judged:
     @property
     def largest(self) -> float:
         """The largest of all forces, to which arrows are scaled; one without any."""
-        return max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values())) or 1.0
+        return (
+            max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values()))
+            or 1.0
+        )
 
     @property
     def occasion(self) -> str:
@@ -119,14 +129,20 @@ def judged(verdict: dict[str, Any], where: Path) -> Judged:
     try:
         return _judged(verdict)
     except KeyError as error:
-        raise OutputError(f"{where}: its verdict holds no {error.args[0]}; make it again") from error
+        raise OutputError(
+            f"{where}: its verdict holds no {error.args[0]}; make it again"
+        ) from error
     except (AttributeError, TypeError, ValueError, SceneError) as error:
-        raise OutputError(f"{where}: its verdict cannot be understood: {error}; make it again") from error
+        raise OutputError(
+            f"{where}: its verdict cannot be understood: {error}; make it again"
+        ) from error
 
 
 def _judged(verdict: dict[str, Any]) -> Judged:
     paper, exact = verdict["judges"]["criteria"], verdict["judges"]["equilibrium"]
-    load = Load(**{name: paper["load"][name] for name in ("flow_force", "flow_couple", "weight", "centre")})
+    load = Load(
+        **{name: paper["load"][name] for name in ("flow_force", "flow_couple", "weight", "centre")}
+    )
     contacts = Contacts(*(paper["contacts"][name] for name in ("points", "normals", "areas")))
     friction, motion = float(paper["friction"]), exact["motion"]
     forces, states, share = _forces(exact, load, contacts, friction)
@@ -181,7 +197,9 @@ def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[st
     """Where forces (n, 3) are in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
-    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(object)
+    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(
+        object
+    )
     states[sizes <= _NO_FORCE * sizes.max()] = "UNLOADED"
     return tuple(states.tolist())
 
@@ -200,6 +218,12 @@ def sentence(words: str) -> str:
 
 def quoted(words: str) -> str:
     """Words with the paper's quotation marks and symbols as they are printed."""
-    for typed, printed in (("``", "“"), ("''", "”"), ("-F_tau", "−F_τ"), ("F_tau", "F_τ"), ("+-", "±")):
+    for typed, printed in (
+        ("``", "“"),
+        ("''", "”"),
+        ("-F_tau", "−F_τ"),
+        ("F_tau", "F_τ"),
+        ("+-", "±"),
+    ):
         words = words.replace(typed, printed)
     return words

@@ -42,7 +42,9 @@ def shaped_case(stored: dict[str, Any], source: Path) -> Case | None:
     try:
         case = None if given is None else Case(**given)
     except (SceneError, TypeError) as error:
-        raise OutputError(f"{source}: its case cannot be understood: {error}; judge it again") from error
+        raise OutputError(
+            f"{source}: its case cannot be understood: {error}; judge it again"
+        ) from error
     return None if case is None or case.body is None else case
 
 

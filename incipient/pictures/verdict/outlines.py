@@ -13,7 +13,9 @@ from .judged import Judged
 
 _PIECES = 48  # straight pieces a curve is shown with
 _FINE = 40  # parts of the sides of the icosahedron that a sphere is drawn with
-_SHADOW = 0.05  # of a grain's size: distance of the points of its surface that its silhouette is made of
+_SHADOW = (
+    0.05  # of a grain's size: distance of the points of its surface that its silhouette is made of
+)
 _ROUND = 1e-3  # of the longest arm: contacts of a disc or a sphere, rounded by hand
 Outline = np.ndarray  # points (n, 2) around a grain
 Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a grain's surface

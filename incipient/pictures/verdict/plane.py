@@ -60,7 +60,9 @@ def draw_strips(axes: Axes, case: Judged, size: float) -> None:
         reach = points[group] @ along
         ends = reach.min() - _STRIP[0] * size, reach.max() + _STRIP[0] * size
         start, end = (points[group[0]] + (at - reach[0]) * along for at in ends)
-        axes.add_artist(Polygon([start, end, end + into, start + into], facecolor=GROUND, lw=0, zorder=2))
+        axes.add_artist(
+            Polygon([start, end, end + into, start + into], facecolor=GROUND, lw=0, zorder=2)
+        )
         axes.add_artist(Line2D(*np.array([start, end]).T, color=INK, lw=1.0, zorder=3))
 
 
@@ -72,7 +74,9 @@ def draw_case(axes: Axes, case: Judged, outline: np.ndarray, size: float) -> Mar
         ends = case.contacts.points[group, :2]
         axes.plot(*ends.T, color=INK, lw=5, alpha=0.35, solid_capstyle="butt", zorder=5.5)
     points, normals = case.contacts.points[:, :2], case.contacts.normals[:, :2]
-    mark_contacts(axes, points, normals, case.significant, [STATES[one][0] for one in case.states], size)
+    mark_contacts(
+        axes, points, normals, case.significant, [STATES[one][0] for one in case.states], size
+    )
     centre = case.load.centre[:2]
     if case.motion is not None:
         _draw_motion(axes, case.motion, centre, outline, size)
@@ -86,7 +90,9 @@ def draw_load(
     """Forces from the centre, to one scale, and an arc in the sense of the couple about it."""
     if abs(turning := float(couple[2])) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, centre, _COUPLE * size, int(np.sign(turning)), FLOW, 1.3)
-    visible = {k: f[:2] for k, f in forces.items() if largest and np.linalg.norm(f) > SMALL * largest}
+    visible = {
+        k: f[:2] for k, f in forces.items() if largest and np.linalg.norm(f) > SMALL * largest
+    }
     for name, force in visible.items():
         colour, along = FORCES[name], force / np.linalg.norm(force)
         tip = centre + STRONGEST * size * force / largest
@@ -149,7 +155,9 @@ def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
         reach = max(SHORTEST_CONE * size, BEYOND * scale * float(np.linalg.norm(force)))
         middle = np.degrees(np.arctan2(*-normal[::-1]))
         ends = middle - opening, middle + opening
-        axes.add_artist(Wedge(tuple(point), reach, *ends, facecolor=colour, alpha=0.17, lw=0, zorder=5))
+        axes.add_artist(
+            Wedge(tuple(point), reach, *ends, facecolor=colour, alpha=0.17, lw=0, zorder=5)
+        )
         for angle in np.radians(ends):
             far = point + reach * np.array([np.cos(angle), np.sin(angle)])
             axes.plot(*np.array([point, far]).T, color=colour, lw=0.8, alpha=0.8, zorder=5)
@@ -164,7 +172,9 @@ def _draw_motion(
     arms = spatial(outline - centre)
     fastest = float(np.linalg.norm(motion.at(arms), axis=1).max()) or 1.0
     later = outline + MOVED * size / fastest * motion.at(arms)[:, :2]
-    axes.add_artist(Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5))
+    axes.add_artist(
+        Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5)
+    )
     speed = float(np.linalg.norm(motion.acceleration))
     if speed > 1e-6 * fastest:
         tip = centre + _ACCELERATION * size * motion.acceleration[:2] / speed
@@ -185,7 +195,9 @@ def _outside(outline: np.ndarray, centre: np.ndarray, size: float) -> float:
     return float((above if len(above) else lengths).max()) + 0.1 * size
 
 
-def _turning(axes: Axes, centre: np.ndarray, radius: float, sense: int, colour: str, width: float) -> None:
+def _turning(
+    axes: Axes, centre: np.ndarray, radius: float, sense: int, colour: str, width: float
+) -> None:
     """An arc above the centre with a head; counter-clockwise for a positive sense."""
     angles = np.radians(90 + sense * np.linspace(-_ARC, _ARC, 40))
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -208,14 +220,21 @@ def aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
 
 def _rows(case: Judged) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, str]]:
     """Point, normal, force (2,) and state of each contact."""
-    columns = (case.contacts.points[:, :2], case.contacts.normals[:, :2], case.forces[:, :2], case.states)
+    columns = (
+        case.contacts.points[:, :2],
+        case.contacts.normals[:, :2],
+        case.forces[:, :2],
+        case.states,
+    )
     return zip(*columns, strict=True)
 
 
 def marks_of(case: Judged) -> Marks:
     """What the marks of a case mean."""
     states = [STATES[state] for state in dict.fromkeys(case.states)]
-    marks: Marks = [(Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states]
+    marks: Marks = [
+        (Line2D([], [], color=colour, lw=2.4), f"contact {words}") for colour, words in states
+    ]
     opening = f"friction cone, {np.degrees(case.cone_angle):.3g}° to either side of the normal"
     marks.append((Patch(facecolor="#55555533", edgecolor="#555555", lw=0.8), opening))
     if case.forces.any():

@@ -45,11 +45,17 @@ def draw(directory: Path) -> list[Path]:
 def _factors(axes: Axes, times: Floats, factors: Floats, events: list[dict[str, float]]) -> None:
     parts = np.array_split(np.arange(len(times)), min(_BINS, len(times)))
     at = np.array([times[part[0]] for part in parts])
-    low, high = (np.array([reduced(factors[part]) for part in parts]) for reduced in (np.min, np.max))
+    low, high = (
+        np.array([reduced(factors[part]) for part in parts]) for reduced in (np.min, np.max)
+    )
     axes.fill_between(at, low, np.minimum(high, _TALLEST), color=style.FLOW, lw=0.8, alpha=0.7)
     axes.axhline(1.0, color=style.PUSH, lw=1.0)
     starts = np.array([event["start"] for event in events])
     axes.plot(starts, np.zeros(len(starts)), "|", color=style.PUSH, ms=9.0, clip_on=False)
     axes.set_ylim(0.0, min(float(np.max(high[np.isfinite(high)], initial=2.0)), _TALLEST))
-    words = f"{len(events)} times it begins to move (red marks)" if len(events) else "it rests all the time"
+    words = (
+        f"{len(events)} times it begins to move (red marks)"
+        if len(events)
+        else "it rests all the time"
+    )
     axes.set(title=f"Safety factor in time: {words}", xlabel="time", ylabel="safety factor")

@@ -126,7 +126,9 @@ def contact_rows(case: Judged) -> Group:
     normal[normal <= 1e-12 * normal.max(initial=0.0)] = 0.0
     rows: Group = [("Contact forces", "normal, tangential/normal", INK)]
     for index, state in enumerate(case.states[:_MOST_CONTACTS]):
-        name = f"{index + 1}: {state.lower()}" + (", significant" if index in case.significant else "")
+        name = f"{index + 1}: {state.lower()}" + (
+            ", significant" if index in case.significant else ""
+        )
         ratio = f"{tangential[index] / normal[index]:.3f}" if normal[index] > 0 else "–"
         rows.append((name, f"{normal[index]:.4g},  {ratio}", STATES[state][0]))
     if len(case.states) > _MOST_CONTACTS:

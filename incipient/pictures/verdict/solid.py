@@ -18,7 +18,10 @@ from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
 
 PIXELS = (1590, 1320)
-_TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees
+_TURNED, _RAISED = (
+    24.0,
+    17.0,
+)  # of the view: from across the flow, and above the horizontal; degrees
 # Lengths in grain sizes.
 _THIN, _THICK = 0.012, 0.022  # radii of arrows
 _PATCH = (0.2, 0.035)  # radius and thickness of a piece of bed
@@ -75,8 +78,13 @@ def rendered(
     scene.look(np.vstack([points, *tips.values(), *numbers]))
     image = plotter.screenshot(return_img=True)
     centre = scene.pixel(frame.centre)
-    triad = np.array([scene.pixel(frame.centre + 0.1 * frame.size * axis) - centre for axis in np.eye(3)])
-    places = {name: scene.pixel(tip) for name, tip in tips.items()}, [scene.pixel(x) for x in numbers]
+    triad = np.array(
+        [scene.pixel(frame.centre + 0.1 * frame.size * axis) - centre for axis in np.eye(3)]
+    )
+    places = (
+        {name: scene.pixel(tip) for name, tip in tips.items()},
+        [scene.pixel(x) for x in numbers],
+    )
     plotter.close()
     return Rendering(np.asarray(image), centre, *places, triad)
 
@@ -91,7 +99,9 @@ def empty_stage(pixels: tuple[int, int]) -> tuple[Any, Any]:
     return pyvista, plotter
 
 
-def bed_around(pyvista: Any, terrain: Terrain, centre: np.ndarray, reach: float, step: float) -> Any:
+def bed_around(
+    pyvista: Any, terrain: Terrain, centre: np.ndarray, reach: float, step: float
+) -> Any:
     """The bed's surface about a vertical line through a point, cut off in a circle of radius `reach`."""
     side = np.arange(-reach, reach + step, step)
     x, y = np.meshgrid(centre[0] + side, centre[1] + side)
@@ -143,14 +153,18 @@ class Stage:
                 tips[name] = frame.centre + tip
         dot = self.pyvista.Sphere(radius=0.022 * frame.size, center=frame.centre)
         self.plotter.add_mesh(dot, color=INK, lighting=False)
-        if np.linalg.norm(case.load.flow_couple) > 1e-3 * frame.size * np.linalg.norm(case.load.flow_force):
+        if np.linalg.norm(case.load.flow_couple) > 1e-3 * frame.size * np.linalg.norm(
+            case.load.flow_force
+        ):
             self._arc(case.load.flow_couple, _COUPLE * frame.size, FLOW, 0.8 * _THIN)
         return tips
 
     def bed(self, terrain: Terrain) -> None:
         """The bed below and around the grain, translucent."""
         reach, step = (share * self.frame.size for share in _BED)
-        self._show(bed_around(self.pyvista, terrain, self.frame.centre, reach, step), GROUND, opacity=0.4)
+        self._show(
+            bed_around(self.pyvista, terrain, self.frame.centre, reach, step), GROUND, opacity=0.4
+        )
 
     def contacts(self, case: Judged, pieces: bool = True) -> list[np.ndarray]:
         """Pieces of bed, cones and the forces in them; where the contacts' numbers belong."""
@@ -219,7 +233,9 @@ class Stage:
         surface = self.pyvista.PolyData(points, np.hstack([heads, triangles]).ravel())
         return surface.compute_normals(auto_orient_normals=True, point_normals=False)
 
-    def _show(self, mesh: Any, colour: str, opacity: float = 1.0, culling: str | None = None) -> None:
+    def _show(
+        self, mesh: Any, colour: str, opacity: float = 1.0, culling: str | None = None
+    ) -> None:
         self.plotter.add_mesh(
             mesh, color=colour, opacity=opacity, culling=culling, ambient=0.3, smooth_shading=True,
             split_sharp_edges=True, feature_angle=_SHARP,
@@ -241,16 +257,22 @@ class Stage:
         frame, axis = self.frame, unit(axis)
         top = frame.up - (frame.up @ axis) * axis
         if np.linalg.norm(top) < 0.3:
-            top = -np.cross(frame.along, frame.up) - (-np.cross(frame.along, frame.up) @ axis) * axis
+            top = (
+                -np.cross(frame.along, frame.up) - (-np.cross(frame.along, frame.up) @ axis) * axis
+            )
         top = unit(top)
         angles = np.radians(np.linspace(-_ARC, _ARC, 60))[:, None]
-        points = frame.centre + radius * (np.cos(angles) * top + np.sin(angles) * np.cross(axis, top))
+        points = frame.centre + radius * (
+            np.cos(angles) * top + np.sin(angles) * np.cross(axis, top)
+        )
         tube = self.pyvista.Spline(points, 120).tube(radius=thickness * frame.size, n_sides=24)
         self._show(tube, colour)
         along, head = unit(points[-1] - points[-2]), 7.0 * thickness * frame.size
         sizes = {"height": head, "radius": 0.37 * head, "resolution": 48}
         tip = points[-1] + 0.6 * head * along
-        self._show(self.pyvista.Cone(center=tip - 0.5 * head * along, direction=along, **sizes), colour)
+        self._show(
+            self.pyvista.Cone(center=tip - 0.5 * head * along, direction=along, **sizes), colour
+        )
 
     def _plate(self, corners: np.ndarray, normal: np.ndarray) -> None:
         """A piece of bed under a patch, reaching beyond its corners (n, 3)."""
@@ -263,7 +285,9 @@ class Stage:
                 self._piece(corner, normal)
             return
         face = self.pyvista.PolyData(around, [len(around), *range(len(around))])
-        self._show(face.extrude(_PATCH[1] * self.frame.size * normal, capping=True), GROUND, opacity=0.75)
+        self._show(
+            face.extrude(_PATCH[1] * self.frame.size * normal, capping=True), GROUND, opacity=0.75
+        )
 
     def _piece(self, point: np.ndarray, normal: np.ndarray) -> None:
         radius, thickness = (share * self.frame.size for share in _PATCH)
@@ -273,7 +297,9 @@ class Stage:
         )  # fmt: skip
         self._show(piece, GROUND, opacity=0.75)
 
-    def _cone(self, point: np.ndarray, normal: np.ndarray, angle: float, reach: float, colour: str) -> None:
+    def _cone(
+        self, point: np.ndarray, normal: np.ndarray, angle: float, reach: float, colour: str
+    ) -> None:
         if angle == 0.0:
             return
         height = reach * np.cos(angle)
@@ -289,7 +315,9 @@ class Stage:
         radius, thickness = (share * self.frame.size for share in _RING)
         first = _across(normal)
         angles = np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
-        circle = point + radius * (np.cos(angles) * first + np.sin(angles) * np.cross(normal, first))
+        circle = point + radius * (
+            np.cos(angles) * first + np.sin(angles) * np.cross(normal, first)
+        )
         tube = self.pyvista.Spline(circle, 144).tube(radius=thickness, n_sides=20)
         self._show(tube, REACTION)
 

@@ -18,7 +18,15 @@ from ...geometry.space.terrain import Terrain
 from ...scene import Scene
 from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
 from ..flow.fields import Limits, from_zero, without_extremes
-from ..flow.section import BESIDE, TETRAHEDRON, draw_outlines, level_of, section_of, tetrahedra, views_of
+from ..flow.section import (
+    BESIDE,
+    TETRAHEDRON,
+    draw_outlines,
+    level_of,
+    section_of,
+    tetrahedra,
+    views_of,
+)
 from ..flow.streamlines import streamlines
 from ..record import StoredRun
 from ..style import FLOW, FORCES, INK, PAPER, Looks, panels
@@ -49,7 +57,9 @@ def _sections(run: StoredRun, name: str, colours: str, limits: Limits, lines: bo
     """The whole plane and, with a grain, its surroundings, each with colours of its own."""
     views = views_of(run)
     figure, places = panels(views, run.headline)
-    for (axes, bar), view, what in zip(places, views, ("whole length", "around the grain"), strict=False):
+    for (axes, bar), view, what in zip(
+        places, views, ("whole length", "around the grain"), strict=False
+    ):
         section = section_of(run, view, ["velocity", "pressure"])
         fields = section.fields
         values = np.linalg.norm(fields["velocity"], axis=-1) if name == "speed" else fields[name]
@@ -60,7 +70,9 @@ def _sections(run: StoredRun, name: str, colours: str, limits: Limits, lines: bo
         if lines:
             separation = 0.03 * np.sqrt((view[1] - view[0]) * (view[3] - view[2]))
             found = streamlines(section.along, separation)
-            axes.add_collection(LineCollection(found, colors="white", linewidths=0.6, alpha=0.9, zorder=2))
+            axes.add_collection(
+                LineCollection(found, colors="white", linewidths=0.6, alpha=0.9, zorder=2)
+            )
         axes.set(xlim=view[:2], ylim=view[2:], ylabel="z [scene units]")
         axes.set_title(f"{name.capitalize()} at y = {level_of(run):.4g}, {what}")
         figure.colorbar(ScalarMappable(norm, colours), cax=bar).set_label(f"{name} [scene units]")
@@ -102,7 +114,9 @@ def traction(run: StoredRun) -> Figure:
     size = np.linalg.norm(values, axis=1)
     norm = Normalize(0.0, last_colour(size))
     figure = Figure(figsize=(9.4, 4.7))
-    figure.text(0.05, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top")
+    figure.text(
+        0.05, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top"
+    )
     for left, along, words in ((0.02, -1.0, "from upstream"), (0.45, 1.0, "from downstream")):
         axes = figure.add_axes((left, 0.04, 0.42, 0.8))
         axes.imshow(_shown_surface(points, cells, values, norm, along), interpolation="antialiased")
@@ -166,7 +180,10 @@ def verdict(run: StoredRun) -> Figure:
         axes.set_axis_off()
     else:
         scene = Scene(**run.scene)
-        explain(axes, show_judged(axes, case, *placed_surface(scene.grain, scene.placement), scene.bed_shape))
+        explain(
+            axes,
+            show_judged(axes, case, *placed_surface(scene.grain, scene.placement), scene.bed_shape),
+        )
     write_numbers(axes, judged_numbers(run, case, planar=False))
     return figure
 
@@ -178,7 +195,11 @@ def placed_surface(grain: Any, placement: Any, coarser: int = 1) -> Solid:
 
 
 def show_judged(
-    axes: Axes, case: Judged, points: np.ndarray, triangles: np.ndarray, terrain: Terrain | None = None
+    axes: Axes,
+    case: Judged,
+    points: np.ndarray,
+    triangles: np.ndarray,
+    terrain: Terrain | None = None,
 ) -> Marks:
     """Show a judged case in space with its grain's surface, points (n, 3) and triangles (m, 3); what the marks mean."""
     seen = rendered(case, points, triangles, terrain)
@@ -187,7 +208,9 @@ def show_judged(
     _name_forces(axes, seen)
     if len(seen.numbers) > 1:
         for index, (across, down) in enumerate(seen.numbers):
-            axes.text(across, down, f"{index + 1}", ha="center", va="center", fontsize=8, bbox=PAPER)
+            axes.text(
+                across, down, f"{index + 1}", ha="center", va="center", fontsize=8, bbox=PAPER
+            )
     _show_triad(axes, seen.triad, seen.image.shape)
     return marks_of(case)
 

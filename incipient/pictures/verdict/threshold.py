@@ -81,9 +81,13 @@ def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
         else:
             write_numbers(axes, [load_there, *judge_rows(case)])
     except KeyError as error:
-        raise OutputError(f"{source}: holds no {error.args[0]}; find the threshold again") from error
+        raise OutputError(
+            f"{source}: holds no {error.args[0]}; find the threshold again"
+        ) from error
     except (TypeError, ValueError) as error:
-        raise OutputError(f"{source}: cannot be understood: {error}; find the threshold again") from error
+        raise OutputError(
+            f"{source}: cannot be understood: {error}; find the threshold again"
+        ) from error
     return figure
 
 
@@ -98,7 +102,9 @@ def _draw_place(axes: Axes, case: Judged, grain: Any, placement: Any, bed: Any) 
     return draw_case(axes, case, outline, grain.size)
 
 
-def with_motion(stored: dict[str, Any], body: Body | None, placement: Placement | None) -> dict[str, Any]:
+def with_motion(
+    stored: dict[str, Any], body: Body | None, placement: Placement | None
+) -> dict[str, Any]:
     """The verdict at the threshold with the motion in which the grain leaves it, if there is a threshold."""
     verdict = stored["verdict"]
     if not stored["factor"]:
@@ -116,7 +122,9 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
     """The incipient motion where the flow is a little stronger than critical."""
     acting, at = stored["load"], stored["contacts"]
     friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
-    force, couple = ((1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple"))
+    force, couple = (
+        (1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple")
+    )
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])
     try:
@@ -133,7 +141,9 @@ def critical_sentence(stored: dict[str, Any]) -> str:
     if factor is None:
         return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
     if factor == 0.0 and status == "AT_ONCE":
-        return f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
+        return (
+            f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
+        )
     if factor == 0.0 and status == "HELD_BY_FLOW":
         return "There is no threshold: without flow the grain moves, while some flow would hold it."
     if factor == 0.0:
