@@ -7,16 +7,17 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.halving import halved
-from incipient.geometry.space.marching import in_blocks, level_surface
-from incipient.geometry.space.nearest import NearestOf
-from incipient.geometry.space.pieces import HalfSpacesAndBalls
-from incipient.geometry.space.polyhedra import Triangulated
+from incipient.geometry.space.beds import HalfSpacesAndBalls, Plane
+from incipient.geometry.space.grains import Solid, Spheres, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
-from incipient.geometry.space.solid import Solid
-from incipient.geometry.space.spheres import Spheres
-from incipient.geometry.space.surfaces import Surface, grid
-from incipient.geometry.space.terrain import Plane
+from incipient.geometry.space.surfaces import (
+    NearestOf,
+    Surface,
+    grid,
+    halved,
+    in_blocks,
+    level_surface,
+)
 
 from .solid_region import PlacedSolid, SolidFrame, SolidRegion
 
@@ -197,7 +198,7 @@ class Ground(ExactSurface):
         assert self._balls is not None
         balls = self._balls
         if balls.posts is not None:
-            return balls.rough(x)
+            return balls.distance_estimate(x)
         nearest, count = self._search
         above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
         away = nearest.distances(x, count, balls.radii)

@@ -6,8 +6,8 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
+from incipient.geometry.space.remeshing import Topology
 from incipient.geometry.space.surfaces import Surface, connected
-from incipient.geometry.space.topology import Topology
 from incipient.interrupt import handlers_kept
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself

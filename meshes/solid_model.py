@@ -9,8 +9,7 @@ import numpy as np
 
 from incipient.errors import MeshError
 from incipient.geometry.space.remeshing import ExactSurface, remeshed, without_area
-from incipient.geometry.space.repair import crossed
-from incipient.geometry.space.surfaces import Surface, joined
+from incipient.geometry.space.surfaces import Surface, crossed, joined
 from incipient.interrupt import handlers_kept
 
 from .curving import curved

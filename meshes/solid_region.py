@@ -8,9 +8,9 @@ import numpy as np
 
 from incipient.arrays import Floats, Point
 from incipient.geometry.placement import Placement
+from incipient.geometry.space.beds import Terrain
+from incipient.geometry.space.grains import Solid
 from incipient.geometry.space.remeshing import GRID
-from incipient.geometry.space.solid import Solid
-from incipient.geometry.space.terrain import Terrain
 
 SYMMETRY = "symmetry"  # the name of the plane in which a symmetric region is cut
 

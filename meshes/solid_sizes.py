@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.marching import in_blocks
-from incipient.geometry.space.nearest import Cloud, NearestOf
-from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.surfaces import Cloud, NearestOf, Surface, in_blocks
 
 from .exact import Body, Ground
 from .region import Near, Sizes

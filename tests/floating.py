@@ -20,7 +20,7 @@ from incipient.fluid import Carried, Condition, FlowModel, Fluid
 from incipient.fluid.transient import TimeStep, Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.grain import Disc, Grain
+from incipient.geometry.plane.grains import Disc, Grain
 from incipient.mesh.domain import Domain, build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes

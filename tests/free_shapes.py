@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows, unit
-from incipient.geometry import Solid, moments
+from incipient.geometry import Solid
+from incipient.geometry.contacts import frame_of
+from incipient.geometry.shape import Moments
 from incipient.geometry.space import surfaces
-from incipient.geometry.space.solid import frame_of, triangulated
+from incipient.geometry.space.beds import SmoothTerrain
+from incipient.geometry.space.grains import triangulated
 from incipient.geometry.space.surfaces import Surface
-from incipient.geometry.space.terrain import SmoothTerrain
 
 LATITUDES = 48  # of the rule for the integrals of stars: spectral accuracy
 
@@ -28,17 +30,22 @@ class StarSolid(Solid):
     radius: Callable[[Floats], Floats]
 
     @cached_property
-    def _moments(self) -> moments.Moments:
-        """By integrals of powers of r over all directions."""
+    def _about_pole(self) -> Moments:
+        """By integrals of powers of r over all directions; x . n dS = r^3 dOmega."""
         weights, directions = sphere_rule(LATITUDES)
-        return moments.star_shape(
-            weights, directions, np.asarray(self.radius(directions), dtype=float)
-        )
+        r = np.asarray(self.radius(directions), dtype=float)[:, None]
+        return Moments.swept(r * directions, weights[:, None] * r**2 * directions)
+
+    @property
+    def moments(self) -> Moments:
+        """About the centroid."""
+        whole = self._about_pole
+        return Moments(whole.volume, np.zeros(3), whole.about_centroid())
 
     @cached_property
     def pole(self) -> Floats:
         """Where the radius is measured from, in the body frame (3,)."""
-        return -self._moments.centroid
+        return -self._about_pole.centroid
 
     @cached_property
     def size(self) -> float:
@@ -141,7 +148,11 @@ def _fourth_order(function: Callable[[Floats], Floats], x: Floats, step: Floats)
 def sphere_rule(count: int) -> tuple[Floats, Floats]:
     """Weights (n,) and unit directions (n, 3): `count` Gauss points in latitude, twice as many in longitude."""
     z, latitude = np.polynomial.legendre.leggauss(count)
-    weights, circle = moments.circle_rule(2 * count)
+    angle = np.pi * np.arange(2 * count) / count
+    weights, circle = (
+        np.full(2 * count, np.pi / count),
+        np.column_stack([np.cos(angle), np.sin(angle)]),
+    )
     ring = np.sqrt(1.0 - z**2)[:, None, None] * circle
     height = np.broadcast_to(z[:, None, None], (count, 2 * count, 1))
     return np.outer(latitude, weights).ravel(), np.concatenate([ring, height], axis=2).reshape(

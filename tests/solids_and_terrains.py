@@ -19,7 +19,7 @@ from incipient.geometry import (
     Superquadric,
     Triangulated,
 )
-from incipient.geometry.space.heap import SphereHeap
+from incipient.geometry.space.beds import SphereHeap
 
 TORUS = trimesh.creation.torus(0.5, 0.2, 16, 12)
 POINTS = np.random.default_rng(5).normal(size=(14, 3)) * [0.5, 0.4, 0.3]

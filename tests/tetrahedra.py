@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from incipient.geometry import Plane
-from incipient.geometry.rest import clearance, lifted, rest
-from incipient.geometry.space.solid import Solid
-from incipient.geometry.space.terrain import Terrain
+from incipient.geometry.closest import clearance, lifted, rest
+from incipient.geometry.space.beds import Terrain
+from incipient.geometry.space.grains import Solid
 from incipient.meshes import Near, PlacedSolid, Resolved, Sizes, SolidRegion
 
 KEAST = np.array([[0.25] * 4] + [[0.5 if i == j else 1 / 6 for j in range(4)] for i in range(4)])

@@ -17,13 +17,12 @@ import numpy as np
 
 from ..arrays import Floats, planar_cross, quarter_turned
 from ..contact.exact.impulses import contact_impulses, resisted_impulses
-from ..geometry.gaps import Gaps
+from ..geometry.contacts import ClosestPoints, frame_of
 from ..geometry.placement import Placement
-from ..geometry.space.solid import frame_of
 from .rigidbody import Motion, RigidBody
 from .state import BodyState
 
-NearBed = Callable[[Placement, float], Gaps]
+NearBed = Callable[[Placement, float], ClosestPoints]
 
 ROUNDS = 40  # of impulses and places, until neither changes
 IN_TURN = 12  # rounds after which contacts that come and go in turn, such as ends of a side that lands, stay
@@ -84,9 +83,9 @@ class ActiveContacts:
     def __len__(self) -> int:
         return len(self.points)
 
-    def places(self) -> Gaps:
+    def places(self) -> ClosestPoints:
         """Points and normals as closed gaps."""
-        return Gaps(np.zeros(len(self)), self.points, self.normals)
+        return ClosestPoints(np.zeros(len(self)), self.points, self.normals)
 
     def forces(self, length: float) -> Floats:
         """(k, gdim) mean forces on the body over a step of a length."""
@@ -254,7 +253,7 @@ class ContactMotion:
     def _closed(self) -> float:
         return CLOSED * self.reach
 
-    def _seen(self, end: BodyState) -> Gaps:
+    def _seen(self, end: BodyState) -> ClosestPoints:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
@@ -267,7 +266,7 @@ class ContactMotion:
             return rows
         return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
 
-    def _ways(self, rows: Floats, touched: Gaps, start: _Start) -> Floats:
+    def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
         """(m, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
         before = start.before
         others = np.array(matches(touched, before.places(), start.apart))
@@ -281,7 +280,7 @@ class ContactMotion:
         return np.where(both, 0.5 * (rows + first), rows)
 
     def _impulses(
-        self, rows: Floats, ways: Floats, velocities: Floats, touched: Gaps, start: _Start
+        self, rows: Floats, ways: Floats, velocities: Floats, touched: ClosestPoints, start: _Start
     ) -> Floats:
         """The impulses (m/3, 3) for velocities (n,) that the body would have without any."""
         count = len(touched)
@@ -298,8 +297,8 @@ class ContactMotion:
         return resisted_impulses(gain, free.ravel(), friction, self.law.rolling)
 
     def _placed(
-        self, end: BodyState, seen: Gaps, pressing: Gaps, start: _Start
-    ) -> tuple[BodyState, Gaps]:
+        self, end: BodyState, seen: ClosestPoints, pressing: ClosestPoints, start: _Start
+    ) -> tuple[BodyState, ClosestPoints]:
         """The end of a step where contacts that press are closed and nothing is in the bed, and the gaps there.
 
         `seen` are the gaps before.
@@ -317,8 +316,8 @@ class ContactMotion:
             seen = self._seen(end)
         return end, seen
 
-    def _as_entered(self, seen: Gaps, before: Gaps, start: _Start) -> Gaps:
-        """Gaps after a place was corrected, those that were negative before counted as they were."""
+    def _as_entered(self, seen: ClosestPoints, before: ClosestPoints, start: _Start) -> ClosestPoints:
+        """ClosestPoints after a place was corrected, those that were negative before counted as they were."""
         entered = before.only(before.gaps < -self._closed)
         gaps = seen.gaps.copy()
         for was, k in zip(entered.gaps, matches(entered, seen, start.apart), strict=True):
@@ -327,8 +326,8 @@ class ContactMotion:
         return replace(seen, gaps=gaps)
 
     def _next(
-        self, touched: Gaps, local: Floats, seen: Gaps, left: Gaps, start: _Start
-    ) -> tuple[Gaps, Gaps]:
+        self, touched: ClosestPoints, local: Floats, seen: ClosestPoints, left: ClosestPoints, start: _Start
+    ) -> tuple[ClosestPoints, ClosestPoints]:
         """The contacts of the next round as seen now, and those left out at some time, which come back for good."""
         found = matches(touched, seen, start.apart)
         gone = matches(touched, left, start.apart)
@@ -344,7 +343,7 @@ class ContactMotion:
 
 
 def _contacts(
-    touched: Gaps,
+    touched: ClosestPoints,
     local: Floats,
     ways: tuple[Floats, Floats],
     ends: tuple[BodyState, Motion],
@@ -389,11 +388,11 @@ def turns(ways: Floats, gdim: int) -> Floats:
     return found
 
 
-def _together(touched: Gaps, others: Gaps, apart: float) -> Gaps:
+def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> ClosestPoints:
     """Contacts, and those of others that are none of them."""
     missing = others.only([k for k, one in enumerate(matches(others, touched, apart)) if one < 0])
     names = ("gaps", "points", "normals")
-    return Gaps(
+    return ClosestPoints(
         *(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names)
     )
 
@@ -408,7 +407,7 @@ def _transported(ways: Floats, normals: Floats) -> Floats:
     return found
 
 
-def matches(touched: Gaps, others: Gaps, apart: float) -> list[int]:
+def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> list[int]:
     """Which of `others` each contact is: the nearest with about its normal, if not too far apart; -1: none."""
     found = []
     for point, normal in zip(touched.points, touched.normals, strict=True):

@@ -4,8 +4,8 @@ from incipient.contact.batch import Batch, Cases, judge_many
 from incipient.contact.model import Load
 from incipient.contact.paper import criteria
 from incipient.contact.paper.criteria import Classification, Mode, classify
+from incipient.geometry.closest import exposed, require_on_grain, touching
 from incipient.geometry.contacts import Contacts
-from incipient.geometry.touching import exposed, require_on_grain, touching
 
 __all__ = [
     "Batch",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from ..geometry.plane.curves import Line
-from ..geometry.space.polyhedra import Box, Triangulated
+from ..geometry.space.grains import Box, Triangulated
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup

@@ -1,22 +1,34 @@
-"""Grains, beds, the curves they are made of, and how one rests on the other, in the plane and in space."""
+"""Grains, beds, the curves they are made of, and how one rests on the other, in 2-D and 3-D."""
 
+from incipient.geometry.closest import clearance, lifted, rest
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Bed, Flat, HalfDiscs, Sinusoidal
-from incipient.geometry.plane.curved import Curved
+from incipient.geometry.plane.beds import Bed, Curved, Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
-from incipient.geometry.plane.discs import Discs
-from incipient.geometry.plane.grain import Disc, Ellipse, Grain, Rectangle
-from incipient.geometry.plane.polygon import Polygon
-from incipient.geometry.plane.polyline import Polyline
-from incipient.geometry.plane.smooth import Harmonics, Star, Superellipse
-from incipient.geometry.rest import clearance, lifted, rest
+from incipient.geometry.plane.grains import (
+    Disc,
+    Discs,
+    Ellipse,
+    Grain,
+    Harmonics,
+    Polygon,
+    Rectangle,
+    Star,
+    Superellipse,
+)
 from incipient.geometry.settle import Settled, SettlingOutcome, settle
-from incipient.geometry.space.cylinder import Cylinder
+from incipient.geometry.space.beds import Hemispheres, Plane, Ridges, Terrain
+from incipient.geometry.space.grains import (
+    Box,
+    Cylinder,
+    Ellipsoid,
+    Polyhedron,
+    Solid,
+    Sphere,
+    Spheres,
+    Superquadric,
+    Triangulated,
+)
 from incipient.geometry.space.heightmap import HeightMap
-from incipient.geometry.space.polyhedra import Box, Polyhedron, Triangulated
-from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, Superquadric
-from incipient.geometry.space.spheres import Spheres
-from incipient.geometry.space.terrain import Hemispheres, Plane, Ridges, Terrain
 
 __all__ = [
     "Arc",
@@ -30,8 +42,6 @@ __all__ = [
     "Ellipse",
     "Ellipsoid",
     "Flat",
-]
-__all__ += [
     "Grain",
     "HalfDiscs",
     "Harmonics",
@@ -40,8 +50,6 @@ __all__ += [
     "Line",
     "Placement",
     "Plane",
-]
-__all__ += [
     "Polygon",
     "Polyhedron",
     "Polyline",
@@ -49,8 +57,6 @@ __all__ += [
     "Ridges",
     "Settled",
     "SettlingOutcome",
-]
-__all__ += [
     "Sinusoidal",
     "Solid",
     "Sphere",
@@ -59,5 +65,10 @@ __all__ += [
     "Star",
     "Superellipse",
     "Superquadric",
+    "Terrain",
+    "Triangulated",
+    "clearance",
+    "lifted",
+    "rest",
+    "settle",
 ]
-__all__ += ["Terrain", "Triangulated", "clearance", "lifted", "rest", "settle"]

@@ -6,9 +6,8 @@ import numpy as np
 
 from incipient.arrays import Floats, planar_cross, unit
 from incipient.geometry.space.heightmap import HeightMap
-from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.remeshing import Draft, ExactSurface, remeshed
-from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.surfaces import Surface, Triangles
 
 SHARP = np.radians(35.0)  # turn of an outline at a corner that is its shape, not its resolution
 EVERY = ((2, 0), (2, 1), (3, 0))  # of how many points one is kept, and the first one, copy by copy

@@ -1,16 +1,20 @@
-"""The contact surface Gamma_c of a grain: where the bed touches it, and in which directions.
+"""The contact surface Gamma_c of a grain, and the closest points of grain and bed.
 
 Everything is three-dimensional; contacts in the plane have third components of zero.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
 
 UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal may be from one
+SAME_NORMAL = 1e-4  # components of normals that differ by less belong to one place
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,3 +87,82 @@ def freeze(owner: object, name: str, value: Floats) -> None:
     """Set a field of a frozen dataclass to an array that nobody can change any more."""
     value.flags.writeable = False
     object.__setattr__(owner, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """Places (k,) at which the signed distance between a grain, or points, and a bed is locally least.
+
+    `gaps` (k,) are negative inside the bed, `points` (k, d) lie on the grain, `normals` (k, d) are the bed's, into the
+    fluid. What is not known of them is None.
+    """
+
+    gaps: Floats
+    points: Floats
+    normals: Floats
+    hessians: Floats | None = None  # second derivatives of the distance, (k, d, d)
+    anchors: Floats | None = None  # of the points, in the body frame: in 3-D on the swept core
+    # In 2-D curve of the outline and whether the place is its start (k, 2); in 3-D core (-1: none), triangle (negative:
+    # corner or edge) and piece of the bed (k, 3)
+    origin: np.ndarray | None = None
+    parameters: Floats | None = None  # on the curve of the outline (k,)
+    pieces: Any = None  # of the bed, which `origin` counts
+
+    def __len__(self) -> int:
+        return len(self.gaps)
+
+    @property
+    def feet(self) -> Floats:
+        """The points (k, d) of the bed."""
+        return np.asarray(self.points - self.gaps[:, None] * self.normals)
+
+    def only(self, which: ArrayLike) -> "ClosestPoints":
+        """Some of them, by a mask or by indices."""
+        index = np.asarray(which)
+        index = index if index.dtype == bool else index.astype(int)
+        return replace(self, **{name: table[index] for name, table in self._tables().items()})
+
+    def replaced(
+        self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
+    ) -> "ClosestPoints":
+        """These with some rows from `other`: the same ones, or `those`."""
+        tables = {name: table.copy() for name, table in self._tables().items()}
+        for name, table in tables.items():
+            table[rows] = getattr(other, name)[rows if those is None else those]
+        return replace(self, **tables)
+
+    @staticmethod
+    def joined(parts: "Sequence[ClosestPoints]") -> "ClosestPoints":
+        """Several tables in one."""
+        tables = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in parts[0]._tables()
+        }
+        return replace(parts[0], **tables)
+
+    def distinct(self, tolerance: float) -> "ClosestPoints":
+        """Without those that repeat a lower one: the same point, to a length, and the same normal."""
+        if len(self) < 2:
+            return self
+        from scipy.spatial import cKDTree  # which takes time to import
+
+        keep, lowest = np.ones(len(self), dtype=bool), np.argsort(self.gaps, kind="stable")
+        points, normals = self.points[lowest], self.normals[lowest]
+        pairs = cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray")
+        pairs = np.sort(pairs.reshape(-1, 2), axis=1)
+        apart = np.abs(normals[pairs[:, 0]] - normals[pairs[:, 1]]).max(axis=1, initial=0.0)
+        pairs = pairs[apart <= SAME_NORMAL]
+        for i, j in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
+            keep[lowest[j]] &= not keep[lowest[i]]
+        return self.only(keep)
+
+    def _tables(self) -> dict[str, np.ndarray]:
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def frame_of(normals: Floats) -> tuple[Floats, Floats]:
+    """Two unit tangents (n, 3) each, perpendicular to unit normals (n, 3) and to each other."""
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = unit(cross(normals, least))
+    return first, cross(normals, first)

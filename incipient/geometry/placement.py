@@ -3,12 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, cross
+from incipient.arrays import Floats
 from incipient.errors import SceneError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Quaternion = tuple[float, float, float, float]
 
@@ -65,7 +69,9 @@ class Placement:
         """The matrix (gdim, gdim), not to be written to, that turns body coordinates into scene directions."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         matrix = (
-            np.array([[c, -s], [s, c]]) if self.quaternion is None else _matrix(self.quaternion)
+            np.array([[c, -s], [s, c]])
+            if self.quaternion is None
+            else _rotation(self.quaternion).as_matrix()
         )
         matrix.flags.writeable = False
         return matrix
@@ -83,7 +89,7 @@ class Placement:
         return Placement((*self.centre[:-1], self.centre[-1] + height), self.angle, self.quaternion)
 
     def moved(self, shift: ArrayLike, turn: ArrayLike) -> "Placement":
-        """Shifted by (gdim,) and turned about the centroid: by an angle (1,), in space a rotation vector (3,).
+        """Shifted by (gdim,) and turned about the centroid: by an angle (1,), in 3-D by a rotation vector (3,).
 
         The rotation vector is in scene directions; its length is the angle in radians.
         """
@@ -94,41 +100,33 @@ class Placement:
         return Placement(centre, 0.0, product(rotation_by(vector), self.quaternion))
 
     def turn_since(self, first: "Placement") -> Floats:
-        """The angle (1,), in space the shortest rotation vector (3,), that turned `first` into this [radians]."""
+        """The angle (1,), in 3-D the shortest rotation vector (3,), that turned `first` into this [radians]."""
         if self.quaternion is None or first.quaternion is None:
             return np.array([self.angle - first.angle])
-        w, *vector = first.quaternion
-        scalar, *axis = product(self.quaternion, (w, *(-v for v in vector)))
-        length = float(np.linalg.norm(axis))
-        angle = 2.0 * np.arctan2(length, scalar)
-        angle -= 2.0 * np.pi * (angle > np.pi)
-        return np.asarray(axis) * (angle / length if length else 0.0)
+        turn = _rotation(self.quaternion) * _rotation(first.quaternion).inv()
+        return np.asarray(turn.as_rotvec())
+
+
+def _rotation(quaternion: Sequence[float]) -> "Rotation":
+    """scipy's rotation, whose scalar part comes last."""
+    from scipy.spatial.transform import Rotation  # which takes time to import
+
+    w, x, y, z = quaternion
+    return Rotation.from_quat([x, y, z, w])
+
+
+def _quaternion(rotation: "Rotation") -> Quaternion:
+    x, y, z, w = rotation.as_quat().tolist()
+    return w, x, y, z
 
 
 def rotation_by(vector: ArrayLike) -> Quaternion:
     """The unit quaternion of a rotation vector (3,), radians."""
-    vector = np.asarray(vector, dtype=float)
-    angle = float(np.linalg.norm(vector))
-    # sin(angle / 2) / angle, also for angle zero.
-    x, y, z = (0.5 * np.sinc(0.5 * angle / np.pi) * vector).tolist()
-    return float(np.cos(0.5 * angle)), x, y, z
+    from scipy.spatial.transform import Rotation
+
+    return _quaternion(Rotation.from_rotvec(np.asarray(vector, dtype=float)))
 
 
 def product(first: Sequence[float], second: Sequence[float]) -> Quaternion:
     """The quaternion that turns by `second`, then by `first`; normalised."""
-    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    vector = a[0] * b[1:] + b[0] * a[1:] + cross(a[1:], b[1:])
-    whole = np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
-    w, x, y, z = (whole / np.linalg.norm(whole)).tolist()
-    return w, x, y, z
-
-
-def _matrix(quaternion: Quaternion) -> Floats:
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    return _quaternion(_rotation(first) * _rotation(second))

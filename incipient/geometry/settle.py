@@ -15,25 +15,17 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
-from incipient.geometry.contacts import Contacts
+from incipient.geometry.closest import proximity
+from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.grain import Grain
-from incipient.geometry.proximity import Near, proximity
+from incipient.geometry.plane.beds import Bed
+from incipient.geometry.plane.closest import PlanarProximity
+from incipient.geometry.plane.curves import increasing_roots
+from incipient.geometry.plane.grains import Grain
+from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.closest import SpatialProximity
-from incipient.geometry.space.footprint import footprint
-from incipient.geometry.space.solid import Solid
-from incipient.geometry.space.terrain import Terrain
-from incipient.geometry.statics import (
-    Grip,
-    balance,
-    free_motions,
-    grip,
-    nearest_motion,
-    tangents,
-    wrenches,
-)
-from incipient.geometry.touching import touching
+from incipient.geometry.space.grains import Solid
+from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion, tangents, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -150,7 +142,7 @@ class _Rest:
     placement: Placement
     gap: float
     imbalance: float
-    carrying: Near
+    carrying: ClosestPoints
     way_down: Floats | None
 
     @property
@@ -174,7 +166,7 @@ class _Descent:
         return self.grain.size
 
     @cached_property
-    def _proximity(self):  # type: ignore[no-untyped-def]
+    def _proximity(self) -> PlanarProximity | SpatialProximity:
         return proximity(self.grain, self.bed)
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
@@ -239,30 +231,39 @@ class _Descent:
         )
         return bool(beyond.any() or max(np.linalg.norm(x - x0), 0.25 * turned * self.size) > reach)
 
-    def _touching(self, placement: Placement, near: Near, tolerance: float) -> Near:
+    def _touching(
+        self, placement: Placement, near: ClosestPoints, tolerance: float
+    ) -> ClosestPoints:
         """The places that count as contacts."""
         close = near.only(near.gaps <= tolerance * self.size)
         return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
 
-    def _arms(self, placement: Placement, near: Near) -> Floats:
+    def _arms(self, placement: Placement, near: ClosestPoints) -> Floats:
         return np.asarray(near.points - np.asarray(placement.centre))
 
-    def _grip(self, placement: Placement, near: Near) -> Grip:
-        return grip(near.normals, self._arms(placement, near), self.friction, self.size)
+    def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
+        """How contacts carry the load."""
+        arms = self._arms(placement, near)
+        return hold(self.load, near.normals, arms, self.friction, self.size)
 
-    def _closing(self, placement: Placement, near: Near) -> Floats:
+    def _closing(self, placement: Placement, near: ClosestPoints) -> Floats:
         """Rows by which motions change the gaps, in grain sizes."""
         return wrenches(near.normals, self._arms(placement, near), self.size)
 
-    def _pull(self, placement: Placement, touching: Near) -> Floats:
-        """What contacts leave of the weight."""
-        return balance(self._grip(placement, touching).rows, self.load)[0]
+    def _pull(self, placement: Placement, touching: ClosestPoints) -> Floats:
+        """The part of the load that contacts leave unbalanced."""
+        return self._hold(placement, touching).remainder
 
     def _step(
-        self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float
+        self,
+        placement: Placement,
+        near: ClosestPoints,
+        touching: ClosestPoints,
+        pull: Floats,
+        length: float,
     ) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
-        hold = self._grip(placement, touching).rows
+        rows = self._hold(placement, touching).rows
         closing = self._closing(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(pull)), 1e-6)
@@ -270,19 +271,19 @@ class _Descent:
             motion = length * nearest_motion(closing, -gaps / length, wish)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
         # With friction the motion ends where a contact is made, because that will hold the grain.
-        motion = length * nearest_motion(hold, np.zeros(len(hold)), wish)
+        motion = length * nearest_motion(rows, np.zeros(len(rows)), wish)
         approach = -(closing @ motion)
         meets = (gaps > TOUCHING) & (approach > 0.0)
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
-    def _followed(self, placement: Placement, near: Near, motion: Floats) -> Placement:
+    def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
         """The placement after a motion, those contacts closed again that it keeps or makes."""
         closing = self._closing(placement, near)
         after = near.gaps / self.size + closing @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         return self._in_touch(placement, kept, motion)
 
-    def _in_touch(self, placement: Placement, contacts: Near, motion: Floats) -> Placement:
+    def _in_touch(self, placement: Placement, contacts: ClosestPoints, motion: Floats) -> Placement:
         """The placement after a motion, its contacts closed again; lowering the grain closes a single one."""
         if len(contacts) > 1:
             return self._moved_in_contact(placement, contacts, motion)
@@ -295,26 +296,25 @@ class _Descent:
 
     # Near equilibrium.
 
-    def _carrying(self, placement: Placement, touching: Near) -> Near:
+    def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
         """The contacts that take part in holding the weight."""
-        hold = self._grip(placement, touching)
-        _, factors = balance(hold.rows, self.load)
-        return touching.only(np.unique(hold.owner[factors > USED]))
+        held = self._hold(placement, touching)
+        return touching.only(np.unique(held.owner[held.factors > USED]))
 
-    def _constraints(self, placement: Placement, carrying: Near) -> Floats:
+    def _constraints(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
-        rows = self._grip(placement, carrying).rows
-        used = rows[balance(rows, self.load)[1] > USED]
+        held = self._hold(placement, carrying)
+        used = held.rows[held.factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
         return np.vstack([self._closing(placement, carrying), *self._along(placement, carrying)])
 
-    def _along(self, placement: Placement, carrying: Near) -> list[Floats]:
+    def _along(self, placement: Placement, carrying: ClosestPoints) -> list[Floats]:
         """Rows of the forces along the surface."""
         arms = self._arms(placement, carrying)
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
-    def _at_rest(self, placement: Placement, near: Near) -> _Rest | None:
+    def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
         """The equilibrium next to a placement, found by Newton's method.
 
         Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
@@ -343,7 +343,7 @@ class _Descent:
         gap = float(np.abs(carrying.gaps).max(initial=0.0)) / self.size
         return _Rest(found, gap, pull, carrying, self._way_down(found, carrying))
 
-    def _newton(self, placement: Placement, carrying: Near) -> Placement | None:
+    def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
         last, rises = np.inf, 0
         for _ in range(20):
@@ -363,53 +363,58 @@ class _Descent:
         return placement if last < 1e-11 else None
 
     def _pinched(self, placement: Placement, window: float) -> _Rest | None:
-        """The rest on a pole without curvature, as superellipses have, found by bisection along the pull.
+        """The rest on a pole without curvature, as superellipses have, where the pull turns round along itself.
 
         There the couple is a root of the angle, so that Newton's method fails, and round-off of the angle may
         leave some of it. `window` (grain sizes) is how far the rest may be; None if the pull does not turn
         round within it.
         """
         carrying = self._touching_at(placement)
-        for _ in range(2 * len(self.load)):
+        for _ in range(len(self.load)):
             pull = self._pull(placement, carrying)
             if len(carrying) == 0 or np.abs(pull).max() <= BALANCED:
                 break
-            pinched = self._bisected(placement, carrying, pull / np.linalg.norm(pull), window)
-            if pinched is None:
+            direction = pull / np.linalg.norm(pull)
+
+            def excess(way: Floats, start=placement, near=carrying, along=direction) -> Floats:  # type: ignore[no-untyped-def]
+                """Minus the pull along a direction after ways (1,), to the power that makes it smooth on most poles."""
+                there = self._rolled(start, near, way[0] * along)
+                rest = float(self._pull(*there) @ along)
+                return np.array([-(rest**3) if abs(rest) > BALANCED else 0.0])
+
+            way = increasing_roots(excess, np.zeros(1), np.array([window]))
+            if way[0] == window:
                 return None
-            placement, carrying = pinched, self._touching_at(pinched)
+            placement, carrying = self._rolled(placement, carrying, way[0] * direction)
         if len(carrying) == 0 or np.abs(carrying.gaps).max() > CLOSED * self.size:
             return None
         imbalance = float(np.abs(self._pull(placement, carrying)).max())
         gap, way_down = float(np.abs(carrying.gaps).max()), self._way_down(placement, carrying)
         return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
 
-    def _touching_at(self, placement: Placement) -> Near:
+    def _touching_at(self, placement: Placement) -> ClosestPoints:
         """The places that carry the grain there."""
         near = self._proximity.minima(placement, TOUCHING * self.size)
         return self._carrying(placement, self._touching(placement, near, TOUCHING))
 
-    def _bisected(
-        self, placement: Placement, carrying: Near, direction: Floats, window: float
-    ) -> Placement | None:
-        """Where along a motion of at most `window` the pull turns round; None if it does not."""
-        low, high = 0.0, window
-        end = self._proximity.lowered(self._in_touch(placement, carrying, high * direction))
-        if self._pulled_along(end, direction):
-            return None
-        while high - low > 1e-17:
-            middle = 0.5 * (low + high)
-            tried = self._proximity.lowered(self._in_touch(placement, carrying, middle * direction))
-            if self._pulled_along(tried, direction):
-                low = middle
-            else:
-                high, end = middle, tried
-        return end
+    def _rolled(
+        self, placement: Placement, carrying: ClosestPoints, motion: Floats
+    ) -> tuple[Placement, ClosestPoints]:
+        """The placement after a motion with the contacts closed again, a single one vertically; and these."""
+        if len(carrying) > 1:
+            placement = self._moved_in_contact(placement, carrying, motion)
+            return placement, self._proximity.tracked(placement, carrying)
+        placement = self._moved(placement, motion)
+        carrying = self._proximity.tracked(placement, carrying)
+        for _ in range(4):
+            drop = float(carrying.gaps[0] / carrying.normals[0, -1])
+            placement = placement.raised(-drop)
+            carrying = self._proximity.tracked(placement, carrying)
+            if abs(drop) <= 1e-14 * self.size:
+                break
+        return placement, carrying
 
-    def _pulled_along(self, placement: Placement, direction: Floats) -> bool:
-        return bool(self._pull(placement, self._touching_at(placement)) @ direction > 0.0)
-
-    def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
+    def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""
         left, values, right = np.linalg.svd(
             self._derivative(placement, carrying), full_matrices=True
@@ -424,14 +429,14 @@ class _Descent:
             motion -= free @ np.linalg.lstsq(slips @ free, slips @ motion, rcond=1e-6)[0]
         return np.asarray(motion)
 
-    def _error(self, placement: Placement, carrying: Near) -> Floats:
+    def _error(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
         return np.concatenate([moved.gaps / self.size, self.load - factors @ rows])
 
-    def _derivative(self, placement: Placement, carrying: Near) -> Floats:
+    def _derivative(self, placement: Placement, carrying: ClosestPoints) -> Floats:
         """The derivative of the error by the motion, by central differences."""
         h, columns = 1e-6, []
         for motion in h * np.eye(len(self.load)):
@@ -443,7 +448,7 @@ class _Descent:
 
     # Stability.
 
-    def _way_down(self, placement: Placement, carrying: Near) -> Floats | None:
+    def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
         free = free_motions(self._constraints(placement, carrying)).T
         if len(free) == 0:
@@ -469,7 +474,7 @@ class _Descent:
         lowered = map(self._proximity.lowered, ends)
         return max(lowered, key=lambda end: self._work(rest.placement, end))
 
-    def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
+    def _stiffness(self, placement: Placement, carrying: ClosestPoints, free: Floats) -> Floats:
         """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
         count = len(free)
         along = np.zeros((count, count))
@@ -486,7 +491,9 @@ class _Descent:
         np.fill_diagonal(mixed, pure)
         return mixed
 
-    def _moved_in_contact(self, placement: Placement, carrying: Near, motion: Floats) -> Placement:
+    def _moved_in_contact(
+        self, placement: Placement, carrying: ClosestPoints, motion: Floats
+    ) -> Placement:
         """The placement after a free motion, the carrying contacts closed again."""
         placement = self._moved(placement, motion)
         for _ in range(6):
@@ -502,14 +509,9 @@ class _Descent:
     # Results.
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
-        contacts = self._contacts(rest.placement, 10.0 * CLOSED * self.size)
+        contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
         outcome = SettlingOutcome.RESTS if rest.stable else SettlingOutcome.BALANCES
         return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
-
-    def _contacts(self, placement: Placement, tolerance: float) -> Contacts:
-        if isinstance(self._proximity, SpatialProximity):
-            return footprint(self._proximity, placement, tolerance)
-        return touching(self.grain, placement, self.bed, tolerance)
 
     def _unsettled(self, placement: Placement, outcome: SettlingOutcome, steps: int) -> Settled:
         near = self._proximity.minima(placement, TOUCHING * self.size)

@@ -1,15 +1,62 @@
-"""Properties of every rigid grain, in the plane and in space."""
+"""Properties of every rigid grain, in 2-D and 3-D, and the integrals they follow from."""
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.moments import Moments, inertia_of
 
 FEW = 50  # points of which all pairs are looked at
+OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less are not connected
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Volume (in 2-D area), first moments (d,) and second moments (d, d), the integrals of 1, x and x x^T."""
+
+    volume: float
+    first: Floats
+    second: Floats
+
+    @property
+    def centroid(self) -> Floats:
+        """The centre of mass of a uniform body, (d,)."""
+        return self.first / self.volume
+
+    def about_centroid(self) -> Floats:
+        """The second moments (d, d) about the centroid."""
+        return self.second - self.volume * np.outer(self.centroid, self.centroid)
+
+    @staticmethod
+    def within(corners: Floats) -> "Moments":
+        """Of the inside of a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside.
+
+        In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
+        """
+        d = corners.shape[-1]
+        content = np.linalg.det(corners) / factorial(d)
+        total = corners.sum(axis=1)
+        first = (content[:, None] * total).sum(axis=0) / (d + 1.0)
+        squares = np.einsum("mi,mj->mij", total, total) + np.einsum(
+            "mki,mkj->mij", corners, corners
+        )
+        second = (content[:, None, None] * squares).sum(axis=0) / ((d + 1.0) * (d + 2.0))
+        return Moments(float(content.sum()), first, second)
+
+    @staticmethod
+    def swept(points: Floats, normals: Floats) -> "Moments":
+        """Of the inside of a surface from points (n, d) on it and normals (n, d) as long as their part of it.
+
+        The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
+        """
+        d, flux = points.shape[1], (points * normals).sum(axis=1)
+        second = np.einsum("n,ni,nj->ij", flux, points, points) / (d + 2.0)
+        return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
 
 
 class Shape(ABC):
@@ -23,19 +70,20 @@ class Shape(ABC):
         """The largest diameter."""
 
     @property
-    def _moments(self) -> Moments:
+    def moments(self) -> Moments:
         """Integrals over the grain in its body frame, of grains whose volume and inertia follow from these."""
         raise NotImplementedError
 
     @property
     def volume(self) -> float:
-        """The volume; in the plane the area, which is the volume per unit depth."""
-        return self._moments.volume
+        """The volume; in 2-D the area, which is the volume per unit depth."""
+        return self.moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density: in the plane only the 33 component."""
-        return inertia_of(self._moments.about_centroid())
+        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
+        second = self.moments.about_centroid()
+        return np.asarray(np.trace(second) * np.eye(3) - second)
 
     @abstractmethod
     def level(self, x: ArrayLike) -> Floats:
@@ -44,6 +92,72 @@ class Shape(ABC):
     @abstractmethod
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, gdim) at points (n, gdim) on or near the surface; at corners the bisector."""
+
+
+class Balls(Shape):
+    """Connected discs or spheres, about the centroid of their union."""
+
+    centres: tuple[tuple[float, ...], ...]
+    radii: tuple[float, ...]
+
+    @cached_property
+    def tables(self) -> tuple[Floats, Floats]:
+        """Centres (n, gdim) and radii (n,)."""
+        return np.array(self.centres), np.array(self.radii)
+
+    @property
+    def size(self) -> float:
+        """The largest distance of two centres and their radii, or diameter."""
+        centres, radii = self.tables
+        apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+        return float((apart + np.add.outer(radii, radii)).max())
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance from the nearest ball at points (n, gdim): outside the distance from the grain."""
+        centres, radii = self.tables
+        return np.asarray((np.linalg.norm(rows(x)[:, None] - centres, axis=2) - radii).min(axis=1))
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """The normals (n, gdim) of the ball nearest to each of the points (n, gdim), in creases the bisector."""
+        centres, radii = self.tables
+        away = rows(x)[:, None] - centres
+        distance = np.linalg.norm(away, axis=2) - radii
+        nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
+        return unit((unit(away) * nearest[..., None]).sum(axis=1))
+
+
+def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
+    """Centres (n, dimension) and radii (n,) as tables, checked to be connected discs or spheres."""
+    points, sizes = np.array(centres, dtype=float), np.array(radii, dtype=float)
+    if (
+        points.ndim != 2
+        or points.shape[1:] != (dimension,)
+        or not len(points)
+        or sizes.shape != (len(points),)
+    ):
+        raise SceneError(
+            f"give one centre of {dimension} coordinates and one radius for each ball of a union"
+        )
+    if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
+        raise SceneError("a union needs finite centres and positive radii; change them")
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    slack = OVERLAP * np.minimum.outer(sizes, sizes)
+    linked = apart < np.add.outer(sizes, sizes) - slack
+    reached = linked[0]
+    for _ in sizes:
+        reached = linked[reached].any(axis=0)
+    if not reached.all():
+        raise SceneError(
+            f"number {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
+        )
+    return points, sizes
+
+
+def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
+    """Refuse discs or spheres that do not show."""
+    hidden = np.setdiff1d(np.arange(count), owners)
+    if len(hidden):
+        raise SceneError(f"{kind} {hidden[0]} of the union lies within the others; leave it out")
 
 
 def require_positive(name: str, *values: float) -> None:

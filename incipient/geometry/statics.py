@@ -8,21 +8,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, planar_cross, quarter_turned
-from incipient.geometry.space.solid import frame_of
+from incipient.arrays import Floats, cross, planar_cross, quarter_turned, unit
+from incipient.geometry.contacts import frame_of
 
-PYRAMID = 16  # sides of the pyramid inside a friction cone in space: its corners are on the cone
+PYRAMID = 16  # generators of a friction cone in 3-D with which its forces are begun
+ROUNDS = 60  # in which better generators are added
+BALANCED = 1e-12  # of the load: what remains of it that is nothing, and what a generator gains that is none
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
-    """The forces of contacts as combinations, with factors of at least zero, of the rows (m, 3 or 6).
+class Hold:
+    """Contact forces that balance a load (n,) as far as friction allows.
 
-    `owner` (m,) is the contact each row belongs to.
+    They are combinations, with factors (m,) of at least zero, of the rows (m, n); `owner` (m,) is the contact each row
+    belongs to. `remainder` (n,) is the unbalanced part, the direction in which the load moves the grain.
     """
 
     rows: Floats
     owner: np.ndarray
+    factors: Floats
+    remainder: Floats
 
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
@@ -38,10 +43,10 @@ def tangents(normals: Floats) -> list[Floats]:
     return list(frame_of(normals))
 
 
-def grip(normals: Floats, arms: Floats, friction: float, size: float) -> Grip:
-    """All forces within the friction cones of contacts (k,); friction may be 0 or infinite.
+def hold(load: Floats, normals: Floats, arms: Floats, friction: float, size: float) -> Hold:
+    """Balance a load (n,) by forces within the friction cones of contacts (k,); friction may be 0 or infinite.
 
-    In space a cone is replaced by a pyramid inside it, which is at most 2 % narrower.
+    Cones in 3-D are exact: the generators that oppose the remainder most are added until none reduces it.
     """
     along = tangents(normals)
     if friction == 0.0:
@@ -55,8 +60,20 @@ def grip(normals: Floats, arms: Floats, friction: float, size: float) -> Grip:
         forces = [
             normals + friction * (np.cos(a) * along[0] + np.sin(a) * along[1]) for a in angles
         ]
+    each = np.arange(len(normals))
     rows = np.vstack([wrenches(force, arms, size) for force in forces])
-    return Grip(rows, np.tile(np.arange(len(normals)), len(forces)))
+    owner = np.tile(each, len(forces))
+    remainder, factors = balance(rows, load)
+    for _ in range(ROUNDS if len(forces) == PYRAMID and len(normals) else 0):
+        velocity = remainder[:3] + cross(remainder[3:], arms) / size
+        velocity -= (velocity * normals).sum(axis=1, keepdims=True) * normals
+        opposing = wrenches(normals - friction * unit(velocity), arms, size)
+        small = np.abs(remainder).max() <= BALANCED * np.abs(load).max()
+        if small or (opposing @ remainder).min() >= -BALANCED:
+            break
+        rows, owner = np.vstack([rows, opposing]), np.append(owner, each)
+        remainder, factors = balance(rows, load)
+    return Hold(rows, owner, factors, remainder)
 
 
 def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:

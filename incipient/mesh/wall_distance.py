@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
-from ..geometry.space.nearest import nearest_on_triangles
+from ..geometry.space.surfaces import nearest_on_triangles
 from .domain import Domain
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Floats
+from ..geometry.closest import clearance
 from ..geometry.placement import Placement, product, rotation_by
-from ..geometry.plane.bed import Bed
-from ..geometry.plane.grain import Grain
-from ..geometry.rest import clearance
+from ..geometry.plane.beds import Bed
+from ..geometry.plane.grains import Grain
+from ..geometry.space.beds import Plane, Terrain
 from ..geometry.space.closest import SpatialProximity
-from ..geometry.space.solid import Solid
-from ..geometry.space.terrain import Plane, Terrain
+from ..geometry.space.grains import Solid
 from .scene_geometry import Geometry, Place, point
 from .sides import SideNames
 

@@ -16,8 +16,8 @@ import ufl
 from ..arrays import Floats, cross, spatial
 from ..fluid.model import Driven
 from ..geometry.placement import Placement
-from ..geometry.plane.grain import Grain
-from ..geometry.space.solid import Solid
+from ..geometry.plane.grains import Grain
+from ..geometry.space.grains import Solid
 from .base_flow import ROUND_OFF, BaseFlow
 
 ACROSS = {2: 48, 3: 16}  # points across a grain, by the dimension

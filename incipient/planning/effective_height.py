@@ -45,7 +45,7 @@ def effective_height(
     """
     if not math.isfinite(bed.feature):
         return EffectiveHeight(0.0, 0.0, 0.0)
-    level = effective_level(bed, domain.left, domain.right)
+    level = effective_level(bed)
     depth = max(bed.crest - domain.bottom - level, 0.0)
     reynolds = (
         _shear_rate(flow, domain.ceiling - bed.crest) * (bed.period or 0.0) * depth / viscosity

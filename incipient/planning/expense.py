@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..geometry.space.cylinder import Cylinder
+from ..geometry.space.grains import Cylinder
 from ..installed import memory_of_libraries
 from ..meshes import BoxGrid, Region, SolidGrid, SolidRegion
 from .flow_setup import Setup

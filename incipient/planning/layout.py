@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
-from ..geometry.space.terrain import SmoothTerrain
+from ..geometry.space.beds import SmoothTerrain
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, SizeField, Sizes, SolidGrid, SolidRegion
 from ..meshes.expected import expected_cells

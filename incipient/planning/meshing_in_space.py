@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..geometry.placement import Placement
-from ..geometry.space.polyhedra import Box
-from ..geometry.space.terrain import Plane, Terrain
+from ..geometry.space.beds import Plane, Terrain
+from ..geometry.space.grains import Box
 from ..meshes import Away, BoxGrid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..meshes.solid_region import SYMMETRY
 from .boundary_layer import GRAIN_CELL, thinner

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.gaps import NearBed
+from ..geometry.closest import NearBed, clearance, lifted, touching
 from ..geometry.placement import Placement
-from ..geometry.plane.bed import Flat
+from ..geometry.plane.beds import Flat
 from ..geometry.plane.closing import Closing, closing
-from ..geometry.rest import clearance, lifted
-from ..geometry.space.terrain import Plane
-from ..geometry.touching import touching
+from ..geometry.space.beds import Plane
 from ..scene import Domain
 
 if TYPE_CHECKING:
@@ -90,7 +88,7 @@ class Geometry:
             return Stance(self.placement, self.placement)
         placement = self.placement
         if self.rests and self.moves:
-            placement = self.near_bed.seated(placement, self.gap, self.contacts.points)
+            placement = self.near_bed.with_gap(placement, self.gap, self.contacts.points)
         elif self.rests:
             placement = lifted(self.grain, self.placement, self.bed, self.gap)
         gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)

@@ -15,7 +15,7 @@ from matplotlib.colors import to_hex
 from ..arrays import Floats
 from ..errors import OutputError
 from ..geometry.placement import Placement
-from ..geometry.space.terrain import Terrain
+from ..geometry.space.beds import Terrain
 from ..pictures.flow.mesh import QUARTERS
 from ..pictures.record import read
 from ..pictures.style import FLOW, FORCES, GRAIN, GROUND, STATES

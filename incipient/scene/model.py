@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, field_validator, model_validator
 
+from ..geometry.closest import rest
 from ..geometry.placement import Placement
-from ..geometry.rest import rest
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear

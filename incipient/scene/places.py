@@ -8,8 +8,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
+from ..geometry.closest import clearance
 from ..geometry.placement import Placement
-from ..geometry.rest import clearance
 from . import surface_checks, symmetry
 from .domain import Domain
 from .messages import Problem, problem, split

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.polygon import Polygon
+from ..geometry.plane.grains import Polygon
 from ..geometry.settle import settle
 
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from .. import geometry
 from ..arrays import Point
-from ..geometry.plane.polygon import meeting_sides
+from ..geometry.plane.grains import meeting_sides
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, key, three

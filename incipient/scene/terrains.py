@@ -13,8 +13,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
-from ..geometry.space.heap import SphereHeap
-from ..geometry.space.packing import Packing
+from ..geometry.space.beds import Packing, SphereHeap
 from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, read_numbers, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, key

@@ -15,10 +15,10 @@ from ..arrays import Floats, cross, unit, unwarned
 from ..errors import SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry import HeightMap, Placement, Plane, clearance
-from ..geometry.moments import within
+from ..geometry.closest import touching
 from ..geometry.placement import Quaternion, product, rotation_by
-from ..geometry.space.triangle_files import triangles_in
-from ..geometry.touching import touching
+from ..geometry.shape import Moments
+from ..geometry.space.files import triangles_in
 from ..scene.file import parse
 from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
 from ..scene.solids import SolidBody
@@ -223,7 +223,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
     if grain is not None:
         points, triangles = triangles_in(grain)
         with unwarned():  # of what encloses no volume, which is refused in words
-            centre = np.nan_to_num(within(points[triangles]).centroid).tolist()
+            centre = np.nan_to_num(Moments.within(points[triangles]).centroid).tolist()
         given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
     return parse(GrainInPlace, "", ".", [*given, *overrides], "--grain and --bed").case()
 

@@ -13,8 +13,8 @@ from ..arrays import Floats
 from ..coupled.tractions import TractionProbe
 from ..errors import ConvergenceError
 from ..fluid import Fluid
-from ..geometry.rest import lifted
-from ..geometry.space.terrain import Plane
+from ..geometry.closest import lifted
+from ..geometry.space.beds import Plane
 from ..mesh.motion import MeshMotion
 from ..mesh.stretching import KeptBox, Lifting, serves, stretched
 from ..planning.conditions import conditions

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from ..arrays import Floats
-from ..geometry.space.heap import SphereHeap
+from ..geometry.space.beds import SphereHeap
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
 from .pockets import TOUCHING, Pocket
 from .request import SurveyRequest

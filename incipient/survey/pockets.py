@@ -15,7 +15,7 @@ from ..arrays import Floats, unit
 from ..contact import Contacts, Load
 from ..contact.equilibrium import safety_factor
 from ..errors import SceneError
-from ..geometry.space.heap import SphereHeap
+from ..geometry.space.beds import SphereHeap
 from .deposition import DOWN, Spheres, rolled
 from .request import FlowPast, Surveyed
 

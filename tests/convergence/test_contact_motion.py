@@ -12,13 +12,12 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.gaps import NearBed
+from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Flat, HalfDiscs, Sinusoidal
-from incipient.geometry.plane.grain import Disc, Rectangle
-from incipient.geometry.plane.polygon import Polygon
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.terrain import Hemispheres, Plane, Ridges
+from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
+from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
+from incipient.geometry.space.beds import Hemispheres, Plane, Ridges
+from incipient.geometry.space.grains import Sphere
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "gust_in_vacuo.csv"
 G = 10.0

@@ -20,7 +20,7 @@ from floating import Floating, Floats, box_around, floating
 from incipient.fluid import Condition, Prescribed, no_slip
 from incipient.fluid.transient import TimeStep, backward_difference
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Disc, Ellipse, Grain
+from incipient.geometry.plane.grains import Disc, Ellipse, Grain
 
 END, REYNOLDS = 0.5, 10.0
 DISC, ELLIPSE = Disc(0.3), Ellipse((0.2, 0.1))

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 
 from incipient.fluid import Prescribed
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Disc
+from incipient.geometry.plane.grains import Disc
 
 INNER, OUTER, VISCOSITY, END = 0.5, 1.0, 0.1, 0.8
 FREE, TURNS_ONLY = (True, True, True), (False, False, True)

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 import incipient
 from incipient.fluid import Prescribed
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Ellipse
+from incipient.geometry.plane.grains import Ellipse
 from incipient.scene import Domain, ExpressionFlow, Fluid, Numerics, Output, Scene, Time
 from incipient.scene import Ellipse as EllipseSection
 

@@ -125,7 +125,7 @@ def domain_at(time: float):
     from mpi4py import MPI
 
     from incipient.geometry.plane.curves import Line
-    from incipient.geometry.plane.grain import Ellipse
+    from incipient.geometry.plane.grains import Ellipse
     from incipient.mesh.domain import build
     from incipient.meshes import Near, Region, Sizes
     from incipient.meshes.model import region_model

@@ -13,7 +13,7 @@ from incipient.contact import Contacts, Load, equilibrium
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain, write_json
-from incipient.geometry.touching import touching
+from incipient.geometry.closest import touching
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.style import STATES

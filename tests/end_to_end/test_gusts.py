@@ -12,7 +12,7 @@ import pytest
 import incipient
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Disc, Ellipse
+from incipient.geometry.plane.grains import Disc, Ellipse
 from incipient.planning.driving_force import DisplacedFluid
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads

@@ -17,7 +17,7 @@ from PIL import Image
 
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
-from incipient.geometry.space.polyhedra import Box as BoxSolid
+from incipient.geometry.space.grains import Box as BoxSolid
 from incipient.pictures.apart import animate_apart
 from incipient.pictures.motion import trajectory
 from incipient.planning.body import rigid_body

@@ -12,7 +12,7 @@ import incipient
 from incipient.contact import Load
 from incipient.contact.verdict import judge
 from incipient.evaluation.contact_verdict import find_contacts
-from incipient.geometry.space.polyhedra import Triangulated
+from incipient.geometry.space.grains import Triangulated
 
 DEMOS = Path(__file__).parents[2] / "demos"
 SCENE = DEMOS / "scenes/pebble.toml"

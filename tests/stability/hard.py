@@ -20,7 +20,7 @@ from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.grain import Disc
+from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import Domain, build
 from incipient.mesh.sampling import extremum
 from incipient.meshes import Grid, Near, Region, Sizes

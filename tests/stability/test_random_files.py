@@ -15,7 +15,7 @@ from random_files import written
 from random_scenes import fate, limited
 
 from incipient.errors import SceneError
-from incipient.geometry.space.triangle_files import triangles_in
+from incipient.geometry.space.files import triangles_in
 from incipient.scene import loads
 
 USUAL = settings(

@@ -11,14 +11,12 @@ import pytest
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.gaps import NearBed
+from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Flat, HalfDiscs, Sinusoidal
-from incipient.geometry.plane.grain import Disc, Ellipse, Rectangle
-from incipient.geometry.plane.polygon import Polygon
-from incipient.geometry.plane.polyline import Polyline
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.terrain import Hemispheres, Plane
+from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
+from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
+from incipient.geometry.space.beds import Hemispheres, Plane
+from incipient.geometry.space.grains import Sphere
 
 RIDGE = Polyline(
     (

@@ -7,15 +7,11 @@ import pytest
 
 from incipient.coupled.enclosed import load_of
 from incipient.errors import SceneError
-from incipient.geometry.plane.bed import Flat, HalfDiscs, Sinusoidal
+from incipient.geometry.closest import rest, touching
+from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.closing import closing
 from incipient.geometry.plane.curves import part
-from incipient.geometry.plane.discs import Discs
-from incipient.geometry.plane.grain import Disc, Ellipse
-from incipient.geometry.plane.polygon import Polygon
-from incipient.geometry.plane.smooth import Superellipse
-from incipient.geometry.rest import rest
-from incipient.geometry.touching import touching
+from incipient.geometry.plane.grains import Disc, Discs, Ellipse, Polygon, Superellipse
 
 GRAINS = {
     "disc": Disc(1.0),

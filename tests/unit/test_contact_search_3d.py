@@ -20,8 +20,8 @@ from incipient.geometry import (
     Triangulated,
     rest,
 )
+from incipient.geometry.closest import exposed
 from incipient.geometry.placement import product, rotation_by
-from incipient.geometry.touching import exposed
 
 TOLERANCE = 1e-6
 TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])

@@ -12,12 +12,11 @@ from incipient.body.state import BodyState, Inertia
 from incipient.contact.exact.impulses import contact_impulses, one_contact, resisted_impulses
 from incipient.contact.exact.motion import incipient_motion
 from incipient.contact.model import Load
-from incipient.geometry.contacts import Contacts
-from incipient.geometry.gaps import Gaps, NearBed
+from incipient.geometry.closest import NearBed
+from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Flat
-from incipient.geometry.plane.grain import Disc, Rectangle
-from incipient.geometry.space.solid import frame_of
+from incipient.geometry.plane.beds import Flat
+from incipient.geometry.plane.grains import Disc, Rectangle
 
 INVERSE = np.diag([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])
 
@@ -154,7 +153,7 @@ def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) ->
 def test_gaps_are_those_of_corners_and_of_the_lowest_points() -> None:
     """Both lower corners of a block that stands on a plane, and the one place of a disc."""
     block = NearBed(Rectangle(1.0, 0.5), Flat()).gaps(Placement((0.0, 0.26)), 0.05)
-    assert isinstance(block, Gaps)
+    assert isinstance(block, ClosestPoints)
     assert sorted(block.points[:, 0].tolist()) == pytest.approx([-0.5, 0.5])
     assert block.gaps == pytest.approx([0.01, 0.01])
     disc = NearBed(Disc(1.0), Flat()).gaps(Placement((0.3, 0.49)), 0.05)

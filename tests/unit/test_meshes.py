@@ -12,9 +12,9 @@ from domains import square_outline
 
 from incipient.errors import MeshError
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import HalfDiscs, Sinusoidal
+from incipient.geometry.plane.beds import HalfDiscs, Sinusoidal
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.grain import Disc, Ellipse, Rectangle
+from incipient.geometry.plane.grains import Disc, Ellipse, Rectangle
 from incipient.meshes import Away, Grid, Near, Region, Sizes
 from incipient.meshes.model import grid_model, region_model
 

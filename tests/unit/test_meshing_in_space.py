@@ -138,7 +138,7 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
     local = frame.local(x)
     x = frame.scene(local)
-    distances = bed.pieces((0.0, 0.0), 1.2).rough(x)
+    distances = bed.pieces((0.0, 0.0), 1.2).distance_estimate(x)
     within = np.maximum(0.02 - distances, 0.0)
     expected = np.maximum(0.02, distances.min(axis=0)) - np.sqrt((within**2).sum(axis=0))
     as_it_is = np.linalg.norm(x[:, :2], axis=1) < 1.0

@@ -5,9 +5,8 @@ import pytest
 from allocated import allocated
 
 from incipient.geometry import Plane, Triangulated, rest
-from incipient.geometry.space.nearest import RAY, Triangles, nearest_on_triangles
-from incipient.geometry.space.surfaces import sphere
-from incipient.geometry.touching import touching
+from incipient.geometry.closest import touching
+from incipient.geometry.space.surfaces import RAY, Triangles, nearest_on_triangles, sphere
 
 
 def scanned(frequency: int) -> Triangulated:

@@ -13,7 +13,7 @@ from incipient import load
 from incipient.geometry import Flat, HalfDiscs, Placement, Polygon, Sinusoidal, clearance, rest
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.polygon import meeting_sides
+from incipient.geometry.plane.grains import meeting_sides
 from incipient.geometry.shape import largest_distance
 from incipient.simulation.build import estimate
 

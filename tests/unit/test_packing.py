@@ -5,7 +5,7 @@ import pytest
 
 from incipient.errors import SceneError
 from incipient.geometry import Hemispheres, Sphere, rest
-from incipient.geometry.space.packing import LOWEST, Packing
+from incipient.geometry.space.beds import LOWEST, Packing
 
 PLACES = np.random.default_rng(0).uniform(-7.0, 9.0, (300, 2))
 

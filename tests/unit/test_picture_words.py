@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
 from incipient.files import plain
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.terrain import Plane
+from incipient.geometry.space.beds import Plane
+from incipient.geometry.space.grains import Sphere
 from incipient.pictures import style
 from incipient.pictures.verdict.judged import judged
 from incipient.pictures.verdict.sheet import load_rows, sheet, write_numbers

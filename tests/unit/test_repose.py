@@ -15,10 +15,10 @@ import pytest
 from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.contact.verdict import judge
+from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.terrain import Hemispheres
-from incipient.geometry.touching import touching
+from incipient.geometry.space.beds import Hemispheres
+from incipient.geometry.space.grains import Sphere
 
 SPACINGS = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
 SIZES = (0.6, 1.0, 1.5, 2.0)

@@ -11,7 +11,7 @@ from floating import Floats, box_around, floating
 
 from incipient.fluid import Fluid, Prescribed, no_slip
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Disc
+from incipient.geometry.plane.grains import Disc
 
 DISC, PLACE = Disc(0.3), Placement((0.55, 0.6))
 NUDGE = 1e-6

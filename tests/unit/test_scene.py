@@ -12,12 +12,9 @@ from scenes import BOX, FLOW_SCALE, message, scene
 from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.evaluation.contact_verdict import find_contacts
-from incipient.geometry.plane import bed as bed_geometry
-from incipient.geometry.plane import discs as disc_geometry
-from incipient.geometry.plane import grain as grain_geometry
-from incipient.geometry.plane import polygon as polygon_geometry
-from incipient.geometry.plane import smooth as smooth_geometry
-from incipient.geometry.plane.polyline import Polyline as PolylineBed
+from incipient.geometry.plane import beds as bed_geometry
+from incipient.geometry.plane import grains as grain_geometry
+from incipient.geometry.plane.beds import Polyline as PolylineBed
 from incipient.scene import (
     Contact,
     Disc,
@@ -126,16 +123,16 @@ def test_shapes_become_geometry():
         Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(
             1.0, 2.0, 0.1
         ),
-        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): polygon_geometry.Polygon(
+        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): grain_geometry.Polygon(
             [(0, 0), (1, 0), (0, 1)]
         ),
-        Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): smooth_geometry.Superellipse(
+        Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): grain_geometry.Superellipse(
             (1.0, 0.5), 4.0
         ),
-        Star(radius=0.5, cosines=(0, 0.1), x=4): smooth_geometry.Star(
-            smooth_geometry.Harmonics(0.5, (0.0, 0.1))
+        Star(radius=0.5, cosines=(0, 0.1), x=4): grain_geometry.Star(
+            grain_geometry.Harmonics(0.5, (0.0, 0.1))
         ),
-        Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): disc_geometry.Discs(
+        Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): grain_geometry.Discs(
             [(0, 0), (0.5, 0)], [0.5, 0.4]
         ),
     }

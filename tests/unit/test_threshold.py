@@ -22,10 +22,10 @@ from incipient.effects.effect import SlowestFlow
 from incipient.effects.turbulence.models import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
+from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.terrain import Hemispheres
-from incipient.geometry.touching import touching
+from incipient.geometry.space.beds import Hemispheres
+from incipient.geometry.space.grains import Sphere
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars

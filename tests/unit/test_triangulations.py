@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from incipient.geometry.coarser import coarser_surface
+from incipient.geometry.space.remeshing import Topology, summed
 from incipient.geometry.space.surfaces import Surface, box, grid, sphere, vector_areas
-from incipient.geometry.space.topology import Topology, summed
 from incipient.meshes.exact import on_level
 
 BRICK = box(np.array([1.0, 0.8, 0.5]), 0.07)

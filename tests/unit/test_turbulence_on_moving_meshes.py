@@ -23,7 +23,7 @@ from incipient.fluid import Carried, FlowModel, Fluid, Prescribed
 from incipient.fluid.conditions import Friction
 from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.grain import Disc
+from incipient.geometry.plane.grains import Disc
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.planning.wall_law import WallLaw
 

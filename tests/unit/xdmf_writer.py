@@ -20,7 +20,7 @@ from incipient import compat
 from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
-from incipient.geometry.plane.grain import Ellipse
+from incipient.geometry.plane.grains import Ellipse
 from incipient.mesh.domain import build, mesh_of
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes

@@ -24,11 +24,11 @@ from incipient.contact.exact.safety import safety_factor
 from incipient.contact.model import Load
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.grain import Grain
+from incipient.geometry.plane.beds import Bed
+from incipient.geometry.plane.grains import Grain
 from incipient.geometry.settle import settle_under
-from incipient.geometry.space.solid import Solid
-from incipient.geometry.space.terrain import Terrain
+from incipient.geometry.space.beds import Terrain
+from incipient.geometry.space.grains import Solid
 
 # By how many grain sizes, and radians, a rest may jump and be in the same pocket: with less than half a right angle the
 # same side of the grain is down.

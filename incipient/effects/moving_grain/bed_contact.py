@@ -17,7 +17,8 @@ from ...body.rigidbody import RigidBody
 from ...body.state import BodyState
 from ...contact.exact.motion_modes import contact_states, mode
 from ...errors import SceneError
-from ...geometry.gaps import Gaps, NearBed
+from ...geometry.closest import NearBed
+from ...geometry.contacts import ClosestPoints
 from ...geometry.placement import Placement
 from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
@@ -100,7 +101,7 @@ class BedContact:
         self._near, self._gap, self._still, self._weight = near, gap, STILL * speed, weight
         self._start = np.array(start.centre)
 
-    def _gaps(self, placement: Placement, within: float) -> Gaps:
+    def _gaps(self, placement: Placement, within: float) -> ClosestPoints:
         found = self._near.gaps(placement, within + self._gap)
         return replace(found, gaps=found.gaps - self._gap)
 

@@ -17,9 +17,9 @@ from ...contact.equilibrium import safety_factor
 from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, mass_and_inertia, standing
-from ...geometry.plane.bed import Flat
-from ...geometry.space.terrain import Plane
-from ...geometry.touching import touching
+from ...geometry.closest import touching
+from ...geometry.plane.beds import Flat
+from ...geometry.space.beds import Plane
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
@@ -86,7 +86,7 @@ def _factor_where_it_touches(
     """
     scene, geometry = setup.scene, setup.geometry
     assert scene.contact is not None
-    placement = geometry.near_bed.seated(state.placement, 0.0, contacts.points, geometry.gap)
+    placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
     try:
         closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
         found = safety_factor(load_of(placement, *loads), closed, scene.contact.friction)

@@ -17,8 +17,8 @@ from ...coupled.tractions import TractionProbe
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
-from ...geometry.plane.grain import Disc
-from ...geometry.space.solid import Sphere
+from ...geometry.plane.grains import Disc
+from ...geometry.space.grains import Sphere
 from ...mesh.domain import Domain
 from ...mesh.motion import MeshMotion, RigidDisplacement
 from ...planning.body import initial_state, rigid_body

@@ -11,7 +11,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
-from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Curve, Line, part, plain
 
 FEWEST, MOST, PER_WIDTH = 64, 4096, 8.0  # samples along a curve, and how many within a width

@@ -1,105 +1,52 @@
-"""The level plane that a bed acts as in creeping shear: where the flow far above it seems to come to rest.
+"""The level plane that a periodic bed acts as in creeping shear: where the flow far above it seems to come to rest.
 
-Far above a bed that repeats, flow of unit shear is u = y - d, and d is the effective level (the crests less the
-protrusion height of Luchini, Manzo & Pozzi 1991). The flow over one period is that of a layer of point forces on the
-bed (Pozrikidis 1992, Boundary Integral and Singularity Methods, chapter 3), with the fluid below at rest.
+Far above such a bed flow of unit shear is u = y - d, and d is the effective level (the crests less the protrusion
+height of Luchini, Manzo & Pozzi 1991). The depth of d below the crests was computed once with boundary elements
+(Pozrikidis 1992, chapter 3; 512 panels a period); `python benchmarks/effective_level.py` prints both tables. Cubic
+interpolation between them errs by less than 5e-5 of the height of the crests.
 """
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
-from ...arrays import Floats
-from .bed import Bed
-from .curves import Curve
+from incipient.errors import SceneError
+from incipient.geometry.plane.beds import Bed, HalfDiscs, Sinusoidal
 
-PANELS = 128  # on a period; the level then errs by less than 1e-4 of the period
-FEWEST = 3  # on a curve of the bed
-ABSCISSAE, WEIGHTS = np.polynomial.legendre.leggauss(4)
+# Depth over the radius, at diameters of 0, 0.05, ..., 1 spacings.
+HALF_DISCS = (
+    *(1.0, 0.876539, 0.757388, 0.647073, 0.548356, 0.46275, 0.390526, 0.330965, 0.282681),
+    *(0.243944, 0.212932, 0.187931, 0.167472, 0.150409, 0.135931, 0.123505, 0.112771, 0.103447),
+    *(0.095291, 0.088108, 0.081742),
+)
+# Depth over the amplitude, at s = 0, 0.05, ..., 1 of amplitudes s / (10 (1 - s)) wavelengths.
+SINUSOIDAL = (
+    *(1.0, 0.966957, 0.93044, 0.890128, 0.845749, 0.797132, 0.744284, 0.687483, 0.627376),
+    *(0.56504, 0.501944, 0.439738, 0.379872, 0.323207, 0.269901, 0.219682, 0.17218, 0.127009),
+    *(0.083741, 0.041825, 0.0),
+)
 
 
-@lru_cache(maxsize=64)
-def effective_level(bed: Bed, x0: float, x1: float) -> float:
+def effective_level(bed: Bed) -> float:
     """Height above its base line of the level plane that acts on creeping shear far above as the bed does.
 
-    It lies between the lowest point of the bed and its crests. Not collective.
-
-    Args:
-        bed: one with forms; what does not repeat is taken from x0 to x1, mirrored again and again.
-        x0, x1: abscissae between which the domain lies.
+    Raises SceneError for beds that are not in the tables.
     """
-    cell = bed.cell(x0, x1)
-    ends, middles = _panels(cell)
-    lowest, highest = ends[..., 1].min(), max(ends[..., 1].max(), middles[:, 1].max())
-    # From the crests, near which the forces are, so that no sum is of large numbers.
-    foot, period = np.array([cell[0].start[0], highest]), cell[-1].end[0] - cell[0].start[0]
-    below = _level((ends - foot) / period, (middles - foot) / period)
-    return float(np.clip(highest + period * below, lowest, highest))
+    if isinstance(bed, HalfDiscs):
+        ratio = min(2.0 * bed.radius / bed.spacing, 1.0)
+        return float(bed.radius * (1.0 - _depth(HALF_DISCS, ratio)))
+    if isinstance(bed, Sinusoidal):
+        steepness = 10.0 * bed.amplitude / bed.wavelength
+        return float(bed.amplitude * (1.0 - _depth(SINUSOIDAL, steepness / (1.0 + steepness))))
+    raise SceneError(
+        f'flow.datum: is "effective" over a {type(bed).__name__} bed, of which there is no table; '
+        'use "crest", "mean" or a height'
+    )
 
 
-def _panels(curves: tuple[Curve, ...]) -> tuple[Floats, Floats]:
-    """Ends (n, 2, 2) and middles (n, 2) of panels, short towards the ends of curves, where the stress may be large."""
-    whole, ends, middles = sum(curve.length for curve in curves), [], []
-    for curve in curves:
-        count = max(FEWEST, round(PANELS * curve.length / whole))
-        s = 0.5 - 0.5 * np.cos(np.pi * np.arange(count + 1) / count)
-        points = curve.point(s)
-        ends.append(np.stack([points[:-1], points[1:]], axis=1))
-        middles.append(curve.point(0.5 * (s[1:] + s[:-1])))
-    return np.concatenate(ends), np.concatenate(middles)
+@cache
+def _depth(table: tuple[float, ...], place: float) -> float:
+    """The table interpolated at a place between 0 and 1."""
+    from scipy.interpolate import CubicSpline  # which takes time to import
 
-
-def _level(ends: Floats, middles: Floats) -> float:
-    """d for a period of one, from panels: half of the unit shear is theirs, the other half is given.
-
-    The forces make the fluid rest on the panels; together they are the drag of unit shear, which leaves none below.
-    Pressure within the bed is free: forces along the normal that do nothing are shut out.
-    """
-    count, along = len(middles), ends[:, 1] - ends[:, 0]
-    length = np.hypot(*along.T)
-    normal = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
-    size = 2 * count
-    matrix, right = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
-    matrix[:size, :size] = _velocities(ends, middles) / (4.0 * np.pi)
-    matrix[:count, size] = 1.0  # a uniform stream
-    matrix[:size, size + 1] = normal.T.ravel() / count
-    matrix[size, :count], right[size] = length, -1.0
-    matrix[size + 1, :size] = (normal * length[:, None]).T.ravel()
-    right[:count] = -0.5 * middles[:, 1]
-    found = np.linalg.solve(matrix, right)
-    drag = found[:count] * length
-    return float(-found[size] - drag.sum() / (4.0 * np.pi) - 0.5 * drag @ middles[:, 1])
-
-
-def _velocities(ends: Floats, middles: Floats) -> Floats:
-    """4 pi viscosity times the velocity (2n, 2n) at the middles that unit forces along the panels cause."""
-    start, end, count = ends[:, 0], ends[:, 1], len(middles)
-    matrix = np.zeros((2, count, 2, count))
-    for at, weight in zip(ABSCISSAE, WEIGHTS, strict=True):
-        # On the parabola through start, middle and end.
-        point = (
-            0.5 * at * (at - 1.0) * start + (1.0 - at * at) * middles + 0.5 * at * (at + 1.0) * end
-        )
-        rate = np.hypot(*((at - 0.5) * start - 2.0 * at * middles + (at + 0.5) * end).T)
-        matrix += weight * _periodic(middles[:, None] - point) * rate
-    own, along = np.arange(count), end - start
-    length = np.hypot(*along.T)
-    direction = along / length[:, None]
-    # A panel's own: minus the mean of the logarithm, in closed form, and what goes along and across.
-    itself = -length * (np.log(np.pi * length) - 1.0)
-    for i in range(2):
-        for j in range(2):
-            matrix[i, own, j, own] = (i == j) * itself + length * direction[:, i] * direction[:, j]
-    return matrix.reshape(2 * count, 2 * count)
-
-
-def _periodic(away: Floats) -> Floats:
-    """The velocity (2, n, 2, m) at distances (n, m, 2) from point forces one apart in x (Pozrikidis 1992, 2.10)."""
-    x, y = 2.0 * np.pi * away[..., 0], 2.0 * np.pi * away[..., 1]
-    fading = np.exp(-np.abs(y))
-    # 2 (cosh y - cos x) exp(-|y|), without loss of digits near the force.
-    apart = np.expm1(-np.abs(y)) ** 2 + 4.0 * fading * np.sin(0.5 * x) ** 2
-    potential = 0.5 * (np.abs(y) + np.log(apart))
-    by_x, by_y = np.sin(x) * fading / apart, -0.5 * np.sign(y) * np.expm1(-2.0 * np.abs(y)) / apart
-    rows = [[1.0 - potential - y * by_y, y * by_x], [y * by_x, y * by_y - potential]]
-    return np.moveaxis(np.array(rows), 1, 2)
+    return float(CubicSpline(np.linspace(0.0, 1.0, len(table)), table)(place))

@@ -1,4 +1,4 @@
-"""Where a grain in space comes close to its bed: all local minima of the distance, and lowering onto the bed.
+"""Closest points of a grain and a bed in 3-D: all local minima of the distance, lowering, contacts.
 
 Smooth grains are minimised over their surface from samples of it; grains with cores (flat faces, round parts)
 over every triangle of the core. Both by Newton's method with the second derivatives of the bed's distance.
@@ -9,16 +9,24 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, planar_cross, unit
 from incipient.errors import SceneError
+from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.nearest import Triangles, nearest_on_triangles
-from incipient.geometry.space.pieces import Graph, Pieces, Sight
-from incipient.geometry.space.solid import Core, Solid, frame_of
-from incipient.geometry.space.surfaces import Surface, refined
-from incipient.geometry.space.terrain import SmoothTerrain, Terrain
-from incipient.geometry.space.triangles import least_on_triangles
+from incipient.geometry.shape import Moments
+from incipient.geometry.space.beds import Graph, Pieces, SmoothTerrain, Terrain
+from incipient.geometry.space.grains import Solid, SphereSwept
+from incipient.geometry.space.surfaces import (
+    Surface,
+    Triangles,
+    connected,
+    nearest_on_triangles,
+    refined,
+    vector_areas,
+)
 
+STILL = 1e-11  # grain sizes: a last step this short leaves an error of its square
+THINNEST = 1e-9  # area of a patch, in grain sizes squared, below which it is none
 SAMPLES, SAMPLES_PER_FEATURE = (
     24.0,
     6.0,
@@ -26,47 +34,12 @@ SAMPLES, SAMPLES_PER_FEATURE = (
 STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 
 
-@dataclass(frozen=True, eq=False)
-class DistanceMinima:
-    """Places where the distance of a placed grain from the bed is least, k of them."""
-
-    gaps: Floats  # distances (k,), negative where the grain is in the bed
-    points: Floats  # on the grain (k, 3); `normals` (k, 3) are the bed's there, into the fluid
-    normals: Floats
-    anchors: (
-        Floats  # the points of the core, or of the surface without a core, in the body frame (k, 3)
-    )
-    # Which core (-1: none), which triangle of it (negative: corner or edge, see `SpatialProximity`) and which of the
-    # pieces of the bed, (k, 3)
-    origin: np.ndarray
-    pieces: Pieces
-
-    def __len__(self) -> int:
-        return len(self.gaps)
-
-    def only(self, which: np.ndarray) -> "DistanceMinima":
-        """Some of the minima, by a mask or by indices."""
-        gaps, points, normals = self.gaps[which], self.points[which], self.normals[which]
-        return DistanceMinima(
-            gaps, points, normals, self.anchors[which], self.origin[which], self.pieces
-        )
-
-
-def _cut(core: Core, spacing: float) -> Core:
+def _cut(core: SphereSwept, spacing: float) -> SphereSwept:
     """A core with smaller triangles; round ones are sampled instead."""
     if core.radius > 0.0:
         return core
     fine = refined(Surface(core.points, core.triangles), spacing)
-    return Core(fine.points, fine.triangles)
-
-
-def _together(parts: list[DistanceMinima]) -> DistanceMinima:
-    """The minima of several tables in one."""
-    gaps, points, normals, anchors, origin = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("gaps", "points", "normals", "anchors", "origin")
-    )
-    return DistanceMinima(gaps, points, normals, anchors, origin, parts[0].pieces)
+    return SphereSwept(fine.points, fine.triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +80,7 @@ class SpatialProximity:
         return table
 
     @cached_property
-    def cores(self) -> tuple[Core, ...]:
+    def cores(self) -> tuple[SphereSwept, ...]:
         """The grain's cores, on smooth beds cut finely enough that a triangle sees no two crests."""
         if not isinstance(self.bed, SmoothTerrain):
             return self.grain.cores
@@ -133,7 +106,7 @@ class SpatialProximity:
             found.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
         return tuple(found)
 
-    def minima(self, placement: Placement, within: float) -> DistanceMinima:
+    def minima(self, placement: Placement, within: float) -> ClosestPoints:
         """All minima whose gap is at most `within` (a length): over the surface, or over each triangle of cores.
 
         A minimum over a triangle need not be one over the surface (see `locally_least`). Exact to round-off
@@ -144,10 +117,10 @@ class SpatialProximity:
         if not parts:
             starts, which = self._valleys(placement, pieces, within)
             parts = [self._descended(placement, pieces, starts, which)]
-        found = _together(parts)
+        found = ClosestPoints.joined(parts)
         return found.only(found.gaps <= within)
 
-    def tracked(self, placement: Placement, old: DistanceMinima) -> DistanceMinima:
+    def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
         """The minima `old` followed to another placement close by."""
         pieces = old.pieces
         parts = [old.only(np.empty(0, dtype=int))]
@@ -159,9 +132,9 @@ class SpatialProximity:
                 parts.append(self._descended(placement, pieces, points[mine], pieces_of))
             else:
                 parts.append(self._tracked_on_core(placement, old.only(mine), int(k)))
-        return _together(parts)
+        return ClosestPoints.joined(parts)
 
-    def _tracked_on_core(self, placement: Placement, old: DistanceMinima, k: int) -> DistanceMinima:
+    def _tracked_on_core(self, placement: Placement, old: ClosestPoints, k: int) -> ClosestPoints:
         """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
         core = self.cores[k]
         fixed, free = np.flatnonzero(old.origin[:, 1] < 0), np.flatnonzero(old.origin[:, 1] >= 0)
@@ -184,7 +157,7 @@ class SpatialProximity:
     ) -> tuple[Floats, np.ndarray]:
         """Sampled points (m, 3) nearer to a piece (m,) than the samples around them."""
         points = placement.to_scene(self._samples.points)
-        rough = pieces.rough(points)
+        rough = pieces.distance_estimate(points)
         rough_bound = within + self._samples.spacing
         close = np.flatnonzero(rough.min(axis=1, initial=np.inf) <= rough_bound)
         starts, which = [np.empty(0, dtype=int)], [np.empty(0, dtype=int)]
@@ -198,35 +171,34 @@ class SpatialProximity:
 
     def _descended(
         self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
-    ) -> DistanceMinima:
+    ) -> ClosestPoints:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
         points = placement.to_scene(self.grain.project(placement.to_body(points)))
-        sight = pieces.sight(points, which, points[:, :2])
+        sight = pieces.closest(points, which, points[:, :2])
         for _ in range(30):
             tangents, step = self._newton_step(placement, points, sight)
             moved = np.zeros(len(points))
             for _ in range(5):
                 trial = points + np.einsum("nik,nk->ni", tangents, step)
                 trial = placement.to_scene(self.grain.project(placement.to_body(trial)))
-                seen = pieces.sight(trial, which, sight.feet[:, :2])
+                seen = pieces.closest(trial, which, sight.feet[:, :2])
                 lower = seen.gaps <= sight.gaps + 1e-16 * self.size
                 moved = np.maximum(
                     moved, np.where(lower, np.abs(step).max(axis=1, initial=0.0), 0.0)
                 )
                 points = np.where(lower[:, None], trial, points)
-                sight = _chosen(lower, seen, sight)
+                sight = sight.replaced(lower, seen)
                 step = np.where(lower[:, None], 0.0, 0.25 * step)
                 if lower.all():
                     break
             if moved.max(initial=0.0) <= 1e-12 * self.size:
                 break
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
-        return DistanceMinima(
-            sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces
-        )
+        anchors = placement.to_body(points)
+        return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
 
     def _newton_step(
-        self, placement: Placement, points: Floats, sight: Sight
+        self, placement: Placement, points: Floats, sight: ClosestPoints
     ) -> tuple[Floats, Floats]:
         """Tangents (n, 3, 2) of the grain and the step along them (n, 2) towards the least distance."""
         outward = self._outward(placement, points)
@@ -238,7 +210,7 @@ class SpatialProximity:
         ahead, behind = np.moveaxis(around, 1, 3)
         curvature = np.swapaxes(tangents, 1, 2) @ (ahead - behind) / (2.0 * h)
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
-        bent = np.swapaxes(tangents, 1, 2) @ sight.bends @ tangents + facing * curvature
+        bent = np.swapaxes(tangents, 1, 2) @ sight.hessians @ tangents + facing * curvature
         values, vectors = np.linalg.eigh(0.5 * (bent + np.swapaxes(bent, 1, 2)))
         values = np.maximum(np.abs(values), 1e-4 / self.size)
         slope = np.einsum("nik,ni->nk", tangents, sight.normals)
@@ -252,13 +224,13 @@ class SpatialProximity:
 
     def _core_minima(
         self, placement: Placement, pieces: Pieces, k: int, within: float
-    ) -> DistanceMinima:
+    ) -> ClosestPoints:
         """Minima over the triangles of a core, and all its corners where they are close."""
         core = self.cores[k]
         points = placement.to_scene(core.points)
         bound = within + core.radius
         curved = isinstance(pieces, Graph)
-        rough = pieces.rough(points) - (0.5 * self.spacing if curved else 0.0)
+        rough = pieces.distance_estimate(points) - (0.5 * self.spacing if curved else 0.0)
         # Balls are met by triangles as well as by corners; single points are no triangles.
         wanted = pieces.flat | curved | (len(points) == 1)
         piece, vertex = np.nonzero((rough <= bound) & wanted[:, None] & self._corners[k])
@@ -286,7 +258,7 @@ class SpatialProximity:
         s = (place / counts[edge])[:, None]
         starts = placement.to_scene((1.0 - s) * edges[edge, 0] + s * edges[edge, 1])
         slack = (0.5 * lengths / counts)[edge] + 0.5 * self.spacing
-        near = np.flatnonzero(pieces.rough(starts)[0] - slack <= bound)
+        near = np.flatnonzero(pieces.distance_estimate(starts)[0] - slack <= bound)
         number = -1 - len(self.cores[k].points) - edge[near]
         return number, np.zeros(len(near), dtype=int), starts[near], starts[near, :2]
 
@@ -298,7 +270,7 @@ class SpatialProximity:
         reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
         slack = reach + (reach + 0.5 * self.spacing if isinstance(pieces, Graph) else 0.0)
         proper = reach > 0.0
-        close = (pieces.rough(middle) - slack <= bound) & proper & ~pieces.flat[:, None]
+        close = (pieces.distance_estimate(middle) - slack <= bound) & proper & ~pieces.flat[:, None]
         piece, triangle = np.nonzero(close)
         return triangle, piece, middle[triangle], middle[triangle, :2]
 
@@ -331,20 +303,16 @@ class SpatialProximity:
         piece: np.ndarray,
         start: Floats,
         near: Floats,
-    ) -> DistanceMinima:
+    ) -> ClosestPoints:
         """Minima over triangles, corners and edges (m,) of a core in distance from pieces (m,)."""
         core = self.cores[k]
         corners = placement.to_scene(self._spanned(k, triangle))
         points, sight = least_on_triangles(pieces, corners, piece, start, near, self.size)
         origin = np.column_stack([np.full(len(piece), k), triangle, piece]).astype(int)
         surface = points - core.radius * sight.normals
-        return DistanceMinima(
-            sight.gaps - core.radius,
-            surface,
-            sight.normals,
-            placement.to_body(points),
-            origin,
-            pieces,
+        gaps = sight.gaps - core.radius
+        return ClosestPoints(
+            gaps, surface, sight.normals, None, placement.to_body(points), origin, None, pieces
         )
 
     def _spanned(self, k: int, triangle: np.ndarray) -> Floats:
@@ -360,10 +328,10 @@ class SpatialProximity:
     def locally_least(
         self,
         placement: Placement,
-        minima: DistanceMinima,
+        minima: ClosestPoints,
         corners: bool = False,
         slack: float = 0.0,
-    ) -> DistanceMinima:
+    ) -> ClosestPoints:
         """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
 
         Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
@@ -379,9 +347,9 @@ class SpatialProximity:
             keep &= self.grain.level(placement.to_body(minima.points)) >= -1e-9 * self.size
         if corners:
             keep |= self._is_corner(placement, minima)
-        return _distinct(minima.only(keep), 1e-6 * self.size)
+        return minima.only(keep).distinct(1e-6 * self.size)
 
-    def _is_corner(self, placement: Placement, minima: DistanceMinima) -> np.ndarray:
+    def _is_corner(self, placement: Placement, minima: ClosestPoints) -> np.ndarray:
         """Which minima are corners of the grain, or minima along an edge of it."""
         found = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
         for k in range(len(self.cores)):
@@ -406,6 +374,25 @@ class SpatialProximity:
                 break
             minima = self.tracked(placement, minima)
         return placement
+
+    def contacts(self, placement: Placement, tolerance: float) -> Contacts:
+        """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
+        close = self.minima(placement, tolerance)
+        patches: list[Patch] = []
+        loose = np.ones(len(close), dtype=bool)
+        for k, core in enumerate(self.cores):
+            for piece in np.unique(close.origin[:, 2]):
+                mine = (close.origin[:, 0] == k) & (close.origin[:, 2] == piece)
+                if not mine.any():
+                    continue
+                found = _patches(self, placement, core, close.only(mine), tolerance)
+                for patch in found:
+                    slack = max(tolerance, 1e-9 * self.size)
+                    loose[mine] &= ~patch.covers(close.points[mine], slack)
+                patches += found
+        points = self.locally_least(placement, close.only(loose), slack=tolerance)
+        points = points.only(_extreme(points, 1e-7 * self.size))
+        return _contacts(points, patches, tolerance)
 
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
         """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
@@ -434,28 +421,203 @@ def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) ->
     return least
 
 
-def _chosen(which: np.ndarray, yes: Sight, no: Sight) -> Sight:
-    """Rows of one sight or the other."""
-    return Sight(
-        np.where(which, yes.gaps, no.gaps),
-        np.where(which[:, None], yes.feet, no.feet),
-        np.where(which[:, None], yes.normals, no.normals),
-        np.where(which[:, None, None], yes.bends, no.bends),
+def least_on_triangles(
+    pieces: Pieces, corners: Floats, which: np.ndarray, start: Floats, near: Floats, size: float
+) -> tuple[Floats, ClosestPoints]:
+    """Where on triangles (m, 3 corners, 3) the distance from pieces (m,) is least, and how they are seen there.
+
+    Each step minimises the quadratic model of the distance over the triangle. Triangles may be segments or
+    points. `start` (m, 3) lies in the triangles, `near` (m, 2) near the nearest points of the bed.
+    """
+    points = start.copy()
+    sight = pieces.closest(points, which, near)
+    pending = np.flatnonzero((np.ptp(corners, axis=1) > 0.0).any(axis=1))
+    for _ in range(30):
+        if len(pending) == 0:
+            break
+        here = sight.only(pending)
+        before = points[pending]
+        target = _model_minimum(corners[pending], before, here)
+        seen = pieces.closest(target, which[pending], here.feet[:, :2])
+        for _ in range(3):
+            worse = seen.gaps > here.gaps + 1e-15 * size
+            if not worse.any():
+                break
+            target = np.where(worse[:, None], 0.75 * before + 0.25 * target, target)
+            seen = pieces.closest(target, which[pending], here.feet[:, :2])
+        better = seen.gaps <= here.gaps + 1e-15 * size
+        rows = pending[better]
+        points[rows] = target[better]
+        sight = sight.replaced(rows, seen, better)
+        pending = pending[better & (np.abs(target - before).max(axis=1) > STILL * size)]
+    return points, sight
+
+
+def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
+    """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles."""
+    candidates = [_inner(corners, points, sight)]
+    for i in range(3):
+        start, side = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
+        bend = np.einsum("mi,mij,mj->m", side, sight.hessians, side)
+        slope = _slope(start, points, sight, side)
+        curved = bend > 1e-300
+        s = np.where(curved, -slope / np.where(curved, bend, 1.0), np.where(slope < 0.0, 1.0, 0.0))
+        s = np.clip(s, 0.0, 1.0)[:, None]
+        candidates.append((1.0 - s) * start + s * corners[:, (i + 1) % 3])
+    values = np.array([_model(x, points, sight) for x in candidates])
+    best = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
+    return np.asarray(np.stack(candidates)[best, np.arange(len(points))])
+
+
+def _model(x: Floats, points: Floats, sight: ClosestPoints) -> Floats:
+    away = x - points
+    return np.asarray(
+        (away * sight.normals).sum(axis=1)
+        + 0.5 * np.einsum("mi,mij,mj->m", away, sight.hessians, away)
     )
 
 
-def _distinct(minima: DistanceMinima, tolerance: float) -> DistanceMinima:
-    """The minima without those that repeat a lower one: the same point and the same normal."""
-    from scipy.spatial import cKDTree
+def _slope(x: Floats, points: Floats, sight: ClosestPoints, direction: Floats) -> Floats:
+    """The derivative of the model at x along a direction."""
+    gradient = sight.normals + np.einsum("mij,mj->mi", sight.hessians, x - points)
+    return np.asarray((gradient * direction).sum(axis=1))
 
-    keep = np.ones(len(minima), dtype=bool)
-    if len(minima) > 1:
-        lowest = np.argsort(minima.gaps, kind="stable")
-        points, normals = minima.points[lowest], minima.normals[lowest]
-        pairs = np.sort(
-            cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray"), axis=1
+
+def _inner(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
+    """The stationary point of the model where it is a minimum inside the triangle, else NaN."""
+    origin = corners[:, 0]
+    sides = np.stack([corners[:, 1] - origin, corners[:, 2] - origin], axis=2)
+    bent = np.einsum("mik,mij,mjl->mkl", sides, sight.hessians, sides)
+    slope = np.stack([_slope(origin, points, sight, sides[..., k]) for k in (0, 1)], axis=1)
+    determinant = np.linalg.det(bent)
+    scale = bent[:, 0, 0] * bent[:, 1, 1]
+    convex = (determinant > 1e-12 * np.abs(scale)) & (bent[:, 0, 0] > 0.0)
+    safe = np.where(convex[:, None, None], bent, np.eye(2))
+    u = -np.linalg.solve(safe, slope[..., None])[..., 0]
+    inside = convex & (u >= 0.0).all(axis=1) & (u.sum(axis=1) <= 1.0)
+    return np.where(inside[:, None], origin + np.einsum("mik,mk->mi", sides, u), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A flat contact: its corners (k, 3) counter-clockwise, its normal (3,) out of the grain, its area."""
+
+    corners: Floats
+    normal: Floats
+    area: float
+
+    def shares(self) -> Floats:
+        """The area in k parts that have the corners' hull's centroid: half of both triangles with the centroid."""
+        first, second = (t[0] for t in frame_of(self.normal[None]))
+        flat = self.corners @ np.column_stack([first, second])
+        flat = flat - flat.mean(axis=0)
+        away = flat - _centroid(flat)
+        fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
+        shares = fans + np.roll(fans, 1)
+        return np.asarray(self.area * shares / shares.sum())
+
+    def covers(self, points: Floats, tolerance: float) -> np.ndarray:
+        """Which of the points (n, 3) lie on the patch, to a tolerance."""
+        side = np.roll(self.corners, -1, axis=0) - self.corners
+        inward = unit(np.cross(side, self.normal))
+        away = points[:, None] - self.corners
+        # Seen along the outward normal the corners run clockwise: the sign is that of the first corner's side.
+        turned = np.sign((inward * (self.corners.mean(axis=0) - self.corners)).sum(axis=1))
+        beside = ((away * (inward * turned[:, None])).sum(axis=2) >= -tolerance).all(axis=1)
+        level = np.abs((away[:, 0] * self.normal).sum(axis=1)) <= 2.0 * tolerance
+        return np.asarray(beside & level)
+
+
+def _contacts(minima: ClosestPoints, patches: list[Patch], tolerance: float) -> Contacts:
+    points = [minima.points, *(patch.corners for patch in patches)]
+    normals = [
+        -minima.normals,
+        *(np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches),
+    ]
+    areas = np.concatenate([np.zeros(len(minima)), *(patch.shares() for patch in patches)])
+    if len(areas) == 0:
+        raise SceneError(
+            f"the grain does not touch the bed within {tolerance:g}; settle it on the bed"
         )
-        same = np.abs(normals[pairs[:, 0]] - normals[pairs[:, 1]]).max(axis=1, initial=0.0) <= 1e-4
-        for i, j in pairs[same][np.argsort(pairs[same][:, 0], kind="stable")].tolist():
-            keep[lowest[j]] &= not keep[lowest[i]]
-    return minima.only(keep)
+    return Contacts(np.vstack(points), np.vstack(normals), areas if patches else None)
+
+
+def _patches(
+    proximity: "SpatialProximity",
+    placement: Placement,
+    core: SphereSwept,
+    close: ClosestPoints,
+    tolerance: float,
+) -> list[Patch]:
+    """The parts of a core that lie on one piece of bed: connected triangles all of whose corners touch."""
+    piece = close.origin[0, 2]
+    points = placement.to_scene(core.points)
+    touching = close.pieces.distance_estimate(points)[piece] <= core.radius + tolerance
+    triangles = core.triangles[touching[core.triangles].all(axis=1)]
+    corners = points[triangles]
+    proper = np.linalg.norm(vector_areas(corners), axis=1) > THINNEST * proximity.size**2
+    # A thin core has the same face on both sides: only that which faces the bed counts.
+    inward = close.normals[0]
+    proper &= (vector_areas(corners) * inward).sum(axis=1) < 0.0
+    triangles, corners = triangles[proper], corners[proper]
+    if len(triangles) and not close.pieces.flat[piece]:
+        flat = _lies(close, corners, core.radius + tolerance)
+        triangles, corners = triangles[flat], corners[flat]
+    if not len(triangles):
+        return []
+    label = connected(len(core.points), triangles)[triangles[:, 0]]
+    return [_patch(corners[label == one], core.radius) for one in np.unique(label)]
+
+
+def _lies(close: ClosestPoints, corners: Floats, bound: float) -> np.ndarray:
+    """Which triangles (m, 3, 3) lie on a curved piece of bed also between their corners."""
+    middles = corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))
+    points = np.concatenate(middles, axis=1).reshape(-1, 3)
+    sight = close.pieces.closest(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
+    return np.asarray((sight.gaps.reshape(-1, 4) <= bound).all(axis=1))
+
+
+def _patch(corners: Floats, radius: float) -> Patch:
+    """The convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius."""
+    areas = vector_areas(corners)
+    normal = unit(areas.sum(axis=0)[None])[0]
+    points = corners.reshape(-1, 3)
+    first, second = (t[0] for t in frame_of(normal[None]))
+    order = _hull(points @ np.column_stack([first, second]))
+    return Patch(
+        points[order] + radius * normal, normal, float(np.linalg.norm(areas, axis=1).sum())
+    )
+
+
+def _hull(points: Floats) -> np.ndarray:
+    """The corners of the convex hull of points (n, 2) in counter-clockwise order, none on the side of another."""
+    from scipy.spatial import ConvexHull
+
+    _, first = np.unique(points, axis=0, return_index=True)
+    order = np.asarray(first[ConvexHull(points[first]).vertices])
+    side = np.roll(points[order], -1, axis=0) - points[order]
+    turns = planar_cross(np.roll(side, 1, axis=0), side)
+    return order[turns > 1e-9 * float(np.ptp(points, axis=0).max()) ** 2]
+
+
+def _centroid(corners: Floats) -> Floats:
+    """The centroid (2,) of a polygon's corners (n, 2)."""
+    return Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)).centroid
+
+
+def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
+    """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
+    keep = np.ones(len(minima), dtype=bool)
+    label = np.round(minima.normals, 6)
+    for normal in np.unique(label, axis=0):
+        mine = np.flatnonzero((label == normal).all(axis=1))
+        if len(mine) < 3:
+            continue
+        points = minima.points[mine]
+        away = points - points.mean(axis=0)
+        direction = np.linalg.svd(away, full_matrices=False)[2][0]
+        along = away @ direction
+        if np.abs(away - np.outer(along, direction)).max() <= tolerance:
+            keep[mine] = False
+            keep[mine[[np.argmin(along), np.argmax(along)]]] = True
+    return keep

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows, unwarned
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
-from incipient.geometry.space.terrain import Extent, Sides, SmoothTerrain
-from incipient.geometry.space.triangle_files import require_file, triangles_in
+from incipient.geometry.space.beds import Extent, Sides, SmoothTerrain
+from incipient.geometry.space.files import require_file, triangles_in
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8

@@ -1,14 +1,32 @@
-"""Triangulated surfaces: spheres, boxes, refinement, and what can be asked of a triangulation."""
+"""Triangulated surfaces: making, refining, checking and cutting them, and the points of them that are nearest."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, permutations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, unit
+from incipient.arrays import Floats, cross, planar_cross, unit
 from incipient.errors import SceneError
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
+BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
+LEVELS = 20_000  # points at which a level is asked for at once
+RAY = unit(
+    np.array([0.36419, 0.27183, 0.89124])
+)  # no direction in which grains have faces and edges
+ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
+CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
+CLEAR = 1e-9  # how far a ray must pass an edge to be counted: an area, in squares of the triangles' size
+DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
+# Part of an edge's length, and of barycentric coordinates in a triangle: what only touches does not cross.
+BESIDE = 1e-9
+SNAPPED = 0.2  # of the length of its sides: a vertex so near a cut is moved onto it
 
 Indices = np.ndarray  # (m, 2) or (m, 3) of integers
 
@@ -191,3 +209,383 @@ def connected(count: int, links: Indices) -> Indices:
     first, others = np.repeat(links[:, 0], links.shape[1] - 1), links[:, 1:].ravel()
     graph = coo_matrix((np.ones(len(first)), (first, others)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def repaired(surface: Surface) -> Surface:
+    """The surface with points that agree taken as one, each triangle once, and all triangles in one sense."""
+    extent = float(np.ptp(surface.points, axis=0).max())
+    surface = merged(surface.points, surface.triangles, DIGITS * max(extent, 1e-300))
+    _, once = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
+    return Surface(surface.points, _in_one_sense(surface.triangles[np.sort(once)]))
+
+
+def require_plain(surface: Surface, name: str) -> None:
+    """Refuse a surface that runs through itself. Raises SceneError with the number of triangles."""
+    count = len(crossed(surface))
+    if count:
+        raise SceneError(f"{name} runs through itself in {count} triangles; remesh it")
+
+
+def _in_one_sense(triangles: Indices) -> Indices:
+    """The triangles turned so that neighbours have the sense of the first of their part."""
+    directed = sides(triangles)
+    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
+    forward = directed[:, 0] < directed[:, 1]
+    order = np.argsort(edge.ravel(), kind="stable")
+    paired = np.flatnonzero(np.diff(edge.ravel()[order]) == 0)
+    a, b = order[paired], order[paired + 1]
+    # Neighbours in one sense go along their common side in opposite directions.
+    against, count = forward[a] == forward[b], len(triangles)
+    first, second = a % count, b % count
+    part = connected(count, np.column_stack([first, second]))
+    starts = np.unique(part, return_index=True)[1][part]
+    # Number k is triangle k as given, k + count the same turned; those of one sense are linked.
+    links = np.stack(
+        [[first, second + count * against], [first + count, second + count * ~against]]
+    )
+    sense = connected(2 * count, np.concatenate(links, axis=1).T)
+    turned = sense[:count] != sense[starts]
+    return np.where(turned[:, None], triangles[:, ::-1], triangles)
+
+
+def crossed(surface: Surface) -> np.ndarray:
+    """The triangles (k,) that edges of triangles elsewhere, with which they share no point, run through."""
+    edges, corners = surface.edges, surface.corners
+    ends = surface.points[edges]
+    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    # Triangles of like size are looked for together: a large one would make the search for small ones wide.
+    kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
+    found = [np.empty(0, dtype=int)]
+    for one in np.unique(kind):
+        mine = np.flatnonzero(kind == one)
+        row, triangle = Triangles(corners[mine]).near(ends.mean(axis=1), half)
+        triangle = mine[triangle]
+        apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
+        row, triangle = row[apart], triangle[apart]
+        found.append(triangle[_runs_through(ends[row], corners[triangle])])
+    return np.unique(np.concatenate(found))
+
+
+def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
+    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3) (Moeller, Trumbore 1997)."""
+    along = ends[:, 1] - ends[:, 0]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across = np.cross(along, second)
+    determinant = (first * across).sum(axis=1)
+    scale = np.linalg.norm(along, axis=1) * np.linalg.norm(np.cross(first, second), axis=1)
+    proper = np.abs(determinant) > BESIDE * scale
+    inverse = 1.0 / np.where(proper, determinant, 1.0)
+    away = ends[:, 0] - corners[:, 0]
+    turned = np.cross(away, first)
+    u, v = inverse * (away * across).sum(axis=1), inverse * (along * turned).sum(axis=1)
+    t = inverse * (second * turned).sum(axis=1)
+    inside = (
+        (np.minimum(u, v) > BESIDE) & (u + v < 1.0 - BESIDE) & (t > BESIDE) & (t < 1.0 - BESIDE)
+    )
+    return np.asarray(proper & inside)
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Triangles (m, 3 corners, 3), which may be segments or points, in an order in which they are found by place."""
+
+    corners: Floats
+
+    @cached_property
+    def _reach(self) -> Floats:
+        """The largest distance (m,) of a triangle's corners from its centroid."""
+        middle = self.corners.mean(axis=1, keepdims=True)
+        return np.asarray(np.linalg.norm(self.corners - middle, axis=2).max(axis=1))
+
+    @cached_property
+    def _centroids(self) -> "cKDTree":
+        return _tree(self.corners.mean(axis=1))
+
+    @cached_property
+    def _corners(self) -> "cKDTree":
+        return _tree(self.corners.reshape(-1, 3))
+
+    @cached_property
+    def _frame(self) -> Floats:
+        """Columns (3, 3): two directions across the ray and its own."""
+        first = unit(np.cross(RAY, [1.0, 0.0, 0.0]))
+        return np.column_stack([first, np.cross(RAY, first), RAY])
+
+    @cached_property
+    def _shadow(self) -> tuple[Floats, "cKDTree"]:
+        """The triangles as seen along the ray, their third components their heights, and where their centroids are."""
+        seen = self.corners @ self._frame
+        return seen, _tree(seen[..., :2].mean(axis=1))
+
+    def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
+        # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
+        around = np.broadcast_to(within, len(points)) + ROUND_OFF * self._reach.max()
+        row, triangle = _matches(self._centroids, points, around + self._reach.max())
+        apart = np.linalg.norm(points[row] - self._centroids.data[triangle], axis=1)
+        close = apart <= self._reach[triangle] + around[row]
+        return row[close], triangle[close]
+
+    def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
+        """The nearest points (n, 3); rows of points and triangles (k,) each that are as near but for a slack."""
+        found, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
+        for block in self._blocks(points):
+            row, triangle = self.near(block, self._corners.query(block)[0] + slack)
+            feet = nearest_on_triangles(block[row], self.corners[triangle])
+            apart = np.linalg.norm(feet - block[row], axis=1)
+            order = np.lexsort([apart, row])
+            best = order[np.unique(row[order], return_index=True)[1]]
+            sharing = apart <= apart[best][row] + slack
+            found.append((feet[best], before + row[sharing], triangle[sharing]))
+            before += len(block)
+        feet, row, triangle = (np.concatenate(column) for column in zip(*found, strict=True))
+        return feet, row, triangle
+
+    def _blocks(self, points: Floats) -> Iterator[Floats]:
+        """Points a few at a time, so that what is near them does not fill the memory."""
+        reach = self._corners.query(points)[0] + self._reach.max()
+        pairs = int(self._centroids.query_ball_point(points, reach, return_length=True).sum())
+        return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
+
+    def winding(self, points: Floats) -> Floats:
+        """How often the triangles, a closed surface, wind around each of the points (n, 3): 1 inside, 0 outside.
+
+        By the sides from which a ray crosses them; by their solid angles for points whose ray meets an edge.
+        """
+        seen, tree = self._shadow
+        place, extent = points @ self._frame, self._reach.max()
+        row, triangle = _matches(tree, place[:, :2], np.full(len(points), extent))
+        a, b, c = (seen[triangle, i, :2] - place[row, :2] for i in range(3))
+        shares = np.column_stack([planar_cross(b, c), planar_cross(c, a), planar_cross(a, b)])
+        twice = shares.sum(axis=1)
+        least = (shares * np.sign(twice)[:, None]).min(axis=1)
+        crossed = least > CLEAR * extent**2
+        height = (shares * seen[triangle, :, 2]).sum(axis=1) / np.where(crossed, twice, 1.0)
+        crossed &= height > place[row, 2]
+        times = np.bincount(row, np.sign(twice) * crossed, minlength=len(points))
+        unclear = np.unique(row[np.abs(least) <= CLEAR * extent**2])
+        for some in np.array_split(unclear, 1 + len(unclear) * len(seen) // BLOCK):
+            times[some] = _solid_angles(points[some], self.corners)
+        return np.asarray(times)
+
+
+def _tree(points: Floats) -> "cKDTree":
+    from scipy.spatial import cKDTree  # which takes time to import
+
+    return cKDTree(points)
+
+
+def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of points (n, d) and indices of a tree's points (k,) each that are within distances (n,)."""
+    found = tree.query_ball_point(points, within)
+    counts = np.fromiter(map(len, found), int, len(found))
+    indices = np.fromiter(chain.from_iterable(found), int, counts.sum())
+    return np.repeat(np.arange(len(points)), counts), indices
+
+
+def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
+    """The nearest points (..., 3) of triangles (..., 3 corners, 3) to points (..., 3); leading axes broadcast."""
+    a = corners[..., 0, :]
+    ab, ac, away = corners[..., 1, :] - a, corners[..., 2, :] - a, x - a
+    aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
+    p, q = (away * ab).sum(-1), (away * ac).sum(-1)
+    determinant = np.maximum(aa * bb - cross**2, 1e-300)
+    u, v = (p * bb - q * cross) / determinant, (q * aa - p * cross) / determinant
+    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+    best = a + u[..., None] * ab + v[..., None] * ac
+    squared = np.where(inside, ((best - x) ** 2).sum(-1), np.inf)
+    for i in range(3):
+        start = corners[..., i, :]
+        side = corners[..., (i + 1) % 3, :] - start
+        along = ((x - start) * side).sum(-1) / np.maximum((side * side).sum(-1), 1e-300)
+        foot = start + np.clip(along, 0.0, 1.0)[..., None] * side
+        away_squared = ((foot - x) ** 2).sum(-1)
+        closer = away_squared < squared
+        best, squared = (
+            np.where(closer[..., None], foot, best),
+            np.where(closer, away_squared, squared),
+        )
+    return np.asarray(best)
+
+
+def _solid_angles(x: Floats, corners: Floats) -> Floats:
+    """How often a closed surface winds around each of the points (n, 3): 1 inside, 0 outside.
+
+    The sum of the triangles' solid angles (van Oosterom and Strackee 1983).
+    """
+    a, b, c = (corners[:, i] - x[:, None] for i in range(3))
+    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(-1)
+    other = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
+    return np.asarray((2.0 * np.arctan2(volume, other)).sum(axis=1) / (4.0 * np.pi))
+
+
+class NearestOf:
+    """Which of some points (m, 3) is nearest."""
+
+    def __init__(self, points: Floats):
+        self.tree = _tree(points)
+
+    def __call__(self, x: Floats) -> tuple[Floats, np.ndarray]:
+        """The distances (n,) of points (n, 3) from the nearest one, and its numbers (n,)."""
+        distance, number = self.tree.query(x)
+        return distance, number
+
+    def distances(self, x: Floats, count: int, radii: Floats) -> Floats:
+        """The distances (count, n) of points (n, 3) from balls of radii (m,) about the `count` nearest points.
+
+        Infinite where there are fewer.
+        """
+        away, which = self.tree.query(x, [*range(1, 1 + count)])
+        return np.asarray((away - np.append(radii, 0.0)[which]).T)
+
+    def within(self, x: Floats, distances: Floats) -> list[np.ndarray]:
+        """Numbers of the points within distances (n,) of each of others (n, d)."""
+        return [np.array(one, dtype=int) for one in self.tree.query_ball_point(x, distances)]
+
+    def most_within(self, reach: float) -> int:
+        """How many of the points lie within a distance of any one of them, itself included; at least 1."""
+        if not self.tree.n:
+            return 1
+        return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
+
+
+class Cloud:
+    """Triangles with their distance from points, which is that of the triangles around the nearest vertex."""
+
+    def __init__(self, surface: Surface):
+        self.corners, self.spacing = surface.corners, surface.spacing
+        self.vertices = NearestOf(surface.points)
+        flat = surface.triangles.ravel()
+        order = np.argsort(flat, kind="stable")
+        count = np.bincount(flat, minlength=len(surface.points))
+        place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+        self.around = np.zeros((len(count), max(int(count.max(initial=0)), 1)), dtype=int)
+        self.around += order[np.minimum(np.cumsum(count) - count, len(order) - 1)][:, None] // 3
+        self.around[flat[order], place] = order // 3
+
+    def distance(self, x: Floats) -> Floats:
+        """The distances (n,) of points (n, 3)."""
+        distance, nearest = self.vertices(x)
+        near = np.flatnonzero(distance < CLOSE * self.spacing)
+        feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
+        distance[near] = np.minimum(
+            distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1)
+        )
+        return distance
+
+
+def in_blocks(level: Callable[[Floats], Floats], x: Floats) -> Floats:
+    """The level (n,) at points (n, 3), asked for a few at a time so that pairs with many pieces fit into memory."""
+    parts = np.array_split(x, 1 + len(x) // LEVELS)
+    return np.concatenate([level(part) for part in parts])
+
+
+def level_surface(
+    level: Callable[[Floats], Floats], axes: tuple[Floats, Floats, Floats]
+) -> Surface:
+    """The surface level = 0 within a grid given by its abscissae along three axes; it faces growing levels.
+
+    Each cell is cut into six tetrahedra about its diagonal (Kuhn), in each of which the level is taken to be linear,
+    so that the triangles fit together without holes. Where the surface meets the grid's outside its vertices lie there.
+    """
+    shape = tuple(len(axis) for axis in axes)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = in_blocks(level, points)
+    values[values == 0.0] = 1e-300
+    tetrahedra = _crossed_tetrahedra(values.reshape(shape))
+    above = values[tetrahedra] > 0.0
+    number = above.sum(axis=1)
+    pieces = []
+    for lonely, count in ((True, 1), (False, 3)):
+        chosen = tetrahedra[number == count]
+        alone = np.argmax(above[number == count] == lonely, axis=1)
+        rest = [
+            np.take_along_axis(chosen, ((alone + k) % 4)[:, None], 1)[:, 0] for k in (0, 1, 2, 3)
+        ]
+        pieces.append(np.stack([np.column_stack([rest[0], rest[k]]) for k in (1, 2, 3)], axis=1))
+    halves = tetrahedra[number == 2]
+    order = np.argsort(~above[number == 2], axis=1, kind="stable")
+    a, b, c, d = np.take_along_axis(halves, order, 1).T
+    ac, bc, bd, ad = (np.column_stack(pair) for pair in ((a, c), (b, c), (b, d), (a, d)))
+    pieces += [np.stack([ac, bc, bd], axis=1), np.stack([ac, bd, ad], axis=1)]
+    return _joined(points, values, np.concatenate(pieces))
+
+
+def _crossed_tetrahedra(values: Floats) -> np.ndarray:
+    """The grid's tetrahedra (m, 4) on whose corners the values have both signs."""
+    index = np.arange(values.size).reshape(values.shape)
+    steps = np.array([index[1, 0, 0], index[0, 1, 0], index[0, 0, 1]])
+    positive = values > 0.0
+    corner = [
+        positive[
+            i : values.shape[0] - 1 + i, j : values.shape[1] - 1 + j, k : values.shape[2] - 1 + k
+        ]
+        for i in (0, 1)
+        for j in (0, 1)
+        for k in (0, 1)
+    ]
+    count = np.sum(corner, axis=0)
+    first = index[:-1, :-1, :-1][(count > 0) & (count < 8)]
+    ways = [np.cumsum([0, *steps[list(way)]]) for way in permutations(range(3))]
+    tetrahedra = np.concatenate([first[:, None] + way for way in ways])
+    above = (values.ravel()[tetrahedra] > 0.0).sum(axis=1)
+    return np.asarray(tetrahedra[(above > 0) & (above < 4)])
+
+
+def _joined(points: Floats, values: Floats, crossings: np.ndarray) -> Surface:
+    """Triangles from the grid's edges (m, 3 corners, 2 ends) that the surface crosses."""
+    ends = np.sort(crossings.reshape(-1, 2), axis=1)
+    edges, corner = np.unique(ends, axis=0, return_inverse=True)
+    low, high = values[edges[:, 0]], values[edges[:, 1]]
+    # Crossings very near a point of the grid would make needles.
+    share = np.clip(low / (low - high), 0.02, 0.98)[:, None]
+    places = points[edges[:, 0]] + share * (points[edges[:, 1]] - points[edges[:, 0]])
+    triangles = corner.reshape(-1, 3)
+    up = points[edges[:, 1]] - points[edges[:, 0]]
+    up = up * np.sign(high - low)[:, None]
+    areas = vector_areas(places[triangles])
+    turned = (areas * up[triangles].sum(axis=1)).sum(axis=1) < 0.0
+    triangles[turned] = triangles[turned, ::-1]
+    return Surface(places, triangles)
+
+
+def halved(surface: Surface) -> Surface:
+    """The part of a surface with y >= 0, cut in the plane y = 0, on which the new edge's vertices lie exactly."""
+    points = surface.points.copy()
+    sides = np.linalg.norm(points[surface.edges[:, 0]] - points[surface.edges[:, 1]], axis=1)
+    shortest = np.full(len(points), np.inf)
+    for end in (0, 1):
+        np.minimum.at(shortest, surface.edges[:, end], sides)
+    points[np.abs(points[:, 1]) < SNAPPED * shortest, 1] = 0.0
+    sign = np.sign(points[:, 1])[surface.triangles]
+    kept = surface.triangles[(sign >= 0).all(axis=1) & (sign > 0).any(axis=1)]
+    crossed = surface.triangles[(sign > 0).any(axis=1) & (sign < 0).any(axis=1)]
+    cut, places = _cut(points, crossed)
+    points = np.vstack([points, places])
+    triangles = np.vstack([kept, cut])
+    used, number = np.unique(triangles, return_inverse=True)
+    return Surface(points[used], number.reshape(-1, 3))
+
+
+def _cut(points: Floats, triangles: np.ndarray) -> tuple[np.ndarray, Floats]:
+    """The parts with y >= 0 of triangles (m, 3) that cross the plane, and the points (k, 3) added for them."""
+    added: dict[tuple[int, int], int] = {}
+    places: list[Floats] = []
+    found: list[tuple[int, int, int]] = []
+    for triangle in triangles.tolist():
+        corners: list[int] = []
+        for a, b in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+            if points[a, 1] >= 0.0:
+                corners.append(a)
+            if points[a, 1] * points[b, 1] < 0.0:
+                key = (min(a, b), max(a, b))
+                if key not in added:
+                    added[key] = len(points) + len(places)
+                    share = points[key[0], 1] / (points[key[0], 1] - points[key[1], 1])
+                    place = (1.0 - share) * points[key[0]] + share * points[key[1]]
+                    places.append(place * [1.0, 0.0, 1.0])
+                corners.append(added[key])
+        found += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
+    return np.array(found, dtype=int).reshape(-1, 3), np.array(places).reshape(-1, 3)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
-from ...geometry.space.terrain import Terrain
+from ...geometry.space.beds import Terrain
 from ...scene import Domain, Scene
 from ..record import StoredRun
 from ..style import INK, panels

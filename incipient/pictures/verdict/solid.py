@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...arrays import unit
-from ...geometry.space.terrain import Terrain
+from ...geometry.space.beds import Terrain
 from ..flow.cells import pyvista_off_screen
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged

@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ...geometry.space.terrain import Terrain
+from ...geometry.space.beds import Terrain
 from ...scene import Scene
 from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
 from ..flow.fields import Limits, from_zero, without_extremes

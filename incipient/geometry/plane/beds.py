@@ -4,15 +4,24 @@ Every bed takes `origin_y`, the height of its base line in the scene. Lengths ar
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, rows
+from incipient.arrays import Floats, Point, rows
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
+from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, increasing_roots, plain
 from incipient.geometry.shape import require_not_negative, require_positive
+
+ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
+LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 6000  # of a stretch that bends
+LEVEL = 1e6  # radius of curvature over the bed's length, from which on it is level
+STRAIGHT = 1e-9  # difference of slopes, over the steepest one, up to which a stretch is straight
 
 
 class Bed(ABC):
@@ -68,13 +77,6 @@ class Bed(ABC):
     def period(self) -> float | None:
         """The length after which the bed repeats; None where it does not, or has no forms."""
         return None
-
-    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """The bed over a period from y = 0 as its base line, left to right, wherever it begins in the scene.
-
-        For a bed that does not repeat it is x0 to x1, and the same mirrored at x1.
-        """
-        raise NotImplementedError
 
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals into the fluid at abscissae (n,), (n, 2); at a corner the bisector."""
@@ -161,10 +163,6 @@ class Sinusoidal(Bed):
         """The wavelength; None without amplitude."""
         return self.wavelength if self.amplitude else None
 
-    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One wavelength."""
-        return Sinusoidal(self.amplitude, self.wavelength).curves(0.0, self.wavelength)
-
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
         angle = self._wavenumber * abscissae(x) + self.phase
@@ -179,43 +177,20 @@ class Sinusoidal(Bed):
     def nearest(self, points: Floats) -> Floats:
         """The nearest point, within half a wavelength of each abscissa because the bed is periodic."""
         points = rows(points)
-        window = np.linspace(-0.55, 0.55, 89) * self.wavelength
+        window = np.linspace(-0.55, 0.55, ACROSS) * self.wavelength
         x = points[:, :1] + window
-        squared = (x - points[:, :1]) ** 2 + (self.height(x) - points[:, 1:]) ** 2
-        bracket = window[1] - window[0]
-        # The best samples of up to three valleys: sampling alone could mistake a near tie between valleys.
-        valley = (squared[:, 1:-1] <= squared[:, :-2]) & (squared[:, 1:-1] <= squared[:, 2:])
-        many = int(np.clip(valley.sum(axis=1).max(initial=1), 1, 3))
-        order = np.argsort(np.where(valley, squared[:, 1:-1], np.inf), axis=1)[:, :many]
+        squared = (window**2) + (self.height(x) - points[:, 1:]) ** 2
+        inner = squared[:, 1:-1]
+        # The best of up to three valleys: sampling alone could mistake a near tie between valleys.
+        valley = (inner <= squared[:, :-2]) & (inner <= squared[:, 2:])
+        count = int(np.clip(valley.sum(axis=1).max(initial=1), 1, 3))
+        order = np.argsort(np.where(valley, inner, np.inf), axis=1)[:, :count]
         order = np.where(np.take_along_axis(valley, order, axis=1), order, order[:, :1])
-        starts = np.take_along_axis(x[:, 1:-1], order, axis=1)
-        feet = self._refined(points, starts, bracket)
-        squared = (feet - points[:, :1]) ** 2 + (self.height(feet) - points[:, 1:]) ** 2
-        best = np.take_along_axis(feet, np.argmin(squared, axis=1)[:, None], axis=1)[:, 0]
-        return np.column_stack([best, self.height(best)])
-
-    def _refined(self, points: Floats, starts: Floats, bracket: float) -> Floats:
-        """Zeros (n, k) of the derivative of the squared distance within `bracket` of the starts (n, k).
-
-        Newton's method where it stays within what is known to enclose the zero, bisection elsewhere.
-        """
-        x, low, high = starts, starts - bracket, starts + bracket
-        for _ in range(40):
-            first, second = self._half_slope(points, x)
-            low, high = np.where(first < 0.0, x, low), np.where(first > 0.0, x, high)
-            newton = x - np.divide(first, second, out=np.full_like(x, np.inf), where=second > 0.0)
-            inside = (newton >= low) & (newton <= high)
-            before, x = x, np.where(inside, newton, 0.5 * (low + high))
-            # What Newton's method moves so little it has squared to round-off; bisection has to get there by itself.
-            if (np.abs(x - before) <= np.where(inside, 1e-9, 1e-16) * self.wavelength).all():
-                break
-        return x
-
-    def _half_slope(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """First two derivatives by x (n, k) of half the squared distance from points (n, 2)."""
-        height, slope = self.height(x), self.slopes(x)[0]
-        offset, bend = height - points[:, 1:], -(self._wavenumber**2) * (height - self.origin_y)
-        return x - points[:, :1] + offset * slope, 1.0 + slope**2 + offset * bend
+        start, step = np.take_along_axis(x[:, 1:-1], order, axis=1).ravel(), window[1] - window[0]
+        owner = np.repeat(points, count, axis=0)
+        feet = _foot(self, owner, start - step, start + step).reshape(-1, count, 2)
+        apart = ((feet - points[:, None]) ** 2).sum(axis=2)
+        return np.asarray(feet[np.arange(len(points)), np.argmin(apart, axis=1)])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One spline, closer to the bed than 1e-6 of the wavelength also in kernels with crude end slopes."""
@@ -265,10 +240,6 @@ class HalfDiscs(Bed):
     def period(self) -> float:
         """The spacing."""
         return self.spacing
-
-    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One half-disc with half of the base line to either side of it."""
-        return HalfDiscs(self.radius, self.spacing).curves(-0.5 * self.spacing, 0.5 * self.spacing)
 
     @property
     def _touching(self) -> bool:
@@ -366,6 +337,17 @@ class HalfDiscs(Bed):
         return tuple(curves)
 
 
+def _foot(bed: Bed, points: Floats, low: Floats, high: Floats) -> Floats:
+    """The points (n, 2) of a smooth bed locally nearest to points (n, 2), at abscissae between bounds (n,)."""
+
+    def slope(x: Floats) -> Floats:
+        """Half the derivative of the squared distance by the abscissa."""
+        return np.asarray(x - points[:, 0] + (bed.height(x) - points[:, 1]) * bed.slopes(x)[0])
+
+    x = increasing_roots(slope, low, high)
+    return np.column_stack([x, bed.height(x)])
+
+
 def abscissae(x: ArrayLike) -> Floats:
     """Abscissae as an array of floats."""
     return np.asarray(x, dtype=float)
@@ -400,3 +382,250 @@ def require_order(x0: float, x1: float) -> None:
     """Refuse a piece of bed that does not go from left to right. Raises SceneError."""
     if not x0 < x1:
         raise SceneError(f"a piece of bed from x = {x0} to {x1} is empty; give x0 < x1")
+
+
+@dataclass(frozen=True, init=False)
+class Polyline(Bed):
+    """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
+
+    Two points with the same x are a vertical step, whose x belongs to its right side; no grain lies at one. Beyond the
+    first and last point the height continues unchanged, but curves are given only between them.
+    """
+
+    points: tuple[Point, ...]
+    origin_y: float = 0.0
+
+    def __init__(self, points: ArrayLike, origin_y: float = 0.0) -> None:
+        array = np.array(points, dtype=float)
+        if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
+            raise SceneError(
+                "a polyline bed needs at least two points of two finite coordinates; add them"
+            )
+        dx, dy = np.diff(array, axis=0).T
+        falling = (dx < 0.0) | ((dx == 0.0) & (dy == 0.0))
+        if falling.any():
+            k = int(np.argmax(falling)) + 1
+            raise SceneError(
+                f"polyline point {k} lies to the left of, or at, the one before; sort by x"
+            )
+        object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
+        object.__setattr__(self, "origin_y", float(origin_y))
+
+    @cached_property
+    def _vertices(self) -> Floats:
+        return np.array(self.points) + np.array([0.0, self.origin_y])
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The abscissae of the first and the last point."""
+        return self.points[0][0], self.points[-1][0]
+
+    @cached_property
+    def feature(self) -> float:
+        """The shortest horizontal extent of a line, or height of a step."""
+        dx, dy = np.abs(np.diff(self._vertices, axis=0)).T
+        return float(np.where(dx > 0.0, dx, dy).min())
+
+    @cached_property
+    def crest(self) -> float:
+        """The height of the highest point."""
+        return float(self._vertices[:, 1].max())
+
+    def crest_level(self, x0: float, x1: float) -> float:
+        """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
+        cuts = np.linspace(x0, x1, 4)
+        thirds = [self._between(*cut)[:, 1].max() for cut in pairwise(cuts)]
+        return float(max(min(thirds), self.height([x0])[0]))
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height from x0 to x1."""
+        x, y = self._between(x0, x1).T
+        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
+
+    def _between(self, x0: float, x1: float) -> Floats:
+        """The points (n, 2) of the bed at x0, at its corners between, and at x1."""
+        return self._cut(x0, x1, 0.0)
+
+    def _cut(self, x0: float, x1: float, sliver: float) -> Floats:
+        """Points (n, 2) at x0 and x1, and of the corners between them those that keep `sliver` away from both."""
+        x = self._vertices[:, 0]
+        inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
+        first, last = np.column_stack([[x0, x1], self.height([x0, x1])])
+        return np.vstack([first, inner, last])
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+        vertices = self._vertices
+        return np.asarray(np.interp(abscissae(x), vertices[:, 0], vertices[:, 1]))
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """The slopes of the lines left and right; zero beyond the ends."""
+        vertices, x = self._vertices, abscissae(x)
+        dx, dy = np.diff(vertices, axis=0).T
+        upright = dx == 0.0  # no abscissa lies within such a line
+        slope = np.concatenate(
+            [[0.0], np.where(upright, 0.0, dy / np.where(upright, 1.0, dx)), [0.0]]
+        )
+        # A vertex found to round-off is that vertex.
+        slack = 1e-12 * np.ptp(vertices[:, 0])
+        left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
+        right = slope[np.searchsorted(vertices[:, 0], x + slack, side="right")]
+        return left, right
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """The points between x0 and x1, also those that are not real corners."""
+        x = self._vertices[:, 0]
+        return np.unique(x[(x >= x0) & (x <= x1)])
+
+    def nearest(self, points: Floats) -> Floats:
+        """The nearest point of all lines, and of the level continuations beyond the ends."""
+        points = rows(points)
+        order = np.argsort(points[:, 0])
+        feet = np.empty_like(points)
+        # In blocks of neighbours, so that each block meets few lines and the tables stay small.
+        for block in np.array_split(order, 1 + len(points) // 64):
+            feet[block] = self._nearest(points[block])
+        return feet
+
+    def _nearest(self, points: Floats) -> Floats:
+        """The nearest points (n, 2) of the bed for a few points (n, 2), by all lines no farther than the bed below."""
+        if len(points) == 0:
+            return points
+        vertices = self._vertices
+        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(
+            vertices[:, 0]
+        )
+        x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
+        left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
+        right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])
+        vertices = np.vstack([left, vertices, right])
+        first = max(int(np.searchsorted(vertices[:, 0], x0)) - 1, 0)
+        vertices = vertices[first : int(np.searchsorted(vertices[:, 0], x1)) + 1]
+        side = np.diff(vertices, axis=0)
+        from_start = points[:, None] - vertices[:-1]
+        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
+        # Weighted ends: a foot at an end of a line is that end exactly.
+        feet = (1.0 - s[..., None]) * vertices[:-1] + s[..., None] * vertices[1:]
+        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
+        return np.asarray(feet[np.arange(len(points)), best])
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One line from point to point, cut at x0 and x1."""
+        require_order(x0, x1)
+        x = self._vertices[:, 0]
+        if x0 < x[0] or x1 > x[-1]:
+            raise SceneError(
+                f"the polyline bed reaches from x = {x[0]:g} to {x[-1]:g}, the domain from {x0:g} to {x1:g}; "
+                "add points or shorten the domain"
+            )
+        ends = [(float(a), float(b)) for a, b in self._cut(x0, x1, 1e-9 * (x1 - x0))]
+        return tuple(Line(start, end) for start, end in pairwise(ends))
+
+
+@dataclass(frozen=True, init=False)
+class Curved(Polyline):
+    """A smooth curve through `knots` (n, 2) with ascending x, y counting from origin_y.
+
+    The height is piecewise cubic and has no crests or troughs but those of the knots (Fritsch & Carlson 1980, SIAM J.
+    Numer. Anal. 17, 238). `points` are on the curve, so close together that it is found from the lines between them.
+    """
+
+    knots: tuple[Point, ...] = ()
+
+    def __init__(self, knots: ArrayLike, origin_y: float = 0.0) -> None:
+        corners = Polyline(knots).points
+        if any(left[0] == right[0] for left, right in pairwise(corners)):
+            raise SceneError(
+                "a smooth bed has a step, two points with the same x; leave one of them out"
+            )
+        object.__setattr__(self, "knots", corners)
+        places = [self._on_curve(a, b, bends) for a, b, bends in self._stretches()]
+        super().__init__(np.vstack([places[0], *(place[1:] for place in places[1:])]), origin_y)
+
+    @cached_property
+    def _curve(self) -> Any:
+        from scipy.interpolate import PchipInterpolator  # which takes time to import
+
+        return PchipInterpolator(*np.array(self.knots).T)
+
+    def _stretches(self) -> list[tuple[float, float, bool]]:
+        """Where stretches that bend, and straight ones, begin and end, in order."""
+        x, y = np.array(self.knots).T
+        slope, chord = self._curve(x, 1), np.diff(y) / np.diff(x)
+        away = np.maximum(np.abs(slope[:-1] - chord), np.abs(slope[1:] - chord))
+        bends = (away > STRAIGHT * np.abs(chord).max()).tolist()
+        ends = [
+            0,
+            *(k for k in range(1, len(bends)) if bends[k] != bends[k - 1] or not bends[k]),
+            len(bends),
+        ]
+        return [(float(x[a]), float(x[b]), bends[a]) for a, b in pairwise(ends)]
+
+    def _on_curve(self, a: float, b: float, bends: bool) -> Floats:
+        """Points (n, 2) above y = 0 of a stretch from a to b, evenly spaced."""
+        x = np.linspace(a, b, self._lines(b - a) + 1 if bends else 2)
+        return np.column_stack([x, self._curve(x)])
+
+    def _lines(self, length: float) -> int:
+        """The number of lines that make up a bent stretch of a length along x."""
+        return int(np.clip(LINES_PER_RADIUS * length / self.feature, FEWEST_LINES, MOST_LINES))
+
+    @cached_property
+    def _longest(self) -> float:
+        """The longest of the lines where the bed bends, along x."""
+        return max((b - a) / self._lines(b - a) for a, b, bends in self._stretches() if bends)
+
+    @cached_property
+    def _radii(self) -> Floats:
+        """The radius of curvature (n - 2,) at each knot but the first and last, by the lines to its neighbours."""
+        sides = np.diff(np.array(self.knots), axis=0)
+        turns = np.abs(np.diff(np.arctan2(sides[:, 1], sides[:, 0])))
+        lengths = np.linalg.norm(sides, axis=1)
+        with np.errstate(divide="ignore"):
+            return np.asarray(0.5 * (lengths[1:] + lengths[:-1]) / turns)
+
+    @cached_property
+    def feature(self) -> float:
+        """The smallest radius of curvature; infinite where the knots are on one line."""
+        found = float(self._radii.min(initial=np.inf))
+        return found if found < LEVEL * np.ptp([x for x, _ in self.knots]) else np.inf
+
+    @property
+    def crest(self) -> float:
+        """The height of the highest knot."""
+        return float(max(y for _, y in self.knots) + self.origin_y)
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+        left, right = self.extent
+        return np.asarray(self._curve(np.clip(abscissae(x), left, right)) + self.origin_y)
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """The derivative, the same on both sides; zero beyond the ends."""
+        x, (left, right) = abscissae(x), self.extent
+        slope = np.where((x < left) | (x > right), 0.0, self._curve(np.clip(x, left, right), 1))
+        return slope, slope
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """None."""
+        return np.empty(0)
+
+    def _nearest(self, points: Floats) -> Floats:
+        """The nearest points (n, 2), those of the lines moved on to the curve; of two alike either."""
+        if not len(points) or not np.isfinite(self.feature):
+            return super()._nearest(points)
+        x = super()._nearest(points)[:, 0]
+        return _foot(self, points, x - self._longest, x + self._longest)
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """Lines where the bed is straight and smooth curves between, cut at x0 and x1."""
+        super().curves(x0, x1)  # refuses what is beyond the ends
+        return tuple(self._cut_curves(x0, x1))
+
+    def _cut_curves(self, x0: float, x1: float) -> Iterator[Curve]:
+        sliver = 1e-9 * (x1 - x0)
+        for a, b, bends in self._stretches():
+            start, end = max(a, x0), min(b, x1)
+            if end - start > sliver:
+                places = self._on_curve(start, end, bends) + np.array([0.0, self.origin_y])
+                yield Spline(places) if bends else Line(plain(places[0]), plain(places[-1]))

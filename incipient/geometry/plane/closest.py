@@ -1,0 +1,433 @@
+"""Closest points of a grain and a bed in 2-D: all local minima of the distance along the outline, and lowering.
+
+The outline is sampled once. The distance changes along it by no more than the way, so that few samples have to be
+looked at; between neighbours of a sampled minimum the derivative of the distance has a root.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from incipient.arrays import Floats, planar_cross, quarter_turned, spatial
+from incipient.errors import SceneError
+from incipient.geometry.contacts import ClosestPoints, Contacts
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.beds import Bed
+from incipient.geometry.plane.curves import Arc, Curve, Line, increasing_roots
+from incipient.geometry.plane.grains import Grain
+
+PER_FEATURE = (
+    64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
+)
+FEWEST, MOST = 32, 8192  # samples on a curve that is not straight
+STRIDE = 16  # samples from one whose distance bounds that of its neighbours to the next
+MOST_WALKED = 30  # samples that a minimum is followed from one placement to the next
+ON_CORNER = (
+    1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
+)
+LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
+SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
+STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
+Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarProximity:
+    """A grain and a bed in 2-D, prepared for questions about many placements."""
+
+    grain: Grain
+    bed: Bed
+
+    @cached_property
+    def size(self) -> float:
+        """The grain's size."""
+        return self.grain.size
+
+    @cached_property
+    def _steps(self) -> np.ndarray:
+        """Samples (n,) on each curve of the outline."""
+        chain = self.grain.chain
+        wanted = np.ceil(PER_FEATURE * chain.lengths / min(self.bed.feature, 0.5 * self.size))
+        return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
+
+    @cached_property
+    def _samples(self) -> tuple[np.ndarray, Floats, Floats, Floats]:
+        """Curves (m,), parameters (m,) and points (m, 2) of samples in order, and the way (m,) to the next one."""
+        chain, steps = self.grain.chain, self._steps
+        curve = np.repeat(np.arange(len(steps)), steps)
+        s = np.concatenate([np.arange(n) / n for n in steps])
+        points = chain.point(curve, s)
+        # An estimate of a curve's length may be a little too small.
+        way = 1.1 * np.repeat(chain.lengths / steps, steps)
+        return curve, s, points, way
+
+    def _distances(self, points: Floats, within: float | None) -> Floats:
+        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`, or the least one."""
+        way, count = self._samples[3], len(points)
+        along = np.concatenate([[0.0], np.cumsum(way)[:-1]])
+        first = np.arange(0, count, STRIDE)
+        middle = np.minimum(first + STRIDE // 2, count - 1)
+        reach = np.maximum(
+            along[middle] - along[first], along[np.append(first[1:], count) - 1] - along[middle]
+        )
+        known = self.bed.distance(points[middle])
+        bound = float(known.min()) if within is None else within
+        near = np.repeat(known - reach <= bound + 2.0 * way.max(), STRIDE)[:count]
+        distances = np.full(count, np.inf)
+        distances[near] = self.bed.distance(points[near])
+        return distances
+
+    def minima(
+        self, placement: Placement, within: float | None, touching: float | None = None
+    ) -> ClosestPoints:
+        """Local minima along the outline, and corners of it, with gaps of at most `within` (a length).
+
+        None: those that may be the least. Different ones are resolved if they lie farther apart than the samples.
+        touching: minima alone, whose gaps up to this length count as closed; by default round-off
+        """
+        curve, s, points, way = self._samples
+        points = placement.to_scene(points)
+        distances = self._distances(points, within)
+        bound = (float(distances.min()) if within is None else within) + float(way.max())
+        low, high = np.roll(distances, 1), np.roll(distances, -1)
+        even = LEVEL * self.size
+        valley = (distances <= low + even) & (distances < high - even) & (distances <= bound)
+        valley = np.flatnonzero(valley)
+        before = (valley - 1) % len(s)
+        # Towards the sample before, on its curve, and towards the one after.
+        k, start = np.concatenate([curve[before], curve[valley]]), np.append(s[before], s[valley])
+        end = np.round(start * self._steps[k] + 1.0) / self._steps[k]
+        k, place = self._lowest(placement, k, start, end, np.tile(np.arange(len(valley)), 2))
+        parts = [self._closest(placement, k, place, touching)]
+        if touching is None and within is not None:
+            parts.append(self._joints(placement, within))
+        found = ClosestPoints.joined(parts)
+        return found if within is None else found.only(found.gaps <= within)
+
+    def _lowest(
+        self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
+    ) -> tuple[np.ndarray, Floats]:
+        """Curves and parameters of the least distance of each group of brackets (m,) of parameters on curves (m,)."""
+        s = increasing_roots(lambda s: self._slopes(placement, k, s), low, high)
+        gaps = self.bed.distance(placement.to_scene(self.grain.chain.point(k, s)))
+        gaps -= LEVEL * self.size * ((s == 0.0) | (s == 1.0))  # of a flat contact the end
+        order = np.lexsort([gaps, group])
+        best = order[np.unique(group[order], return_index=True)[1]]
+        ends = s[best] >= 1.0  # counted as the start of the next curve
+        return (k[best] + ends) % len(self._steps), np.where(ends, 0.0, s[best])
+
+    def _slopes(self, placement: Placement, k: np.ndarray, s: Floats) -> Floats:
+        """The derivatives (m,) of the distance along the curves, up to positive factors; also at distance zero."""
+        points = placement.to_scene(self.grain.chain.point(k, s))
+        feet = self.bed.nearest(points)
+        left, right = self.bed.side_normals(feet[:, 0])
+        at_corner = np.abs(left - right).max(axis=1, keepdims=True) > 1e-12
+        away = np.where(at_corner, points - feet, left)
+        return np.asarray(
+            (away * (self.grain.chain.tangent(k, s) @ placement.rotation.T)).sum(axis=1)
+        )
+
+    def _closest(
+        self, placement: Placement, k: np.ndarray, s: Floats, touching: float | None = None
+    ) -> ClosestPoints:
+        """Minima on curves (m,) at parameters (m,); where a corner of the grain stands in a valley there are two."""
+        body = self.grain.chain.point(k, s)
+        points = placement.to_scene(body)
+        gaps, feet = self.bed.distance(points), self.bed.nearest(points)
+        inward = quarter_turned(self.grain.chain.tangent(k, s) @ placement.rotation.T)
+        slack = ON_CORNER * self.size if touching is None else touching
+        rows, normals = [], []
+        for i in range(len(k)):
+            beside = [inward[i]]
+            if s[i] == 0.0 and self.grain.chain.sharp[k[i]]:
+                closed = abs(gaps[i]) <= slack
+                beside = (
+                    self._facing(feet[i, 0], slack) if closed else [(points[i] - feet[i]) / gaps[i]]
+                )
+            rows += [i] * len(beside)
+            normals += beside
+        origin = np.column_stack([k, np.zeros(len(k), dtype=int)])
+        found = ClosestPoints(gaps, points, inward, anchors=body, origin=origin, parameters=s)
+        return replace(found.only(rows), normals=np.reshape(normals, (-1, 2)))
+
+    def _facing(self, x: float, slack: float) -> list[Floats]:
+        """The bed's normals at an abscissa, or at a corner of it within a slack: two in a valley."""
+        at = np.asarray([*self.bed.corners(x - slack, x + slack), x][:1])
+        left, right = (side[0] for side in self.bed.side_normals(at))
+        return (
+            [left, right]
+            if planar_cross(left, right) > SAME_DIRECTION
+            else [self.bed.normal(at)[0]]
+        )
+
+    # Corners of the outline and smooth ends of its straight sides, seen from each piece of the bed.
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """Numbers of the curves that begin there."""
+        chain = self.grain.chain
+        return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
+
+    def _joints(
+        self, placement: Placement, within: float, curves: np.ndarray | None = None
+    ) -> ClosestPoints:
+        """The starts of curves (m,), by default all that are close, from every piece of bed within a distance."""
+        starts = self.grain.chain.starts
+        if curves is None:
+            points = placement.to_scene(starts[self._ends])
+            close = points[:, 1] - self.bed.crest <= within
+            close[close] = self.bed.distance(points[close]) <= within
+            curves = self._ends[close]
+        points = placement.to_scene(starts[curves])
+        rows = [
+            (i, gap, normal)
+            for i, point in enumerate(points)
+            for gap, normal in self._seen(point, within)
+            if gap <= within
+        ]
+        which = np.array([row[0] for row in rows], dtype=int)
+        gaps, normals = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
+        origin = np.column_stack([curves[which], np.ones(len(rows), dtype=int)])
+        return ClosestPoints(
+            gaps.reshape(-1),
+            points[which],
+            normals.reshape(-1, 2),
+            anchors=starts[curves[which]],
+            origin=origin,
+            parameters=np.zeros(len(rows)),
+        )
+
+    def _seen(self, point: Floats, within: float) -> Iterator[tuple[float, Floats]]:
+        """Distances of a point from the pieces of bed beside it, and their normals (2,)."""
+        above = abs(point[1] - float(self.bed.height(point[:1])[0]))
+        reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
+        left, right = (
+            max(point[0] - reach, self.bed.extent[0]),
+            min(point[0] + reach, self.bed.extent[1]),
+        )
+        if not len(self.bed.corners(left, right)):
+            foot = self.bed.nearest(point[None])[0]
+            yield float(self.bed.distance(point[None])[0]), self.bed.normal(foot[:1])[0]
+        elif left < right:
+            for piece in self.bed.curves(left, right):
+                yield from _beside(piece, point)
+
+    # Questions.
+
+    def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
+        """The minima and corners `old` followed to another placement close by, in their order."""
+        assert old.origin is not None and old.parameters is not None
+        k, s, joint = old.origin[:, 0].copy(), old.parameters.copy(), old.origin[:, 1] == 1
+        k[~joint], s[~joint] = self._followed(placement, k[~joint], s[~joint])
+        kept = []
+        for i in range(len(old)):
+            found = (
+                self._joints(placement, np.inf, k[i : i + 1])
+                if joint[i]
+                else self._closest(placement, k[i : i + 1], s[i : i + 1])
+            )
+            if not len(found):
+                found = old.only([i])
+            apart = np.abs(found.normals - old.normals[i]).max(axis=1)
+            kept.append(found.only([int(np.argmin(apart))]))
+        return ClosestPoints.joined(kept) if kept else old
+
+    def _followed(
+        self, placement: Placement, k: np.ndarray, s: Floats
+    ) -> tuple[np.ndarray, Floats]:
+        """The minima downhill from places, which may be some samples away: a grain that rolls moves them."""
+        count = len(self._steps)
+        for _ in range(MOST_WALKED if len(k) else 0):
+            step = 1.0 / self._steps[k]
+            before, after = (k - 1) % count, (k + 1) % count
+            rows = [  # on the curve itself, and next to it where the place is near an end
+                (
+                    k,
+                    np.maximum(s - step, 0.0),
+                    np.minimum(s + step, 1.0),
+                    np.ones(len(k), dtype=bool),
+                ),
+                (before, 1.0 - 1.0 / self._steps[before], np.ones(len(k)), s < step),
+                (after, np.zeros(len(k)), 1.0 / self._steps[after], s > 1.0 - step),
+            ]
+            group = np.tile(np.arange(len(k)), 3)
+            on, low, high, there = (np.concatenate(column) for column in zip(*rows, strict=True))
+            at, place = self._lowest(placement, on[there], low[there], high[there], group[there])
+            # Along a straight side that nearly lies on the bed the minimum would jump to the other end.
+            calm = self.grain.chain.straight[at] | ((at == k) & (np.abs(place - s) < 0.999 * step))
+            k, s = at, place
+            if calm.all():
+                break
+        return k, s
+
+    def locally_least(
+        self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
+    ) -> ClosestPoints:
+        """Local minima among `minima`, and ends of straight sides of which both are given; on request all corners."""
+        assert minima.origin is not None
+        if corners:
+            return minima
+        joint, k = minima.origin[:, 1] == 1, minima.origin[:, 0]
+        chain, count = self.grain.chain, len(self._steps)
+        after, before = (k + 1) % count, (k - 1) % count
+        sides = (chain.straight[k] & np.isin(after, k[joint])) | (
+            chain.straight[before] & np.isin(before, k[joint])
+        )
+        return minima.only(~joint | chain.sharp[k] | sides)
+
+    def lowered(self, placement: Placement) -> Placement:
+        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+        points = placement.to_scene(self._samples[2])
+        drops = points[:, 1] - self.bed.height(points[:, 0])
+        lowest = min(drops.min(), self._drops_onto_corners(placement, points).min(initial=np.inf))
+        placement = placement.raised(-float(lowest))
+        near = self.minima(placement, float(self._samples[3].max()))
+        for _ in range(60):
+            if not len(near):
+                raise SceneError("the grain finds no bed below it; move it over the bed")
+            lift = float((-near.gaps / np.maximum(near.normals[:, 1], STEEPEST)).max())
+            placement = placement.raised(lift)
+            if abs(lift) <= 1e-14 * self.size:
+                break
+            near = self.tracked(placement, near)
+        return placement
+
+    def _drops_onto_corners(self, placement: Placement, points: Floats) -> Floats:
+        """Vertical distances (n,) of the outline, of which samples (m, 2) are placed, from corners of the bed."""
+        x, ahead = points[:, 0], np.roll(points[:, 0], -1)
+        corners = self.bed.corners(float(x.min()), float(x.max()))
+        first = np.searchsorted(corners, np.minimum(x, ahead), side="right")
+        count = np.maximum(np.searchsorted(corners, np.maximum(x, ahead)) - first, 0)
+        i = np.repeat(np.arange(len(x)), count)
+        if not len(i):
+            return np.empty(0)
+        at = corners[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + first[i]]
+        curve, low = self._samples[0][i], self._samples[1][i]
+        high, sign = (
+            np.round(low * self._steps[curve] + 1.0) / self._steps[curve],
+            np.sign(ahead - x)[i],
+        )
+
+        def beyond(s: Floats) -> Floats:
+            """How far the outline has passed the corners."""
+            return np.asarray(
+                sign * (placement.to_scene(self.grain.chain.point(curve, s))[:, 0] - at)
+            )
+
+        places = placement.to_scene(
+            self.grain.chain.point(curve, increasing_roots(beyond, low, high))
+        )
+        # At a vertical step the upper side counts.
+        tops = np.maximum(self.bed.height(at), self.bed.height(np.nextafter(at, -np.inf)))
+        return np.asarray(places[:, 1] - tops)
+
+    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
+        """The least distance from the bed, and the points (2,) on grain and bed where it occurs."""
+        near = self.minima(placement, None)
+        k = int(np.argmin(near.gaps))
+        foot = self.bed.nearest(near.points[k : k + 1])[0]
+        return float(near.gaps[k]), near.points[k], foot
+
+    def contacts(self, placement: Placement, tolerance: float) -> Contacts:
+        """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
+        patches = self._patches(placement, tolerance)
+        found: list[
+            tuple[Floats, Floats, float]
+        ] = [  # of the ends of patches, each with half the length
+            (point, normal, 0.5 * float(np.linalg.norm(ends[1] - ends[0])))
+            for ends, normal in patches
+            for point in ends
+        ]
+        near = self.minima(placement, tolerance, touching=tolerance)
+        for point, normal in zip(near.points, -near.normals, strict=True):
+            repeated = any(
+                np.abs(point - at).max() <= tolerance and np.abs(normal - n).max() <= SAME_DIRECTION
+                for at, n, _ in found
+            )
+            if not repeated and not any(
+                _covers(patch, point, normal, tolerance) for patch in patches
+            ):
+                found.append((point, normal, 0.0))
+        if not found:
+            raise SceneError(
+                f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x"
+            )
+        points, normals, areas = (np.array(column) for column in zip(*found, strict=True))
+        return Contacts(spatial(points), spatial(normals), areas if patches else None)
+
+    def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
+        """All straight sides, or parts of them, that lie on straight pieces of the bed."""
+        chain, patches = self.grain.chain, []
+        ends = placement.to_scene(chain.starts)
+        low = np.minimum(ends, np.roll(ends, -1, axis=0))[:, 1] - self.bed.crest
+        near = np.flatnonzero(chain.straight & (low <= tolerance))
+        sides = [
+            side
+            for side in (chain.curves[k].moved(placement) for k in near)
+            if isinstance(side, Line)
+        ]
+        x0 = max(placement.centre[0] - self.size, self.bed.extent[0])
+        x1 = min(placement.centre[0] + self.size, self.bed.extent[1])
+        pieces = self.bed.curves(x0, x1) if sides and x0 < x1 else ()
+        for side in sides:
+            for piece in pieces:
+                patch = _patch(side, piece, tolerance) if isinstance(piece, Line) else None
+                patches = _joined(patches, patch, tolerance) if patch is not None else patches
+        return patches
+
+
+def _beside(piece: Curve, point: Floats) -> Iterator[tuple[float, Floats]]:
+    """The distance of a point from a line or an arc of a bed that goes from left to right, if it is beside it."""
+    if isinstance(piece, Line):
+        along, away = piece.tangent([0.0])[0], point - np.asarray(piece.start)
+        place = float(away @ along) / piece.length
+        if -1e-9 <= place <= 1.0 + 1e-9:
+            normal = quarter_turned(along)
+            yield float(away @ normal), normal
+    elif isinstance(piece, Arc):
+        away, ends = point - piece.centre, np.array([piece.start, piece.end]) - piece.centre
+        length, radius = float(np.linalg.norm(away)), float(np.linalg.norm(ends[0]))
+        first, last = planar_cross(ends, away) / (length * radius)
+        if first <= 1e-9 and last >= -1e-9:
+            yield length - radius, away / length
+
+
+def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bool:
+    """Whether a point contact lies on a patch."""
+    ends, outward = patch
+    return bool(
+        np.abs(normal - outward).max() <= SAME_DIRECTION
+        and (ends[0] - point) @ (ends[1] - point) < 0.0
+        and abs((ends[0] - point) @ outward) <= 2.0 * tolerance
+    )
+
+
+def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
+    """The patches with one more, grown together with the last if it continues that one straight on."""
+    if patches and np.abs(patches[-1][1] - patch[1]).max() <= SAME_DIRECTION:
+        ends = np.vstack([patches[-1][0], patch[0]])
+        apart = np.linalg.norm(ends[:2, None] - ends[None, 2:], axis=2)
+        if apart.min() <= tolerance:
+            i, j = np.unravel_index(np.argmax(apart), apart.shape)
+            return [*patches[:-1], (ends[[i, 2 + j]], patch[1])]
+    return [*patches, patch]
+
+
+def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
+    """The part of a grain's side above a piece of bed, if all of that part is within the tolerance."""
+    x = side.start[0], side.end[0]
+    if max(x) < piece.start[0] - tolerance or min(x) > piece.end[0] + tolerance:
+        return None
+    along, outward = piece.tangent([0.0])[0], -quarter_turned(side.tangent([0.0])[0])
+    upward = quarter_turned(along)
+    if outward @ upward > -0.5:
+        return None
+    at = (np.array([side.start, side.end]) - np.asarray(piece.start)) @ along
+    low, high = max(at.min(), 0.0), min(at.max(), piece.length)
+    if high - low <= max(tolerance, 1e-9 * side.length):
+        return None
+    ends = side.point((np.array([low, high]) - at[0]) / (at[1] - at[0]))
+    flat = np.abs((ends - np.asarray(piece.start)) @ upward).max() <= tolerance
+    return (ends, outward) if flat else None

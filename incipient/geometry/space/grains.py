@@ -1,0 +1,627 @@
+"""Rigid grains in 3-D: smooth ones, unions of spheres, ones with flat faces, cylinders across a domain.
+
+All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
+Lengths are scene units.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from itertools import product as choices
+from math import gamma, pi
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.arrays import Floats, cross, rows, unit
+from incipient.errors import SceneError
+from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_arcs, power_norm
+from incipient.geometry.shape import (
+    Balls,
+    Moments,
+    Shape,
+    checked_balls,
+    largest_distance,
+    require_exposed,
+    require_positive,
+)
+from incipient.geometry.space import surfaces
+from incipient.geometry.space.files import triangles_in
+from incipient.geometry.space.surfaces import Surface, Triangles, repaired, require_plain
+
+MAX_EXPONENT = 100.0
+SECTION_NODES = 24  # Gauss points between heights at which the section changes its topology
+ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSwept:
+    """Triangles (m, 3) of points (n, 3), swept by a ball of a radius (0: the triangles themselves).
+
+    A triangle may be a single point (a sphere) or a segment: then its indices repeat.
+    """
+
+    points: Floats
+    triangles: np.ndarray
+    radius: float = 0.0
+
+    @cached_property
+    def search(self) -> Triangles:
+        """The triangles, to be found by place."""
+        return Triangles(self.points[self.triangles])
+
+
+class Solid(Shape):
+    """A rigid grain in space."""
+
+    gdim = 3
+    level_is_distance = False  # whether `level` is the signed distance everywhere
+    spans_width = False  # whether its ends lie in the sides of the domain
+
+    @property
+    def sharp(self) -> bool:
+        """Whether it has edges that a mesh has to follow."""
+        return False
+
+    @abstractmethod
+    def surface(self, spacing: float) -> Surface:
+        """The surface as triangles with corners on it, at most about `spacing` apart."""
+
+    @property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """What balls are rolled around to make the grain; none if it is smooth without being round."""
+        return ()
+
+    def project(self, x: ArrayLike) -> Floats:
+        """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
+        raise NotImplementedError
+
+
+def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
+    """The image of the unit sphere under a map of directions (n, 3) to points, as finely as asked."""
+    frequency = max(4, int(np.ceil(0.7 * size / spacing)))
+    while True:
+        frequency = min(frequency, int(np.sqrt(0.1 * surfaces.MOST_POINTS)))
+        round_one = surfaces.sphere(frequency)
+        surface = Surface(shape(round_one.points), round_one.triangles)
+        excess = surface.spacing / spacing
+        if excess <= 1.0 or 10 * (frequency + 1) ** 2 >= surfaces.MOST_POINTS:
+            return surface
+        frequency = int(np.ceil(frequency * min(excess, 3.0)))
+
+
+@dataclass(frozen=True)
+class Superquadric(Solid):
+    """(|x/a|^n + |y/b|^n)^(m/n) + |z/c|^m = 1 with semi-axes (a, b, c) and exponents (m, n) from 2 to 100.
+
+    m rules the section along the third axis, n the section across it; (2, 2) is an ellipsoid.
+    """
+
+    semi_axes: tuple[float, float, float]
+    exponents: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        require_positive("semi-axis", *self.semi_axes)
+        for value in self.exponents:
+            if not 2.0 <= value <= MAX_EXPONENT:
+                raise SceneError(
+                    f"exponent {value} is not between 2 and {MAX_EXPONENT:g}; change it"
+                )
+
+    @property
+    def size(self) -> float:
+        """Twice the largest |x| on the surface, by Hoelder's inequality for the section, then the whole."""
+        (a, b, c), (m, n) = self.semi_axes, self.exponents
+        return 2.0 * farthest((farthest((a, b), n), c), m)
+
+    @cached_property
+    def moments(self) -> Moments:
+        """The moments of the section, integrated along the third axis."""
+        whole = 8.0 * float(np.prod(self.semi_axes))
+        second = [self._octant(p, q, r) for p, q, r in ((3, 1, 1), (1, 3, 1), (1, 1, 3))]
+        diagonal = whole * np.square(self.semi_axes) * second
+        return Moments(whole * self._octant(1, 1, 1), np.zeros(3), np.diag(diagonal))
+
+    def _octant(self, p: float, q: float, r: float) -> float:
+        """The integral of x^(p-1) y^(q-1) z^(r-1) over an octant with unit semi-axes (Dirichlet 1839)."""
+        m, n = self.exponents
+        section = gamma(p / n) * gamma(q / n) / (n * n * gamma(1.0 + (p + q) / n))
+        along = gamma(r / m) * gamma((p + q) / m + 1.0) / gamma((p + q + r) / m + 1.0)
+        return section * along / m
+
+    def _norm(self, x: Floats) -> Floats:
+        """The factor (n,) by which the similar superquadric through each point is larger."""
+        m, n = self.exponents
+        scaled = np.abs(x) / np.asarray(self.semi_axes)
+        return power_norm(np.column_stack([power_norm(scaled[:, :2], n), scaled[:, 2]]), m)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """min(a, b, c) (factor of the similar superquadric through the point - 1) at points (n, 3)."""
+        return np.asarray(min(self.semi_axes) * (self._norm(rows(x)) - 1.0))
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 3) of the similar superquadric through each of the points (n, 3)."""
+        m, n = self.exponents
+        axes = np.asarray(self.semi_axes)
+        scaled = rows(x) / axes
+        scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
+        section = power_norm(np.abs(scaled[:, :2]), n)[:, None]
+        slope = np.sign(scaled) * np.abs(scaled)
+        ratio = np.abs(scaled[:, :2]) / np.maximum(section, 1e-300)
+        slope[:, :2] = np.sign(scaled[:, :2]) * section ** (m - 1.0) * ratio ** (n - 1.0)
+        slope[:, 2] = np.sign(scaled[:, 2]) * np.abs(scaled[:, 2]) ** (m - 1.0)
+        return unit(slope / axes)
+
+    def project(self, x: ArrayLike) -> Floats:
+        """The points (n, 3) of the surface on the rays from the origin through points (n, 3)."""
+        x = rows(x)
+        return np.asarray(x / self._norm(x)[:, None])
+
+    def surface(self, spacing: float) -> Surface:
+        """A sphere's triangles, stretched along the axes and carried along rays onto the surface."""
+        return triangulated(
+            lambda d: self.project(d * np.asarray(self.semi_axes)), self.size, spacing
+        )
+
+
+@dataclass(frozen=True)
+class Ellipsoid(Superquadric):
+    """An ellipsoid with semi-axes along the body's directions."""
+
+    exponents: tuple[float, float] = (2.0, 2.0)
+
+    def __post_init__(self) -> None:
+        require_positive("semi-axis", *self.semi_axes)
+        object.__setattr__(self, "exponents", (2.0, 2.0))
+
+
+@dataclass(frozen=True)
+class Sphere(Solid):
+    """A sphere of the given diameter."""
+
+    level_is_distance = True
+    diameter: float
+
+    def __post_init__(self) -> None:
+        require_positive("diameter", self.diameter)
+
+    @property
+    def size(self) -> float:
+        """The diameter."""
+        return self.diameter
+
+    @cached_property
+    def moments(self) -> Moments:
+        """Volume pi d^3 / 6, second moments V d^2 / 20."""
+        volume = pi * self.diameter**3 / 6.0
+        return Moments(volume, np.zeros(3), 0.05 * volume * self.diameter**2 * np.eye(3))
+
+    @property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """The centre."""
+        return (SphereSwept(np.zeros((1, 3)), np.zeros((1, 3), dtype=int), 0.5 * self.diameter),)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3)."""
+        return np.asarray(np.linalg.norm(rows(x), axis=1) - 0.5 * self.diameter)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Away from the centre, (n, 3)."""
+        return unit(rows(x))
+
+    def surface(self, spacing: float) -> Surface:
+        """A divided icosahedron."""
+        return triangulated(lambda d: 0.5 * self.diameter * d, self.diameter, spacing)
+
+
+@dataclass(frozen=True)
+class Box(Solid):
+    """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
+
+    level_is_distance = True
+    sides: tuple[float, float, float]
+    edge_radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("side", *self.sides)
+        if not 0.0 <= self.edge_radius <= 0.5 * min(self.sides):
+            raise SceneError(
+                f"edge_radius {self.edge_radius} is not between 0 and half the shortest side; change it"
+            )
+
+    @property
+    def sharp(self) -> bool:
+        """Whether its edges are not rounded."""
+        return self.edge_radius == 0.0
+
+    @property
+    def _half(self) -> Floats:
+        """Half the sides of the box that the ball is rolled around."""
+        return 0.5 * np.array(self.sides) - self.edge_radius
+
+    @property
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.linalg.norm(self._half) + 2.0 * self.edge_radius)
+
+    @cached_property
+    def moments(self) -> Moments:
+        """The sum over cells: along each axis a point is either beside the sharp box within, or beyond it."""
+        volume, second, r = 0.0, np.zeros(3), self.edge_radius
+        for beyond in choices((False, True), repeat=3):
+            out = np.array(beyond)
+            cell, first, square = _orthant(int(out.sum()), r)
+            copies = 2.0 ** out.sum() * float(np.prod(2.0 * self._half[~out]))
+            volume += copies * cell
+            outside = self._half**2 * cell + 2.0 * self._half * first + square
+            second += copies * np.where(out, outside, self._half**2 / 3.0 * cell)
+        return Moments(volume, np.zeros(3), np.diag(second))
+
+    @cached_property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """The box that the ball is rolled around, flat or thin where the rounding takes a whole side."""
+        corners = surfaces.box(np.ones(3), 2.0)
+        return (SphereSwept(corners.points * self._half, corners.triangles, self.edge_radius),)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3)."""
+        beyond = np.abs(rows(x)) - self._half
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
+        x = rows(x)
+        beyond = np.abs(x) - self._half
+        inside = (beyond <= 1e-12 * self.size).all(axis=1, keepdims=True)
+        nearest = beyond >= beyond.max(axis=1, keepdims=True) - 1e-12 * self.size
+        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
+        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
+
+    def surface(self, spacing: float) -> Surface:
+        """The faces of the sharp box, pressed onto the rounded one along its normals."""
+        sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
+        if self.edge_radius == 0.0:
+            return sharp
+        near = np.clip(sharp.points, -self._half, self._half)
+        return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
+
+
+def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
+    """Integrals of 1, x and x^2 over the part of a ball of radius r with all coordinates positive."""
+    return (
+        (1.0, 0.0, 0.0),
+        (r, r**2 / 2.0, r**3 / 3.0),
+        (pi * r**2 / 4.0, r**3 / 3.0, pi * r**4 / 16.0),
+        (pi * r**3 / 6.0, pi * r**4 / 16.0, pi * r**5 / 30.0),
+    )[dimension]
+
+
+def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
+    """The means (count, 3) of unit normals (k, 3) that belong to rows (k,); those of a row that agree count once."""
+    distinct = np.unique(np.column_stack([row, np.round(normals, 9)]), axis=0, return_index=True)[1]
+    return unit(
+        np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T])
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Triangulated(Solid):
+    """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
+
+    `vertices` (n, 3) and `triangles` (m, 3) in any sense, but all in the same. Raises SceneError if the surface
+    is not closed (with the number of open edges), encloses no volume, or is in several parts.
+    """
+
+    sharp = True
+    vertices: Floats
+    triangles: np.ndarray
+    name: str = "the surface"
+
+    def __post_init__(self) -> None:
+        points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
+        if (
+            points.ndim != 2
+            or points.shape[1] != 3
+            or triangles.ndim != 2
+            or triangles.shape[1] != 3
+        ):
+            raise SceneError(f"{self.name} needs vertices (n, 3) and triangles (m, 3); give them")
+        if not np.isfinite(points).all():
+            raise SceneError(f"{self.name} has a vertex that is not finite; give finite numbers")
+        if len(triangles) == 0 or triangles.min() < 0 or triangles.max() >= len(points):
+            raise SceneError(
+                f"{self.name} has no triangles, or one of vertices that do not exist; check it"
+            )
+        extent = float(np.ptp(points, axis=0).max())
+        surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
+        surfaces.require_closed(surface, self.name)
+        middle = surface.points - surface.points.mean(axis=0)
+        whole = Moments.within(middle[surface.triangles])
+        if not abs(whole.volume) > 1e-12 * extent**3:
+            raise SceneError(f"{self.name} encloses no volume; give a body")
+        turned = surface.triangles if whole.volume > 0.0 else surface.triangles[:, ::-1]
+        object.__setattr__(self, "vertices", middle - whole.centroid)
+        object.__setattr__(self, "triangles", turned)
+
+    @classmethod
+    def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
+        """A grain from an STL, PLY or OBJ file, its coordinates times `scale`.
+
+        Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
+        if the file is missing, cannot be read, or its surface is not closed or runs through itself.
+        """
+        require_positive("scale", scale)
+        points, triangles = triangles_in(path)
+        surface = repaired(Surface(scale * points, triangles))
+        solid = cls(surface.points, surface.triangles, str(path))
+        require_plain(surface, str(path))
+        return solid
+
+    @property
+    def _surface(self) -> Surface:
+        return Surface(self.vertices, self.triangles)
+
+    @cached_property
+    def size(self) -> float:
+        """The largest distance of two vertices."""
+        return largest_distance(self.vertices)
+
+    @cached_property
+    def moments(self) -> Moments:
+        """The sum over the tetrahedra that the triangles form with the centroid."""
+        return Moments.within(self._surface.corners)
+
+    @cached_property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """The triangles."""
+        return (SphereSwept(self.vertices, self.triangles),)
+
+    @property
+    def _triangles(self) -> Triangles:
+        return self.cores[0].search
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3)."""
+        points = rows(x)
+        feet = self._triangles.nearest(points, 1e-12 * self.size)[0]
+        return self._sides(points) * np.linalg.norm(points - feet, axis=1)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
+        points = rows(x)
+        feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
+        away = points - feet
+        facing = unit(surfaces.vector_areas(self._surface.corners[triangle]))
+        on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
+        outward = self._sides(points)[:, None] * unit(away)
+        return np.where(on_surface, _mean_directions(row, facing, len(points)), outward)
+
+    def _sides(self, points: Floats) -> Floats:
+        """-1 (n,) for points (n, 3) inside the surface, 1 for those outside."""
+        return np.where(self._triangles.winding(points) > 0.5, -1.0, 1.0)
+
+    def surface(self, spacing: float) -> Surface:
+        """The triangles, cut into smaller ones."""
+        return surfaces.refined(self._surface, spacing)
+
+
+class Polyhedron(Triangulated):
+    """The convex hull of points (n, 3), shifted to its centroid. Raises SceneError if it has no volume."""
+
+    def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
+        corners = np.array(vertices, dtype=float)
+        if (
+            corners.ndim != 2
+            or corners.shape[1] != 3
+            or len(corners) < 4
+            or not np.isfinite(corners).all()
+        ):
+            raise SceneError(
+                "a polyhedron needs four or more vertices of three finite coordinates; add them"
+            )
+        hull = surfaces.hull_of(corners - corners.mean(axis=0))
+        super().__init__(hull.points, hull.triangles, "the polyhedron")
+
+
+@dataclass(frozen=True)
+class Cylinder(Solid):
+    """The tube of a diameter and a length about the second axis, without ends: these lie in the sides of a domain."""
+
+    spans_width = True
+    diameter: float
+    length: float
+
+    def __post_init__(self) -> None:
+        require_positive("diameter", self.diameter)
+        require_positive("length", self.length)
+
+    @property
+    def size(self) -> float:
+        """The diameter: the extent across the flow."""
+        return self.diameter
+
+    @cached_property
+    def moments(self) -> Moments:
+        """Volume pi d^2 l / 4, second moments V d^2 / 16 across the axis, V l^2 / 12 along it."""
+        across, along = self.diameter**2 / 16.0, self.length**2 / 12.0
+        volume = 4.0 * pi * across * self.length
+        return Moments(volume, np.zeros(3), volume * np.diag([across, along, across]))
+
+    @property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """The axis."""
+        ends = np.array([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]) * self.length
+        return (SphereSwept(ends, np.array([[0, 1, 1]]), 0.5 * self.diameter),)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3) from the tube, taken to be endless."""
+        return np.asarray(np.linalg.norm(rows(x) * ACROSS, axis=1) - 0.5 * self.diameter)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Away from the axis, (n, 3)."""
+        return unit(rows(x) * ACROSS)
+
+    def surface(self, spacing: float) -> Surface:
+        """A grid around the tube and along it, its quadrangles cut in two."""
+        around = max(8, int(np.ceil(pi * self.diameter / spacing)))
+        along = max(2, int(np.ceil(self.length / spacing)))
+        angle = 2.0 * pi * np.arange(around) / around
+        place = 0.5 * self.length * np.linspace(-1.0, 1.0, along + 1)
+        circle = 0.5 * self.diameter * np.column_stack([np.cos(angle), np.sin(angle)])
+        x, z = (np.tile(column, along + 1) for column in circle.T)
+        number = np.arange(around * (along + 1)).reshape(along + 1, around)
+        a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
+        c, d = number[1:], np.roll(number[1:], -1, axis=1)
+        corners = [np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, c, b), (b, c, d))]
+        return Surface(np.column_stack([x, np.repeat(place, around), z]), np.vstack(corners))
+
+
+@dataclass(frozen=True, init=False)
+class Spheres(Balls, Solid):
+    """Spheres that hang together; they are shifted to the centroid of their union.
+
+    Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
+    """
+
+    level_is_distance = True
+    centres: tuple[Triple, ...]
+    radii: tuple[float, ...]
+
+    def __init__(
+        self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
+    ) -> None:
+        points, sizes = checked_balls(centres, radii, 3)
+        require_exposed(_showing(points, sizes), len(sizes), "sphere")
+        points = points - _union(points, sizes).centroid
+        object.__setattr__(
+            self, "centres", tuple((float(x), float(y), float(z)) for x, y, z in points)
+        )
+        object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
+
+    @cached_property
+    def moments(self) -> Moments:
+        """Volume, centroid and moments, by plane sections, relative error about 1e-9."""
+        return _union(np.array(self.centres), np.array(self.radii))
+
+    @property
+    def cores(self) -> tuple[SphereSwept, ...]:
+        """The centres."""
+        point = np.zeros((1, 3), dtype=int)
+        return tuple(
+            SphereSwept(np.array([c]), point, r)
+            for c, r in zip(self.centres, self.radii, strict=True)
+        )
+
+    def surface(self, spacing: float) -> Surface:
+        """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""
+        frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
+        frequency = min(frequency, int(np.sqrt(0.1 * surfaces.MOST_POINTS / len(self.radii))))
+        ball = surfaces.sphere(frequency)
+        pieces = []
+        for centre, radius in zip(self.centres, self.radii, strict=True):
+            points = np.asarray(centre) + radius * ball.points
+            shows = (self.level(points) >= -1e-9 * radius)[ball.triangles].any(axis=1)
+            used, numbers = np.unique(ball.triangles[shows], return_inverse=True)
+            pieces.append(Surface(points[used], numbers.reshape(-1, 3)))
+        return surfaces.joined(pieces)
+
+
+def _showing(centres: Floats, radii: Floats) -> np.ndarray:
+    """The spheres that lie within no other; of equal ones the last."""
+    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+    first, second = np.meshgrid(np.arange(len(radii)), np.arange(len(radii)), indexing="ij")
+    larger = (radii > radii[:, None]) | ((radii == radii[:, None]) & (second > first))
+    within = (apart <= radii - radii[:, None] + 1e-12 * radii) & larger
+    return np.flatnonzero(~within.any(axis=1))
+
+
+def _union(centres: Floats, radii: Floats) -> Moments:
+    """Integrals over a union of spheres: unions of discs at Gauss points along the third axis."""
+    z, weights = _section_rule(centres, radii)
+    volume, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for height, weight in zip(z, weights, strict=True):
+        section = _section(height, centres, radii)
+        volume += weight * section.volume
+        first += weight * np.array([*section.first, height * section.volume])
+        part = np.zeros((3, 3))
+        part[:2, :2] = section.second
+        part[2, :2] = part[:2, 2] = height * section.first
+        part[2, 2] = height**2 * section.volume
+        second += weight * part
+    return Moments(volume, first, second)
+
+
+def _section(height: float, centres: Floats, radii: Floats) -> Moments:
+    """The integrals over the union of discs in which a horizontal plane cuts spheres."""
+    squared = radii**2 - (height - centres[:, 2]) ** 2
+    cut = squared > 0.0
+    middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
+    arcs = exposed_arcs(middles, sizes)
+    return moments_of_arcs(arcs, middles, sizes)
+
+
+def _section_rule(centres: Floats, radii: Floats) -> tuple[Floats, Floats]:
+    """Heights and weights (n,) of Gauss rules between the heights at which sections change.
+
+    A cubic change of variable softens the square roots at the ends of the intervals.
+    """
+    stations = np.unique(np.round(_critical_heights(centres, radii), 12))
+    t, w = np.polynomial.legendre.leggauss(SECTION_NODES)
+    middle, half = 0.5 * (stations[1:] + stations[:-1]), 0.5 * np.diff(stations)
+    z = middle[:, None] + half[:, None] * (1.5 * t - 0.5 * t**3)
+    weights = half[:, None] * (1.5 - 1.5 * t**2) * w
+    return z.ravel(), weights.ravel()
+
+
+def _critical_heights(centres: Floats, radii: Floats) -> Floats:
+    """Heights of the spheres' poles, of the extremes of the circles in which they meet, of triple points."""
+    low, high = (centres[:, 2] - radii).min(), (centres[:, 2] + radii).max()
+    heights = [*(centres[:, 2] - radii), *(centres[:, 2] + radii)]
+    for i, j in combinations(range(len(radii)), 2):
+        circle = _meeting_circle(centres[i], radii[i], centres[j], radii[j])
+        if circle is not None:
+            middle, axis, radius = circle
+            reach = radius * np.sqrt(max(1.0 - axis[2] ** 2, 0.0))
+            heights += [middle[2] - reach, middle[2] + reach]
+            heights += [
+                z
+                for k in range(j + 1, len(radii))
+                for z in _circle_on_sphere(middle, axis, radius, centres[k], radii[k])
+            ]
+    found = np.array(heights)
+    return found[(found >= low) & (found <= high)]
+
+
+def _meeting_circle(
+    first: Floats, r: float, second: Floats, s: float
+) -> tuple[Floats, Floats, float] | None:
+    """Centre, axis and radius of the circle in which two spheres meet."""
+    d = float(np.linalg.norm(second - first))
+    if not abs(r - s) < d < r + s:
+        return None
+    axis = (second - first) / d
+    along = (d * d + r * r - s * s) / (2.0 * d)
+    return first + along * axis, axis, float(np.sqrt(r * r - along * along))
+
+
+def _circle_on_sphere(
+    middle: Floats, axis: Floats, radius: float, centre: Floats, r: float
+) -> list[float]:
+    """Heights of the points in which a circle meets a sphere."""
+    away = centre - middle
+    across = away - (away @ axis) * axis
+    length = float(np.linalg.norm(across))
+    if length < 1e-12 * radius:
+        return []
+    cosine = (away @ away + radius**2 - r * r) / (2.0 * radius * length)
+    if abs(cosine) > 1.0:
+        return []
+    ahead = across / length
+    aside = cross(axis, ahead)
+    sine = np.sqrt(1.0 - cosine**2)
+    return [float((middle + radius * (cosine * ahead + s * sine * aside))[2]) for s in (-1.0, 1.0)]
