@@ -13,7 +13,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
-from ..geometry.space.beds import Packing, SphereHeap
+from ..geometry.space.beds import SphereHeap
 from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, read_numbers, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, key
@@ -71,12 +71,8 @@ class SphereBed(TerrainSection):
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
-        if self.arrangement != "random" and self.layers == 1:
-            return geometry.Hemispheres(
-                self.radius, self.spacing, self.arrangement, offset, origin_z, angle
-            )
         kind = self.arrangement
-        return Packing(
+        return geometry.Hemispheres(
             self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed
         )
 

@@ -63,7 +63,7 @@ class TestPoints:
         # Contacts divide the lines from the sphere's centre to those of the half-balls by their radii 0.6 and 0.5.
         bed, middle = Hemispheres(0.5, spacing, arrangement), spacing * np.array(middle)
         points, normals, areas = found(Sphere(1.2), bed, middle)
-        centres = bed.centres(middle, 0.75 * spacing)
+        centres = bed.centres_near(middle, 0.75 * spacing)
         assert len(points) == len(centres) == count and areas is None
         height = np.sqrt(1.1**2 - ((centres[0, :2] - middle) ** 2).sum())
         away = centres - [*middle, height]

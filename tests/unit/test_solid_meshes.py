@@ -168,7 +168,7 @@ def test_a_grain_in_a_pocket() -> None:
     bed = Hemispheres(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0))
     region, _ = grain_above(Sphere(1.0), bed, gap=0.01, half=3.0)
     middle = np.array(region.holes["body"].placement.centre)
-    centres = bed.centres((0.0, 0.0), 0.8)
+    centres = bed.centres_near((0.0, 0.0), 0.8)
     points = middle + 0.5 * (centres - middle) / np.linalg.norm(centres - middle, axis=1)[:, None]
     narrow = tuple(
         Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist()

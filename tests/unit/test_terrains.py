@@ -54,7 +54,7 @@ class TestTerrains:
         """Square: 4 neighbours at the spacing; triangular: 6."""
         for arrangement, count in (("square", 4), ("triangular", 6)):
             bed = Hemispheres(0.5, 1.3, arrangement, (0.2, 0.1))
-            centres = bed.centres((0.2, 0.1), 1.31)
+            centres = bed.centres_near((0.2, 0.1), 1.31)
             away = np.linalg.norm(centres[:, :2] - [0.2, 0.1], axis=1)
             assert np.sort(away) == pytest.approx([0.0] + [1.3] * count)
             assert bed.height(centres[:, :2]) == pytest.approx(0.5)

@@ -8,7 +8,7 @@ units, angles radians.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -27,7 +27,6 @@ Extent = tuple[Sides, Sides]
 MOST_ACROSS = 1000  # points of the rule for means along each side
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
 AROUND = 2  # places of the lattice on either side at which a sphere above a point may belong
-FEW = 20_000  # pairs of points and spheres up to which all are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,112 +283,226 @@ class Plane(Terrain):
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
         """The half-space below."""
-        return _with_balls(self.origin_z, self.normal([[0.0, 0.0]]), np.empty((0, 3)), np.empty(0))
+        origin, normal = np.array([[0.0, 0.0, self.origin_z]]), self.normal([[0.0, 0.0]])
+        return HalfSpacesAndBalls(origin, normal, np.empty((0, 3)), np.empty(0))
 
 
-def _with_balls(origin_z: float, normal: Floats, centres: Floats, radii: Floats) -> Pieces:
-    return HalfSpacesAndBalls(np.array([[0.0, 0.0, origin_z]]), normal, centres, radii)
+class SphereBed(Terrain):
+    """Spheres above the half-space below the plane z = origin_z; the bed's solid is the union."""
+
+    @abstractmethod
+    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
+        """Numbers (k,), centres, radii and posts of the spheres of which a part is within a horizontal distance."""
+
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The half-space and the spheres of which a part is within a horizontal distance of a point (2,)."""
+        _, centres, radii, posts = self.near(np.asarray(middle, dtype=float), reach)
+        base, up = np.array([[0.0, 0.0, self.origin_z]]), np.array([[0.0, 0.0, 1.0]])
+        return HalfSpacesAndBalls(base, up, centres, radii, posts if posts.any() else None)
+
+    def _seen(self, x: ArrayLike) -> tuple[Floats, np.ndarray, Floats]:
+        """Heights (n,) at points (n, 2), which sphere is there, -1 on the base, and where its centre is (n, 3)."""
+        points = rows(x)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        reach = float(np.linalg.norm(points - middle, axis=1).max())
+        number, centres, radii, _ = self.near(middle, reach)
+        heights, which = np.full(len(points), self.origin_z), np.full(len(points), -1)
+        over = np.zeros((len(points), 3))
+        for k, below in enumerate(NearestOf(points).within(centres[:, :2], radii)):
+            squared = ((points[below] - centres[k, :2]) ** 2).sum(axis=1)
+            top = centres[k, 2] + np.sqrt(np.maximum(radii[k] ** 2 - squared, 0.0))
+            higher = below[top > heights[below]]
+            heights[higher], which[higher] = top[top > heights[below]], number[k]
+            over[higher] = centres[k]
+        return heights, which, over
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        return self._seen(x)[0]
+
+    def highest(self, x: ArrayLike) -> np.ndarray:
+        """Which sphere is seen from above at points (n, 2), (n,); -1: the base plane."""
+        return self._seen(x)[1]
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The derivatives (n, 2), infinite at the equators of spheres."""
+        heights, which, centres = self._seen(x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (centres[:, :2] - rows(x)) / (heights - centres[:, 2])[:, None]
+        return np.asarray(np.where((which < 0)[:, None], 0.0, slope))
 
 
-class BallLattice(Terrain):
-    """Balls of one size on a regular array in or above a plane."""
+@dataclass(frozen=True, init=False, eq=False)
+class SphereHeap(SphereBed):
+    """Spheres with given centres (k, 3) and radii (k,), and the half-space below the plane z = origin_z.
+
+    Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. The bed's solid
+    is the union; heights are those of its upper side. Raises SceneError if a number is not finite or a radius not
+    positive.
+    """
+
+    centres: Floats
+    radii: Floats
+    origin_z: float
+    posts: np.ndarray
+
+    def __init__(
+        self,
+        centres: ArrayLike,
+        radii: ArrayLike,
+        origin_z: float = 0.0,
+        posts: ArrayLike | None = None,
+    ) -> None:
+        points, sizes = np.array(centres, dtype=float).reshape(-1, 3), np.ravel(radii).astype(float)
+        if len(points) != len(sizes) or not len(sizes):
+            raise SceneError(
+                f"{len(points)} centres and {len(sizes)} radii; give as many of both, one or more"
+            )
+        if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
+            raise SceneError(
+                "centres and radii are not finite or not positive; give finite, positive numbers"
+            )
+        standing = (
+            np.zeros(len(sizes), dtype=bool) if posts is None else np.array(posts, dtype=bool)
+        )
+        values = {"centres": points, "radii": sizes, "origin_z": float(origin_z), "posts": standing}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def feature(self) -> float:
+        """The smallest radius, of a sphere if there is one."""
+        return float(self.radii[self.posts if self.posts.all() else ~self.posts].min())
+
+    @property
+    def crest(self) -> float:
+        """The top of the highest sphere, or the base plane."""
+        return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The height that spheres with centres over a rectangle reach."""
+        low, high = np.array([x, y]).T
+        inside = ((self.centres[:, :2] >= low) & (self.centres[:, :2] <= high)).all(axis=1)
+        tops = (self.centres[:, 2] + self.radii)[inside]
+        return max(float(tops.max(initial=-np.inf)), self.origin_z)
+
+    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
+        """Numbers (k,) in the list, centres, radii and posts."""
+        away = np.linalg.norm(self.centres[:, :2] - middle, axis=1)
+        number = np.flatnonzero(away <= reach + self.radii)
+        return number, self.centres[number], self.radii[number], self.posts[number]
+
+
+@dataclass(frozen=True)
+class Hemispheres(SphereBed):
+    """Spheres of one size in a regular array; the centres of the lowest lie on the plane z = origin_z.
+
+    arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by half a
+    spacing against the one before, so that neighbours form equilateral triangles; every further layer lies in the
+    pockets of that below it. "random": the triangular array whose every sphere is shifted horizontally as far as its
+    neighbours leave room, and lowered by at most half a radius, by chance: the same for the same seed, wherever the bed
+    is looked at. A centre of the array is at `offset`; the whole is turned by `angle` about the vertical. Spheres
+    closer than their diameter overlap.
+    """
 
     radius: float
     spacing: float
-    arrangement: str
-    offset: tuple[float, float]
-    angle: float
+    arrangement: Literal["square", "triangular", "random"] = "square"
+    offset: tuple[float, float] = (0.0, 0.0)
+    origin_z: float = 0.0
+    angle: float = 0.0
+    layers: int = 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_positive("radius", self.radius)
+        require_positive("spacing", self.spacing)
+        if self.arrangement not in ("square", "triangular", "random"):
+            raise SceneError(
+                f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"'
+            )
+        if self.layers < 1:
+            raise SceneError(f"layers {self.layers} is none; give one or more")
+        if self.layers > 1 and not self._rise > 0.0:
+            raise SceneError(
+                "spheres so far apart carry no further layer; reduce spacing or give layers = 1"
+            )
 
     @property
     def feature(self) -> float:
         """The radius, or half the spacing where that is smaller."""
         return min(self.radius, 0.5 * self.spacing)
 
+    @property
+    def crest(self) -> float:
+        """The top of the uppermost spheres, in disorder of one that is not lowered."""
+        return self.origin_z + (self.layers - 1) * self._rise + self.radius
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """`crest`."""
+        return self.crest
+
     @cached_property
     def _lattice(self) -> Floats:
         """The two steps from one centre to its neighbours, in rows."""
-        steps = (
-            np.eye(2)
-            if self.arrangement == "square"
-            else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
-        )
+        second = [0.0, 1.0] if self.arrangement == "square" else [0.5, np.sqrt(0.75)]
         c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
-
-    def _places(self, middle: Floats, reach: float, beyond: int) -> Floats:
-        """Whole steps (k, 2) from the first centre to all within a distance of a point (2,), and some beyond."""
-        home = np.round(np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset)))
-        around = int(np.ceil(1.2 * reach / self.spacing)) + beyond
-        steps = np.arange(-around, around + 1)
-        return np.asarray(home + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2))
-
-    @abstractmethod
-    def centres(self, middle: ArrayLike, reach: float) -> Floats:
-        """All centres (k, 3) within a horizontal distance of a point (2,)."""
-
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space below the base plane, and the balls."""
-        centres = self.centres(middle, reach + self.radius)
-        up = np.array([[0.0, 0.0, 1.0]])
-        return _with_balls(self.origin_z, up, centres, np.full(len(centres), self.radius))
-
-
-@dataclass(frozen=True)
-class Hemispheres(BallLattice):
-    """Half-balls centred on the plane z = origin_z in a regular array, one of them at `offset`.
-
-    arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by
-    half a spacing against the one before, so that neighbours form equilateral triangles; the whole is turned by
-    `angle` about the vertical. Half-balls closer than their diameter overlap.
-    """
-
-    radius: float
-    spacing: float
-    arrangement: Literal["square", "triangular"] = "square"
-    offset: tuple[float, float] = (0.0, 0.0)
-    origin_z: float = 0.0
-    angle: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("radius", self.radius)
-        require_positive("spacing", self.spacing)
-        if self.arrangement not in ("square", "triangular"):
-            raise SceneError(
-                f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"'
-            )
+        return np.asarray(
+            self.spacing * np.array([[1.0, 0.0], second]) @ np.array([[c, s], [-s, c]])
+        )
 
     @property
-    def crest(self) -> float:
-        """The top of the half-balls."""
-        return self.origin_z + self.radius
+    def _pocket(self) -> Floats:
+        """Where, in steps of the lattice, the pockets of a layer are."""
+        return np.full(2, 0.5 if self.arrangement == "square" else 1.0 / 3.0)
 
-    def centres(self, middle: ArrayLike, reach: float) -> Floats:
+    @property
+    def _rise(self) -> float:
+        """The height of a layer above that below it."""
+        across = float(np.linalg.norm(self._pocket @ self._lattice))
+        return float(np.sqrt(max(4.0 * self.radius**2 - across**2, 0.0)))
+
+    def _at(self, places: np.ndarray, layer: int) -> Floats:
+        """The centres (n, 3) of the spheres of a layer at whole places (n, 2) of the lattice."""
+        ideal = np.asarray(self.offset) + (places + layer % 2 * self._pocket) @ self._lattice
+        height = np.full(
+            len(places), self.origin_z + layer * self._rise if layer else self.origin_z
+        )
+        if self.arrangement != "random":
+            return np.column_stack([ideal, height])
+        reach, turn, drop = (self._chance(places, layer, number) for number in range(3))
+        room = max(0.5 * self.spacing - self.radius, 0.0) * np.sqrt(reach)
+        angle = 2.0 * np.pi * turn
+        shift = room[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        return np.column_stack([ideal + shift, height - LOWEST * self.radius * drop])
+
+    def _chance(self, places: np.ndarray, layer: int, number: int) -> Floats:
+        """Numbers (n,) from 0 to 1 that belong to places (n, 2): bits mixed as by Steele, Lea & Flood (2014)."""
+        key = np.array([self.seed, layer, number], dtype=np.uint64)
+        state = np.zeros(len(places), dtype=np.uint64)
+        with np.errstate(over="ignore"):
+            for part in (*key, *places.T.astype(np.int64).astype(np.uint64)):
+                state = (state ^ part) + np.uint64(0x9E3779B97F4A7C15)
+                state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+                state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+                state ^= state >> np.uint64(31)
+        return np.asarray((state >> np.uint64(11)) / 2.0**53)
+
+    def centres_near(self, middle: ArrayLike, reach: float) -> Floats:
         """All centres (k, 3) within a horizontal distance of a point (2,)."""
         middle = np.asarray(middle, dtype=float)
-        centres = np.asarray(self.offset) + self._places(middle, reach, 1) @ self._lattice
-        centres = centres[np.linalg.norm(centres - middle, axis=1) <= reach]
-        return np.column_stack([centres, np.full(len(centres), self.origin_z)])
+        home = np.round(np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset)))
+        around = int(np.ceil(1.2 * reach / self.spacing)) + AROUND
+        steps = np.arange(-around, around + 1)
+        places = (home + np.stack(np.meshgrid(steps, steps), axis=-1)).reshape(-1, 2)
+        found = np.vstack([self._at(places, layer) for layer in range(self.layers)])
+        return np.asarray(found[np.linalg.norm(found[:, :2] - middle, axis=1) <= reach])
 
-    def _away(self, x: ArrayLike) -> Floats:
-        """The vectors (n, 2) from the nearest centre to points (n, 2)."""
-        relative = rows(x) - np.asarray(self.offset)
-        home = np.round(np.linalg.solve(self._lattice.T, relative.T).T)
-        around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        away = relative[:, None] - (home[:, None] + around) @ self._lattice
-        best = np.argmin((away**2).sum(axis=2), axis=1)
-        return np.asarray(away[np.arange(len(relative)), best])
-
-    def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
-        squared = (self._away(x) ** 2).sum(axis=1)
-        return np.asarray(self.origin_z + np.sqrt(np.maximum(self.radius**2 - squared, 0.0)))
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2), infinite at the feet of half-balls."""
-        away = self._away(x)
-        below = self.radius**2 - (away**2).sum(axis=1, keepdims=True)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(below >= 0.0, -away / np.sqrt(np.maximum(below, 0.0)), 0.0)
+    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
+        """Numbers from the first one near, centres, radii, no posts."""
+        centres = self.centres_near(middle, reach + self.radius)
+        each = np.arange(len(centres))
+        return each, centres, np.full(len(each), self.radius), np.zeros(len(each), dtype=bool)
 
 
 class SmoothTerrain(Terrain):
@@ -466,225 +579,3 @@ class Ridges(SmoothTerrain):
     def _phases(self, x: ArrayLike) -> Floats:
         """The arguments (n, 1) of the sine at points (n, 2)."""
         return np.asarray(rows(x) @ self._wave.T + self.phase)
-
-
-@dataclass(frozen=True)
-class Packing(BallLattice):
-    """Spheres of one size in layers; the centres of the lowest lie on the plane z = origin_z, into which they sink.
-
-    arrangement "square" and "triangular": as `Hemispheres`, every further layer in the pockets of that below it.
-    "random": the triangular array whose every sphere is shifted horizontally as far as its neighbours leave room,
-    and lowered by at most half a radius, by chance: the same for the same seed, wherever the bed is looked at.
-    """
-
-    radius: float
-    spacing: float
-    arrangement: Literal["square", "triangular", "random"] = "triangular"
-    offset: tuple[float, float] = (0.0, 0.0)
-    origin_z: float = 0.0
-    angle: float = 0.0
-    layers: int = 1
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require_positive("radius", self.radius)
-        require_positive("spacing", self.spacing)
-        if self.layers < 1:
-            raise SceneError(f"layers {self.layers} is none; give one or more")
-        if self.layers > 1 and not self._rise_squared > 0.0:
-            raise SceneError(
-                "spheres so far apart carry no further layer; reduce spacing or give layers = 1"
-            )
-
-    @property
-    def crest(self) -> float:
-        """The top of the uppermost spheres, in disorder of one that is not lowered."""
-        return self.origin_z + (self.layers - 1) * self._rise + self.radius
-
-    @property
-    def _pocket(self) -> Floats:
-        """Where, in steps of the lattice, the pockets of a layer are."""
-        return np.full(2, 0.5 if self.arrangement == "square" else 1.0 / 3.0)
-
-    @property
-    def _rise_squared(self) -> float:
-        across = float(np.linalg.norm(self._pocket @ self._lattice))
-        return 4.0 * self.radius**2 - across**2
-
-    @property
-    def _rise(self) -> float:
-        """The height of a layer above that below it; 0 for a single one."""
-        return float(np.sqrt(self._rise_squared)) if self.layers > 1 else 0.0
-
-    def _at(self, places: np.ndarray, layer: int) -> Floats:
-        """The centres (n, 3) of the spheres of a layer at whole places (n, 2) of the lattice."""
-        ideal = np.asarray(self.offset) + (places + layer % 2 * self._pocket) @ self._lattice
-        height = np.full(len(places), self.origin_z + layer * self._rise)
-        if self.arrangement != "random":
-            return np.column_stack([ideal, height])
-        reach, turn, drop = (self._chance(places, layer, number) for number in range(3))
-        room = max(0.5 * self.spacing - self.radius, 0.0) * np.sqrt(reach)
-        shift = room[:, None] * np.column_stack(
-            [np.cos(2.0 * np.pi * turn), np.sin(2.0 * np.pi * turn)]
-        )
-        return np.column_stack([ideal + shift, height - LOWEST * self.radius * drop])
-
-    def _chance(self, places: np.ndarray, layer: int, number: int) -> Floats:
-        """Numbers (n,) from 0 to 1 that belong to places (n, 2): bits mixed as by Steele, Lea & Flood (2014)."""
-        key = np.array([self.seed, layer, number], dtype=np.uint64)
-        state = np.zeros(len(places), dtype=np.uint64)
-        with np.errstate(over="ignore"):
-            for part in (*key, *places.T.astype(np.int64).astype(np.uint64)):
-                state = (state ^ part) + np.uint64(0x9E3779B97F4A7C15)
-                state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-                state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-                state ^= state >> np.uint64(31)
-        return np.asarray((state >> np.uint64(11)) / 2.0**53)
-
-    def centres(self, middle: ArrayLike, reach: float) -> Floats:
-        """All centres (k, 3) within a horizontal distance of a point (2,)."""
-        middle = np.asarray(middle, dtype=float)
-        places = self._places(middle, reach, AROUND)
-        found = np.vstack([self._at(places, layer) for layer in range(self.layers)])
-        return np.asarray(found[np.linalg.norm(found[:, :2] - middle, axis=1) <= reach])
-
-    def _highest(self, x: Floats) -> tuple[Floats, Floats]:
-        """Heights (n,) at points (n, 2), and the vectors (n, 2) there from the sphere's centre, inf on the base."""
-        home = np.round(np.linalg.solve(self._lattice.T, (x - np.asarray(self.offset)).T).T)
-        height, away = np.full(len(x), self.origin_z), np.full((len(x), 2), np.inf)
-        for layer in range(self.layers):
-            for step in np.ndindex(2 * AROUND + 1, 2 * AROUND + 1):
-                centre = self._at(home + np.array(step) - AROUND, layer)
-                beside = x - centre[:, :2]
-                below = self.radius**2 - (beside**2).sum(axis=1)
-                top = np.where(
-                    below >= 0.0, centre[:, 2] + np.sqrt(np.maximum(below, 0.0)), -np.inf
-                )
-                higher = top > height
-                height, away = (
-                    np.where(higher, top, height),
-                    np.where(higher[:, None], beside, away),
-                )
-        return height, away
-
-    def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
-        return self._highest(rows(x))[0]
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2), infinite at the feet of spheres."""
-        _, away = self._highest(rows(x))
-        on_base = ~np.isfinite(away).all(axis=1, keepdims=True)
-        beside = np.where(on_base, 0.0, away)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = -beside / np.sqrt(self.radius**2 - (beside**2).sum(axis=1, keepdims=True))
-        return np.asarray(np.where(on_base, 0.0, slope))
-
-
-@dataclass(frozen=True, init=False, eq=False)
-class SphereHeap(Terrain):
-    """Spheres with given centres (k, 3) and radii (k,), and the half-space below the plane z = origin_z.
-
-    Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. The bed's solid
-    is the union; heights are those of its upper side. Raises SceneError if a number is not finite or a radius not
-    positive.
-    """
-
-    centres: Floats
-    radii: Floats
-    origin_z: float
-    posts: np.ndarray
-
-    def __init__(
-        self,
-        centres: ArrayLike,
-        radii: ArrayLike,
-        origin_z: float = 0.0,
-        posts: ArrayLike | None = None,
-    ) -> None:
-        points, sizes = (
-            np.array(centres, dtype=float).reshape(-1, 3),
-            np.array(radii, dtype=float).ravel(),
-        )
-        if len(points) != len(sizes) or not len(sizes):
-            raise SceneError(
-                f"{len(points)} centres and {len(sizes)} radii; give as many of both, one or more"
-            )
-        if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
-            raise SceneError(
-                "centres and radii are not finite or not positive; give finite, positive numbers"
-            )
-        standing = (
-            np.zeros(len(sizes), dtype=bool) if posts is None else np.array(posts, dtype=bool)
-        )
-        given = {"centres": points, "radii": sizes, "origin_z": float(origin_z), "posts": standing}
-        for name, value in given.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def feature(self) -> float:
-        """The smallest radius, of a sphere if there is one."""
-        return float(self.radii[self.posts if self.posts.all() else ~self.posts].min())
-
-    @cached_property
-    def crest(self) -> float:
-        """The top of the highest sphere, or the base plane."""
-        return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
-
-    def crest_level(self, x: Sequence[float], y: Sequence[float]) -> float:
-        """The height that spheres with centres over a rectangle reach."""
-        low, high = np.array([x, y]).T
-        inside = ((self.centres[:, :2] >= low) & (self.centres[:, :2] <= high)).all(axis=1)
-        tops = (self.centres[:, 2] + self.radii)[inside]
-        return max(float(tops.max(initial=-np.inf)), self.origin_z)
-
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space and the spheres of which a part is within a horizontal distance of a point (2,)."""
-        away = np.linalg.norm(self.centres[:, :2] - np.asarray(middle, dtype=float), axis=1)
-        near = away <= reach + self.radii
-        up = np.array([[0.0, 0.0, 1.0]])
-        base, posts = (
-            np.array([[0.0, 0.0, self.origin_z]]),
-            self.posts[near] if self.posts.any() else None,
-        )
-        return HalfSpacesAndBalls(base, up, self.centres[near], self.radii[near], posts)
-
-    def _highest(self, x: Floats) -> tuple[Floats, np.ndarray]:
-        """Heights (n,) at points (n, 2), and which sphere is there, -1 on the base."""
-        heights, which = np.full(len(x), self.origin_z), np.full(len(x), -1)
-        if len(x) * len(self.radii) < FEW:
-            squared = ((x[:, None] - self.centres[:, :2]) ** 2).sum(axis=2)
-            tops = self._top(np.arange(len(self.radii)), squared)
-            tops[squared > self.radii**2] = -np.inf
-            best = tops.argmax(axis=1)
-            top = tops[np.arange(len(best)), best]
-            higher = top > self.origin_z
-            return np.where(higher, top, heights), np.where(higher, best, which)
-        matches = NearestOf(x).within(self.centres[:, :2], self.radii)
-        for sphere, below in enumerate(matches):
-            top = self._top(sphere, ((x[below] - self.centres[sphere, :2]) ** 2).sum(axis=1))
-            higher = top > heights[below]
-            heights[below[higher]], which[below[higher]] = top[higher], sphere
-        return heights, which
-
-    def _top(self, spheres: int | np.ndarray, squared: Floats) -> Floats:
-        """Heights of spheres at squared distances beside their centres."""
-        return np.asarray(
-            self.centres[spheres, 2] + np.sqrt(np.maximum(self.radii[spheres] ** 2 - squared, 0.0))
-        )
-
-    def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
-        return self._highest(rows(x))[0]
-
-    def highest(self, x: ArrayLike) -> np.ndarray:
-        """Which sphere is seen from above at points (n, 2), (n,); -1: the base plane."""
-        return self._highest(rows(x))[1]
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2), infinite at the equators of spheres."""
-        heights, which = self._highest(rows(x))
-        beside = rows(x) - self.centres[which, :2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = -beside / (heights - self.centres[which, 2])[:, None]
-        return np.asarray(np.where((which < 0)[:, None], 0.0, slope))

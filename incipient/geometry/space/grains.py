@@ -301,14 +301,6 @@ def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
     )[dimension]
 
 
-def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
-    """The means (count, 3) of unit normals (k, 3) that belong to rows (k,); those of a row that agree count once."""
-    distinct = np.unique(np.column_stack([row, np.round(normals, 9)]), axis=0, return_index=True)[1]
-    return unit(
-        np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T])
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class Triangulated(Solid):
     """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
@@ -385,25 +377,32 @@ class Triangulated(Solid):
     def _triangles(self) -> Triangles:
         return self.cores[0].search
 
+    def _outward(self, points: Floats) -> tuple[Floats, Floats]:
+        """Vectors (n, 3) from the nearest points of the surface, and the normals (n, 3) there.
+
+        On edges and at corners of the surface the mean of the normals weighted by the angles of the triangles, whose
+        side of the surface is that of the points (Baerentzen and Aanaes 2005).
+        """
+        feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
+        corners = self._surface.corners[triangle]
+        to, after = corners - feet[row, None], np.roll(corners, -1, axis=1) - feet[row, None]
+        sines = np.linalg.norm(cross(to, after), axis=2)
+        angles = np.arctan2(sines, (to * after).sum(axis=2)).sum(axis=1)
+        facing = angles[:, None] * unit(surfaces.vector_areas(corners))
+        mean = np.column_stack([np.bincount(row, part, len(points)) for part in facing.T])
+        return points - feet, unit(mean)
+
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
-        points = rows(x)
-        feet = self._triangles.nearest(points, 1e-12 * self.size)[0]
-        return self._sides(points) * np.linalg.norm(points - feet, axis=1)
+        away, normals = self._outward(rows(x))
+        return np.copysign(np.linalg.norm(away, axis=1), (away * normals).sum(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
-        points = rows(x)
-        feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
-        away = points - feet
-        facing = unit(surfaces.vector_areas(self._surface.corners[triangle]))
+        away, normals = self._outward(rows(x))
         on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
-        outward = self._sides(points)[:, None] * unit(away)
-        return np.where(on_surface, _mean_directions(row, facing, len(points)), outward)
-
-    def _sides(self, points: Floats) -> Floats:
-        """-1 (n,) for points (n, 3) inside the surface, 1 for those outside."""
-        return np.where(self._triangles.winding(points) > 0.5, -1.0, 1.0)
+        side = np.sign((away * normals).sum(axis=1, keepdims=True))
+        return np.where(on_surface, normals, side * unit(away))
 
     def surface(self, spacing: float) -> Surface:
         """The triangles, cut into smaller ones."""
@@ -542,27 +541,19 @@ def _showing(centres: Floats, radii: Floats) -> np.ndarray:
 
 def _union(centres: Floats, radii: Floats) -> Moments:
     """Integrals over a union of spheres: unions of discs at Gauss points along the third axis."""
-    z, weights = _section_rule(centres, radii)
     volume, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
-    for height, weight in zip(z, weights, strict=True):
-        section = _section(height, centres, radii)
+    for height, weight in zip(*_section_rule(centres, radii), strict=True):
+        squared = radii**2 - (height - centres[:, 2]) ** 2
+        cut = squared > 0.0
+        middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
+        section = moments_of_arcs(exposed_arcs(middles, sizes), middles, sizes)
+        mean = np.array([*section.first, height * section.volume])
         volume += weight * section.volume
-        first += weight * np.array([*section.first, height * section.volume])
-        part = np.zeros((3, 3))
-        part[:2, :2] = section.second
-        part[2, :2] = part[:2, 2] = height * section.first
-        part[2, 2] = height**2 * section.volume
-        second += weight * part
+        first += weight * mean
+        second[:2, :2] += weight * section.second
+        second[2, :] += weight * height * mean
+        second[:2, 2] += weight * height * mean[:2]
     return Moments(volume, first, second)
-
-
-def _section(height: float, centres: Floats, radii: Floats) -> Moments:
-    """The integrals over the union of discs in which a horizontal plane cuts spheres."""
-    squared = radii**2 - (height - centres[:, 2]) ** 2
-    cut = squared > 0.0
-    middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
-    arcs = exposed_arcs(middles, sizes)
-    return moments_of_arcs(arcs, middles, sizes)
 
 
 def _section_rule(centres: Floats, radii: Floats) -> tuple[Floats, Floats]:
@@ -580,48 +571,28 @@ def _section_rule(centres: Floats, radii: Floats) -> tuple[Floats, Floats]:
 
 def _critical_heights(centres: Floats, radii: Floats) -> Floats:
     """Heights of the spheres' poles, of the extremes of the circles in which they meet, of triple points."""
-    low, high = (centres[:, 2] - radii).min(), (centres[:, 2] + radii).max()
     heights = [*(centres[:, 2] - radii), *(centres[:, 2] + radii)]
+    low, high = min(heights), max(heights)
     for i, j in combinations(range(len(radii)), 2):
-        circle = _meeting_circle(centres[i], radii[i], centres[j], radii[j])
-        if circle is not None:
-            middle, axis, radius = circle
-            reach = radius * np.sqrt(max(1.0 - axis[2] ** 2, 0.0))
-            heights += [middle[2] - reach, middle[2] + reach]
+        d = float(np.linalg.norm(centres[j] - centres[i]))
+        if not abs(radii[i] - radii[j]) < d < radii[i] + radii[j]:
+            continue
+        axis = (centres[j] - centres[i]) / d
+        along = (d * d + radii[i] ** 2 - radii[j] ** 2) / (2.0 * d)
+        middle, radius = centres[i] + along * axis, np.sqrt(radii[i] ** 2 - along**2)
+        reach = radius * np.sqrt(max(1.0 - axis[2] ** 2, 0.0))
+        heights += [middle[2] - reach, middle[2] + reach]
+        # Where the circle meets each further sphere.
+        away = centres[j + 1 :] - middle
+        across = away - np.outer(away @ axis, axis)
+        length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+        cosine = ((away**2).sum(axis=1) + radius**2 - radii[j + 1 :] ** 2) / (2.0 * radius * length)
+        met = np.abs(cosine) <= 1.0
+        ahead, turn = (across / length[:, None])[met], np.arccos(cosine[met])
+        aside = cross(np.tile(axis, (len(ahead), 1)), ahead)[:, 2]
+        for sign in (-1.0, 1.0):
             heights += [
-                z
-                for k in range(j + 1, len(radii))
-                for z in _circle_on_sphere(middle, axis, radius, centres[k], radii[k])
+                *(middle[2] + radius * (np.cos(turn) * ahead[:, 2] + sign * np.sin(turn) * aside))
             ]
     found = np.array(heights)
     return found[(found >= low) & (found <= high)]
-
-
-def _meeting_circle(
-    first: Floats, r: float, second: Floats, s: float
-) -> tuple[Floats, Floats, float] | None:
-    """Centre, axis and radius of the circle in which two spheres meet."""
-    d = float(np.linalg.norm(second - first))
-    if not abs(r - s) < d < r + s:
-        return None
-    axis = (second - first) / d
-    along = (d * d + r * r - s * s) / (2.0 * d)
-    return first + along * axis, axis, float(np.sqrt(r * r - along * along))
-
-
-def _circle_on_sphere(
-    middle: Floats, axis: Floats, radius: float, centre: Floats, r: float
-) -> list[float]:
-    """Heights of the points in which a circle meets a sphere."""
-    away = centre - middle
-    across = away - (away @ axis) * axis
-    length = float(np.linalg.norm(across))
-    if length < 1e-12 * radius:
-        return []
-    cosine = (away @ away + radius**2 - r * r) / (2.0 * radius * length)
-    if abs(cosine) > 1.0:
-        return []
-    ahead = across / length
-    aside = cross(axis, ahead)
-    sine = np.sqrt(1.0 - cosine**2)
-    return [float((middle + radius * (cosine * ahead + s * sine * aside))[2]) for s in (-1.0, 1.0)]

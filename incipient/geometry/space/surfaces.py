@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, permutations
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, planar_cross, unit
+from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
 
 if TYPE_CHECKING:
@@ -17,15 +17,12 @@ if TYPE_CHECKING:
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
 BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
 LEVELS = 20_000  # points at which a level is asked for at once
-RAY = unit(
-    np.array([0.36419, 0.27183, 0.89124])
-)  # no direction in which grains have faces and edges
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
-CLEAR = 1e-9  # how far a ray must pass an edge to be counted: an area, in squares of the triangles' size
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
 # Part of an edge's length, and of barycentric coordinates in a triangle: what only touches does not cross.
 BESIDE = 1e-9
+BESIDE_POINT = 0.02  # of a step of a grid, by which a level surface keeps off its points
 SNAPPED = 0.2  # of the length of its sides: a vertex so near a cut is moved onto it
 
 Indices = np.ndarray  # (m, 2) or (m, 3) of integers
@@ -306,18 +303,6 @@ class Triangles:
     def _corners(self) -> "cKDTree":
         return _tree(self.corners.reshape(-1, 3))
 
-    @cached_property
-    def _frame(self) -> Floats:
-        """Columns (3, 3): two directions across the ray and its own."""
-        first = unit(np.cross(RAY, [1.0, 0.0, 0.0]))
-        return np.column_stack([first, np.cross(RAY, first), RAY])
-
-    @cached_property
-    def _shadow(self) -> tuple[Floats, "cKDTree"]:
-        """The triangles as seen along the ray, their third components their heights, and where their centroids are."""
-        seen = self.corners @ self._frame
-        return seen, _tree(seen[..., :2].mean(axis=1))
-
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
         """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
         # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
@@ -347,27 +332,6 @@ class Triangles:
         reach = self._corners.query(points)[0] + self._reach.max()
         pairs = int(self._centroids.query_ball_point(points, reach, return_length=True).sum())
         return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
-
-    def winding(self, points: Floats) -> Floats:
-        """How often the triangles, a closed surface, wind around each of the points (n, 3): 1 inside, 0 outside.
-
-        By the sides from which a ray crosses them; by their solid angles for points whose ray meets an edge.
-        """
-        seen, tree = self._shadow
-        place, extent = points @ self._frame, self._reach.max()
-        row, triangle = _matches(tree, place[:, :2], np.full(len(points), extent))
-        a, b, c = (seen[triangle, i, :2] - place[row, :2] for i in range(3))
-        shares = np.column_stack([planar_cross(b, c), planar_cross(c, a), planar_cross(a, b)])
-        twice = shares.sum(axis=1)
-        least = (shares * np.sign(twice)[:, None]).min(axis=1)
-        crossed = least > CLEAR * extent**2
-        height = (shares * seen[triangle, :, 2]).sum(axis=1) / np.where(crossed, twice, 1.0)
-        crossed &= height > place[row, 2]
-        times = np.bincount(row, np.sign(twice) * crossed, minlength=len(points))
-        unclear = np.unique(row[np.abs(least) <= CLEAR * extent**2])
-        for some in np.array_split(unclear, 1 + len(unclear) * len(seen) // BLOCK):
-            times[some] = _solid_angles(points[some], self.corners)
-        return np.asarray(times)
 
 
 def _tree(points: Floats) -> "cKDTree":
@@ -407,18 +371,6 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
             np.where(closer, away_squared, squared),
         )
     return np.asarray(best)
-
-
-def _solid_angles(x: Floats, corners: Floats) -> Floats:
-    """How often a closed surface winds around each of the points (n, 3): 1 inside, 0 outside.
-
-    The sum of the triangles' solid angles (van Oosterom and Strackee 1983).
-    """
-    a, b, c = (corners[:, i] - x[:, None] for i in range(3))
-    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
-    volume = (a * np.cross(b, c)).sum(-1)
-    other = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
-    return np.asarray((2.0 * np.arctan2(volume, other)).sum(axis=1) / (4.0 * np.pi))
 
 
 class NearestOf:
@@ -487,68 +439,20 @@ def level_surface(
 ) -> Surface:
     """The surface level = 0 within a grid given by its abscissae along three axes; it faces growing levels.
 
-    Each cell is cut into six tetrahedra about its diagonal (Kuhn), in each of which the level is taken to be linear,
-    so that the triangles fit together without holes. Where the surface meets the grid's outside its vertices lie there.
+    Where the surface meets the grid's outside its vertices lie there.
     """
-    shape = tuple(len(axis) for axis in axes)
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    values = in_blocks(level, points)
-    values[values == 0.0] = 1e-300
-    tetrahedra = _crossed_tetrahedra(values.reshape(shape))
-    above = values[tetrahedra] > 0.0
-    number = above.sum(axis=1)
-    pieces = []
-    for lonely, count in ((True, 1), (False, 3)):
-        chosen = tetrahedra[number == count]
-        alone = np.argmax(above[number == count] == lonely, axis=1)
-        rest = [
-            np.take_along_axis(chosen, ((alone + k) % 4)[:, None], 1)[:, 0] for k in (0, 1, 2, 3)
-        ]
-        pieces.append(np.stack([np.column_stack([rest[0], rest[k]]) for k in (1, 2, 3)], axis=1))
-    halves = tetrahedra[number == 2]
-    order = np.argsort(~above[number == 2], axis=1, kind="stable")
-    a, b, c, d = np.take_along_axis(halves, order, 1).T
-    ac, bc, bd, ad = (np.column_stack(pair) for pair in ((a, c), (b, c), (b, d), (a, d)))
-    pieces += [np.stack([ac, bc, bd], axis=1), np.stack([ac, bd, ad], axis=1)]
-    return _joined(points, values, np.concatenate(pieces))
+    import pyvista  # which takes time to import
 
-
-def _crossed_tetrahedra(values: Floats) -> np.ndarray:
-    """The grid's tetrahedra (m, 4) on whose corners the values have both signs."""
-    index = np.arange(values.size).reshape(values.shape)
-    steps = np.array([index[1, 0, 0], index[0, 1, 0], index[0, 0, 1]])
-    positive = values > 0.0
-    corner = [
-        positive[
-            i : values.shape[0] - 1 + i, j : values.shape[1] - 1 + j, k : values.shape[2] - 1 + k
-        ]
-        for i in (0, 1)
-        for j in (0, 1)
-        for k in (0, 1)
-    ]
-    count = np.sum(corner, axis=0)
-    first = index[:-1, :-1, :-1][(count > 0) & (count < 8)]
-    ways = [np.cumsum([0, *steps[list(way)]]) for way in permutations(range(3))]
-    tetrahedra = np.concatenate([first[:, None] + way for way in ways])
-    above = (values.ravel()[tetrahedra] > 0.0).sum(axis=1)
-    return np.asarray(tetrahedra[(above > 0) & (above < 4)])
-
-
-def _joined(points: Floats, values: Floats, crossings: np.ndarray) -> Surface:
-    """Triangles from the grid's edges (m, 3 corners, 2 ends) that the surface crosses."""
-    ends = np.sort(crossings.reshape(-1, 2), axis=1)
-    edges, corner = np.unique(ends, axis=0, return_inverse=True)
-    low, high = values[edges[:, 0]], values[edges[:, 1]]
-    # Crossings very near a point of the grid would make needles.
-    share = np.clip(low / (low - high), 0.02, 0.98)[:, None]
-    places = points[edges[:, 0]] + share * (points[edges[:, 1]] - points[edges[:, 0]])
-    triangles = corner.reshape(-1, 3)
-    up = points[edges[:, 1]] - points[edges[:, 0]]
-    up = up * np.sign(high - low)[:, None]
-    areas = vector_areas(places[triangles])
-    turned = (areas * up[triangles].sum(axis=1)).sum(axis=1) < 0.0
-    triangles[turned] = triangles[turned, ::-1]
-    return Surface(places, triangles)
+    grid = pyvista.StructuredGrid(*np.meshgrid(*axes, indexing="ij"))
+    values = in_blocks(level, np.asarray(grid.points, dtype=float))
+    # Vertices very near a point of the grid would make needles: the surface is moved a little beside it.
+    step = min(float(np.diff(axis).min()) for axis in axes)
+    values = np.where(np.abs(values) < BESIDE_POINT * step, BESIDE_POINT * step, values)
+    cut = grid.contour([0.0], values)
+    points, triangles = np.asarray(cut.points, dtype=float), cut.faces.reshape(-1, 4)[:, 1:]
+    areas, middles = vector_areas(points[triangles]), points[triangles].mean(axis=1)
+    rise = in_blocks(level, middles + 0.1 * step * unit(areas)) - in_blocks(level, middles)
+    return Surface(points, triangles if rise.sum() > 0.0 else triangles[:, ::-1])
 
 
 def halved(surface: Surface) -> Surface:
@@ -559,33 +463,10 @@ def halved(surface: Surface) -> Surface:
     for end in (0, 1):
         np.minimum.at(shortest, surface.edges[:, end], sides)
     points[np.abs(points[:, 1]) < SNAPPED * shortest, 1] = 0.0
-    sign = np.sign(points[:, 1])[surface.triangles]
-    kept = surface.triangles[(sign >= 0).all(axis=1) & (sign > 0).any(axis=1)]
-    crossed = surface.triangles[(sign > 0).any(axis=1) & (sign < 0).any(axis=1)]
-    cut, places = _cut(points, crossed)
-    points = np.vstack([points, places])
-    triangles = np.vstack([kept, cut])
-    used, number = np.unique(triangles, return_inverse=True)
-    return Surface(points[used], number.reshape(-1, 3))
+    from trimesh.intersections import slice_faces_plane  # which takes time to import
 
-
-def _cut(points: Floats, triangles: np.ndarray) -> tuple[np.ndarray, Floats]:
-    """The parts with y >= 0 of triangles (m, 3) that cross the plane, and the points (k, 3) added for them."""
-    added: dict[tuple[int, int], int] = {}
-    places: list[Floats] = []
-    found: list[tuple[int, int, int]] = []
-    for triangle in triangles.tolist():
-        corners: list[int] = []
-        for a, b in zip(triangle, triangle[1:] + triangle[:1], strict=True):
-            if points[a, 1] >= 0.0:
-                corners.append(a)
-            if points[a, 1] * points[b, 1] < 0.0:
-                key = (min(a, b), max(a, b))
-                if key not in added:
-                    added[key] = len(points) + len(places)
-                    share = points[key[0], 1] / (points[key[0], 1] - points[key[1], 1])
-                    place = (1.0 - share) * points[key[0]] + share * points[key[1]]
-                    places.append(place * [1.0, 0.0, 1.0])
-                corners.append(added[key])
-        found += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
-    return np.array(found, dtype=int).reshape(-1, 3), np.array(places).reshape(-1, 3)
+    normal, origin = np.array([0.0, 1.0, 0.0]), np.zeros(3)
+    points, triangles = slice_faces_plane(points, surface.triangles, normal, origin)[:2]
+    points[np.abs(points[:, 1]) < 1e-9 * surface.spacing, 1] = 0.0
+    inside = (points[triangles, 1] > 0.0).any(axis=1)
+    return merged(points, triangles[inside], 1e-9 * surface.spacing)
