@@ -5,7 +5,7 @@ A `Placement` turns and carries the frame into the scene. Lengths are scene unit
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -30,6 +30,9 @@ from incipient.geometry.shape import (
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 PANELS = 24  # of Gauss's rule on a curve that is no line or arc
 SPLINE_ERROR = 1e-7  # of the splines that are meshed, in grain sizes
+# Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by no more than an angle.
+BLUNT, TURN = 0.12, np.radians(20.0)
+EVEN = 192  # points of such a piece
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
@@ -258,10 +261,38 @@ class Smooth(Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Four quarters, exact, with enough points for a spline."""
-        return tuple(self._quarter(k) for k in range(4))
+        return tuple(self._traced(0.5 * pi * k, 0.5 * pi * (k + 1)) for k in range(4))
 
-    def _quarter(self, k: int) -> Traced:
-        first, sweep, count = 0.5 * pi * k, 0.5 * pi, 96
+    def drawn(self) -> tuple[Curve, ...]:
+        """The quarters, cut in blunt corners so that no cell turns by more than TURN."""
+        cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
+        if all(len(quarter) == 2 for quarter in cuts):
+            return self.chain.curves
+        return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
+
+    def _cuts(self, first: float) -> Floats:
+        """Angles (n,) from the start of a quarter: its ends, and equal turns where the curvature is large."""
+        angle = np.linspace(0.0, 0.5 * pi, 2049)
+        rate = self.trace(first + angle)[1]
+        turn = np.diff(np.unwrap(np.arctan2(rate[:, 1], rate[:, 0])))
+        length = np.linalg.norm(rate[1:], axis=1) * angle[1]
+        turned = np.cumsum(np.where(turn * BLUNT * self.size > length, turn, 0.0))
+        count = int(np.ceil(turned[-1] / TURN))
+        inner = angle[
+            1 + np.searchsorted(turned, turned[-1] * (np.arange(count + 1) + 1e-9) / (count + 1e-6))
+        ]
+        return np.unique([0.0, *(inner if count else ()), 0.5 * pi])
+
+    def _even(self, first: float, last: float) -> Spline:
+        """A spline through points of the outline between two angles, evenly spaced: so are the nodes of its cells."""
+        angle = np.linspace(first, last, 4097)
+        way = np.cumsum(np.linalg.norm(self.trace(0.5 * (angle[1:] + angle[:-1]))[1], axis=1))
+        at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
+        return Spline(self.trace(at)[0])
+
+    def _traced(self, first: float, last: float) -> Traced:
+        """The outline between two angles, with enough points for a spline."""
+        sweep, count = last - first, 96
         while True:
             points = self.trace(first + sweep * _crowded(count))[0]
             between = Spline(points).point((np.arange(4 * count) + 0.5) / (4 * count))
@@ -597,39 +628,26 @@ def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
     """The first two sides, by numbers, of a polygon (n, 2) that cross or touch without being neighbours."""
     start, end = corners, np.roll(corners, -1, axis=0)
-    n, first = len(corners), None
-    for i, j in _overlapping(start, end):
-        neighbours = (j - i == 1) | (j - i == n - 1)
-        i, j = i[~neighbours], j[~neighbours]
-        meet = _straddles(start[i], end[i], start[j], end[j]) & _straddles(
-            start[j], end[j], start[i], end[i]
-        )
-        pairs = [*zip(i[meet].tolist(), j[meet].tolist(), strict=True), *([first] if first else [])]
-        first = min(pairs) if pairs else None
-    return first
-
-
-def _overlapping(start: Floats, end: Floats) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs i < j of sides whose boxes have a point in common, in parts of a limited size."""
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    sweeps = []
-    for axis in (0, 1):
-        order = np.argsort(low[:, axis], kind="stable")
-        last = np.searchsorted(low[order, axis], high[order, axis], side="right")
-        sweeps.append((int((last - np.arange(len(order))).sum()), axis, order, last))
-    _, axis, order, last = min(sweeps, key=lambda sweep: sweep[0])
-    counts = last - np.arange(len(order)) - 1
-    for part in np.array_split(np.arange(len(order)), 1 + int(counts.sum()) // TABLE):
-        i = np.repeat(part, counts[part])
-        j = (
-            i
-            + 1
-            + np.arange(len(i))
-            - np.repeat(np.cumsum(counts[part]) - counts[part], counts[part])
-        )
-        a, b, other = order[i], order[j], 1 - axis
-        close = (low[a, other] <= high[b, other]) & (low[b, other] <= high[a, other])
-        yield np.minimum(a, b)[close], np.maximum(a, b)[close]
+    low, high, n = np.minimum(start, end), np.maximum(start, end), len(corners)
+    # Sides overlap along the axis along which fewer of them do; one side and the next, the next but one, ...
+    orders = [np.argsort(low[:, axis], kind="stable") for axis in (0, 1)]
+    ahead = [
+        np.searchsorted(low[order, axis], high[order, axis], side="right") - np.arange(n) - 1
+        for axis, order in enumerate(orders)
+    ]
+    axis = int(np.argmin([count.sum() for count in ahead]))
+    order, count, pairs = orders[axis], ahead[axis], []
+    rows = np.argsort(-count, kind="stable")
+    for step in range(1, int(count.max(initial=0)) + 1):
+        rows = rows[: np.searchsorted(-count[rows], -step, side="right")]
+        i, j = np.sort([order[rows], order[rows + step]], axis=0)
+        close = ((low[i] <= high[j]) & (low[j] <= high[i])).all(axis=1)
+        close &= (j - i > 1) & (j - i < n - 1)
+        i, j = i[close], j[close]
+        meet = _straddles(start[i], end[i], start[j], end[j])
+        meet &= _straddles(start[j], end[j], start[i], end[i])
+        pairs += zip(i[meet].tolist(), j[meet].tolist(), strict=True)
+    return min(pairs, default=None)
 
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
@@ -639,24 +657,13 @@ def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     )
 
 
-def _shoelace(corners: Floats) -> tuple[float, Floats]:
-    """Signed area (positive counter-clockwise) and centroid of a polygon."""
-    following = np.roll(corners, -1, axis=0)
-    cross = planar_cross(corners, following)
-    area = 0.5 * float(cross.sum())
-    if area == 0.0:
-        return area, corners.mean(axis=0)
-    return area, ((corners + following) * cross[:, None]).sum(axis=0) / (6.0 * area)
-
-
 def _centred(corners: Floats) -> Floats:
     """The polygon's corners (n, 2) counter-clockwise with the centroid at the origin."""
     corners = corners - corners.mean(axis=0)
-    area, centroid = _shoelace(corners)
-    extent = np.ptp(corners, axis=0).max()
-    if abs(area) <= 1e-12 * extent**2:
+    whole = Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    if abs(whole.volume) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
         raise SceneError("the polygon has no area; give vertices that are not all on one line")
-    return (corners - centroid)[:: 1 if area > 0.0 else -1]
+    return (corners - whole.centroid)[:: 1 if whole.volume > 0.0 else -1]
 
 
 def _require_simple(corners: Floats) -> None:
@@ -680,14 +687,25 @@ class Arcs:
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
     """The parts of the circles (n,) that lie in no other disc; of equal discs the last counts."""
     found: list[tuple[int, float, float]] = []
-    for i in range(len(radii)):
-        found += [(i, first, last) for first, last in _gaps(_covered(i, centres, radii))]
-    owner, start, end = (
-        (np.array(column) for column in zip(*found, strict=True)) if found else ([],) * 3
-    )
-    return Arcs(
-        np.asarray(owner, dtype=int), np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    )
+    number = np.arange(len(radii))
+    for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
+        away = centres - centre
+        d = np.linalg.norm(away, axis=1)
+        around = (d <= radii - radius) & ((radii > radius) | (number > i))
+        if around.any():
+            continue
+        cuts = (d < radii + radius) & (d > np.abs(radii - radius))
+        middle = np.arctan2(away[cuts, 1], away[cuts, 0])
+        half = np.arccos((d[cuts] ** 2 + radius**2 - radii[cuts] ** 2) / (2.0 * d[cuts] * radius))
+        ends = np.sort(np.concatenate([middle - half, middle + half]) % (2.0 * pi))
+        for first, last in zip(ends, np.append(ends[1:], ends[:1] + 2.0 * pi), strict=True):
+            turn = np.abs((0.5 * (first + last) - middle + pi) % (2.0 * pi) - pi)
+            if last > first and (turn >= half).all():
+                found.append((i, first, last))
+        if not len(ends):
+            found.append((i, 0.0, 2.0 * pi))
+    owner, start, end = np.array(found, dtype=float).reshape(-1, 3).T
+    return Arcs(owner.astype(int), start, end)
 
 
 def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
@@ -699,40 +717,6 @@ def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
     points = centres[arcs.owner, None] + r * outward
     normals = r * sweep * outward * np.tile(0.125 * WEIGHTS, 4)[:, None]
     return Moments.swept(points.reshape(-1, 2), normals.reshape(-1, 2))
-
-
-def _covered(i: int, centres: Floats, radii: Floats) -> list[tuple[float, float]] | None:
-    """The arcs of circle i that lie in other discs; None: all of it."""
-    covered: list[tuple[float, float]] = []
-    away = centres - centres[i]
-    for j, (d, r) in enumerate(zip(np.linalg.norm(away, axis=1), radii, strict=True)):
-        if j == i or d >= radii[i] + r:
-            continue
-        if d <= abs(r - radii[i]):
-            if r > radii[i] or (r == radii[i] and j > i):
-                return None
-            continue
-        middle = np.arctan2(away[j, 1], away[j, 0]) % (2.0 * pi)
-        half = np.arccos((d * d + radii[i] ** 2 - r * r) / (2.0 * d * radii[i]))
-        covered.append((middle - half, middle + half))
-    return covered
-
-
-def _gaps(covered: list[tuple[float, float]] | None) -> list[tuple[float, float]]:
-    """What intervals of angles leave of the circle, each gap with ascending angles."""
-    if covered is None:
-        return []
-    if not covered:
-        return [(0.0, 2.0 * pi)]
-    covered = sorted(covered)
-    gaps, reach = [], covered[0][1]
-    for first, last in [*covered[1:], (covered[0][0] + 2.0 * pi, covered[0][1] + 2.0 * pi)]:
-        if first > reach:
-            gaps.append((reach, first))
-        reach = max(reach, last)
-    # An interval that passes over the seam also covers the beginning of the first gaps.
-    seam = max(last for _, last in covered) - 2.0 * pi
-    return [(max(first, seam), last) for first, last in gaps if last > seam]
 
 
 @dataclass(frozen=True, init=False)
