@@ -6,7 +6,7 @@ Lengths are scene units.
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from itertools import product as choices
@@ -303,7 +303,7 @@ def _orthant(dimension: int, r: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Triangulated(Solid):
-    """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
+    """A grain bounded by a closed surface of triangles; it is shifted to its centroid, which was at `centre` (3,).
 
     `vertices` (n, 3) and `triangles` (m, 3) in any sense, but all in the same. Raises SceneError if the surface
     is not closed (with the number of open edges), encloses no volume, or is in several parts.
@@ -313,6 +313,7 @@ class Triangulated(Solid):
     vertices: Floats
     triangles: np.ndarray
     name: str = "the surface"
+    centre: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
@@ -332,13 +333,15 @@ class Triangulated(Solid):
         extent = float(np.ptp(points, axis=0).max())
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
-        middle = surface.points - surface.points.mean(axis=0)
+        mean = surface.points.mean(axis=0)
+        middle = surface.points - mean
         whole = Moments.within(middle[surface.triangles])
         if not abs(whole.volume) > 1e-12 * extent**3:
             raise SceneError(f"{self.name} encloses no volume; give a body")
         turned = surface.triangles if whole.volume > 0.0 else surface.triangles[:, ::-1]
         object.__setattr__(self, "vertices", middle - whole.centroid)
         object.__setattr__(self, "triangles", turned)
+        object.__setattr__(self, "centre", mean + whole.centroid)
 
     @classmethod
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
