@@ -13,14 +13,13 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross, planar_cross, quarter_turned
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.closest import PlanarProximity
-from incipient.geometry.plane.curves import increasing_roots
 from incipient.geometry.plane.grains import Grain
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.closest import SpatialProximity
@@ -29,10 +28,10 @@ from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion,
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
-SHORT_STEP = 1e-4  # from which on bisection is tried where Newton's method fails
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
+ON_POLE, POLE_STEPS = 1e-5, 40  # the same where round-off of the angle counts, and steps to it
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
@@ -186,16 +185,16 @@ class _Descent:
                 if found is not None and (found.stable or (step == 0 and strength <= BALANCED)):
                     return self._settled(found, step)
                 tried = strength
-                if found is None and turned and length < SHORT_STEP:
-                    found = self._pinched(placement, 10.0 * length)
-                    if found is not None and found.stable and found.imbalance <= BALANCED:
+                if found is None and len(touching) == 1:
+                    found = self._on_pole(placement)
+                    if found is not None and found.stable:
                         return self._settled(found, step)
                 pushed = None if found is None else self._pushed(found)
                 if pushed is not None and self._work(placement, pushed) > 0.0:
                     placement, length, tried = pushed, FIRST_STEP, 0.0
                     continue
             if length < SHORTEST_STEP:
-                found = self._pinched(placement, TOUCHING)
+                found = self._on_pole(placement)
                 if found is not None and found.stable:
                     return self._settled(found, step)
                 return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
@@ -362,57 +361,41 @@ class _Descent:
             carrying = self._proximity.tracked(placement, carrying)
         return placement if last < 1e-11 else None
 
-    def _pinched(self, placement: Placement, window: float) -> _Rest | None:
-        """The rest on a pole without curvature, as superellipses have, where the pull turns round along itself.
+    def _on_pole(self, placement: Placement) -> _Rest | None:
+        """The rest on a single contact where the grain has no curvature, as superellipses have.
 
-        There the couple is a root of the angle, so that Newton's method fails, and round-off of the angle may
-        leave some of it. `window` (grain sizes) is how far the rest may be; None if the pull does not turn
-        round within it.
+        There the place of the contact is a root of the angle, so that Newton's method for the angle fails, but the
+        angle is a smooth function of the place: the place is moved to where it balances the couple, and the grain
+        turned until it touches there. Round-off of the angle may leave some of the couple. None if that is much.
         """
-        carrying = self._touching_at(placement)
-        for _ in range(len(self.load)):
+        d, carrying, last = self.grain.gdim, self._touching_at(placement), np.inf
+        for _ in range(POLE_STEPS):
             pull = self._pull(placement, carrying)
-            if len(carrying) == 0 or np.abs(pull).max() <= BALANCED:
+            strength = float(np.abs(pull).max())
+            if len(carrying) != 1 or strength <= BALANCED or strength > STALLED * last:
                 break
-            direction = pull / np.linalg.norm(pull)
-
-            def excess(way: Floats, start=placement, near=carrying, along=direction) -> Floats:  # type: ignore[no-untyped-def]
-                """Minus the pull along a direction after ways (1,), to the power that makes it smooth on most poles."""
-                there = self._rolled(start, near, way[0] * along)
-                rest = float(self._pull(*there) @ along)
-                return np.array([-(rest**3) if abs(rest) > BALANCED else 0.0])
-
-            way = increasing_roots(excess, np.zeros(1), np.array([window]))
-            if way[0] == window:
-                return None
-            placement, carrying = self._rolled(placement, carrying, way[0] * direction)
-        if len(carrying) == 0 or np.abs(carrying.gaps).max() > CLOSED * self.size:
-            return None
+            last = strength
+            force, couple = self.load[:d], pull[d:]
+            shift = cross(force, couple) if d == 3 else -couple * quarter_turned(force)
+            ends = np.vstack([carrying.points, carrying.points + self.size * shift])
+            here, there = self.grain.normal(placement.to_body(ends)) @ placement.rotation.T
+            turn = cross(there, here) if d == 3 else planar_cross(there, here)
+            placement = placement.moved(np.zeros(d), turn)
+            for _ in range(4):
+                carrying = self._proximity.tracked(placement, carrying)
+                placement = placement.raised(-float(carrying.gaps[0] / carrying.normals[0, -1]))
+            carrying = self._proximity.tracked(placement, carrying)
         imbalance = float(np.abs(self._pull(placement, carrying)).max())
-        gap, way_down = float(np.abs(carrying.gaps).max()), self._way_down(placement, carrying)
+        gap = float(np.abs(carrying.gaps).max(initial=0.0))
+        if len(carrying) == 0 or gap > CLOSED * self.size or imbalance > ON_POLE:
+            return None
+        way_down = self._way_down(placement, carrying)
         return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
 
     def _touching_at(self, placement: Placement) -> ClosestPoints:
         """The places that carry the grain there."""
         near = self._proximity.minima(placement, TOUCHING * self.size)
         return self._carrying(placement, self._touching(placement, near, TOUCHING))
-
-    def _rolled(
-        self, placement: Placement, carrying: ClosestPoints, motion: Floats
-    ) -> tuple[Placement, ClosestPoints]:
-        """The placement after a motion with the contacts closed again, a single one vertically; and these."""
-        if len(carrying) > 1:
-            placement = self._moved_in_contact(placement, carrying, motion)
-            return placement, self._proximity.tracked(placement, carrying)
-        placement = self._moved(placement, motion)
-        carrying = self._proximity.tracked(placement, carrying)
-        for _ in range(4):
-            drop = float(carrying.gaps[0] / carrying.normals[0, -1])
-            placement = placement.raised(-drop)
-            carrying = self._proximity.tracked(placement, carrying)
-            if abs(drop) <= 1e-14 * self.size:
-                break
-        return placement, carrying
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""

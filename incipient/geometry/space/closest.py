@@ -175,8 +175,14 @@ class SpatialProximity:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
         points = placement.to_scene(self.grain.project(placement.to_body(points)))
         sight = pieces.closest(points, which, points[:, :2])
+        last = np.full((len(points), 1), np.inf)
         for _ in range(30):
             tangents, step = self._newton_step(placement, points, sight)
+            # On poles without curvature steps shrink by a constant factor: their sum is taken (Aitken).
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            ratio = length / np.maximum(last, 1e-300)
+            slow, last = (ratio > 0.4) & (ratio < 0.97), length
+            step = step / np.where(slow, 1.0 - np.minimum(ratio, 0.97), 1.0)
             moved = np.zeros(len(points))
             for _ in range(5):
                 trial = points + np.einsum("nik,nk->ni", tangents, step)
@@ -212,7 +218,7 @@ class SpatialProximity:
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
         bent = np.swapaxes(tangents, 1, 2) @ sight.hessians @ tangents + facing * curvature
         values, vectors = np.linalg.eigh(0.5 * (bent + np.swapaxes(bent, 1, 2)))
-        values = np.maximum(np.abs(values), 1e-4 / self.size)
+        values = np.maximum(np.abs(values), 1e-9 / self.size)
         slope = np.einsum("nik,ni->nk", tangents, sight.normals)
         step = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
         length = np.linalg.norm(step, axis=1, keepdims=True)
