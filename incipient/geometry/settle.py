@@ -32,6 +32,7 @@ TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
 ON_POLE, POLE_STEPS = 1e-5, 40  # the same where round-off of the angle counts, and steps to it
+FLAT = 0.1  # curvature, per grain size, of a place that counts as a pole without curvature
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
@@ -380,6 +381,8 @@ class _Descent:
             ends = np.vstack([carrying.points, carrying.points + self.size * shift])
             here, there = self.grain.normal(placement.to_body(ends)) @ placement.rotation.T
             turn = cross(there, here) if d == 3 else planar_cross(there, here)
+            if np.linalg.norm(turn) > FLAT * np.linalg.norm(shift):
+                return None
             placement = placement.moved(np.zeros(d), turn)
             for _ in range(4):
                 carrying = self._proximity.tracked(placement, carrying)
