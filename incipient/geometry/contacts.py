@@ -100,12 +100,12 @@ class ClosestPoints:
     gaps: Floats
     points: Floats
     normals: Floats
-    hessians: Floats | None = None  # second derivatives of the distance, (k, d, d)
-    anchors: Floats | None = None  # of the points, in the body frame: in 3-D on the swept core
+    hessians: Any = None  # second derivatives of the distance, (k, d, d)
+    anchors: Any = None  # of the points, in the body frame: in 3-D on the swept core
     # In 2-D curve of the outline and whether the place is its start (k, 2); in 3-D core (-1: none), triangle (negative:
     # corner or edge) and piece of the bed (k, 3)
-    origin: np.ndarray | None = None
-    parameters: Floats | None = None  # on the curve of the outline (k,)
+    origin: Any = None
+    parameters: Any = None  # on the curve of the outline (k,)
     pieces: Any = None  # of the bed, which `origin` counts
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ equilibrium Newton's method closes the contacts and removes the rest of the unba
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
@@ -379,7 +379,8 @@ class _Descent:
             force, couple = self.load[:d], pull[d:]
             shift = cross(force, couple) if d == 3 else -couple * quarter_turned(force)
             ends = np.vstack([carrying.points, carrying.points + self.size * shift])
-            here, there = self.grain.normal(placement.to_body(ends)) @ placement.rotation.T
+            body = placement.to_body(ends)
+            here, there = self.grain.normal(body) @ placement.rotation.T
             turn = cross(there, here) if d == 3 else planar_cross(there, here)
             if np.linalg.norm(turn) > FLAT * np.linalg.norm(shift):
                 return None
@@ -388,12 +389,23 @@ class _Descent:
                 carrying = self._proximity.tracked(placement, carrying)
                 placement = placement.raised(-float(carrying.gaps[0] / carrying.normals[0, -1]))
             carrying = self._proximity.tracked(placement, carrying)
+            if d == 3 and not self.grain.cores:
+                carrying = self._nearer(placement, carrying, body[1:])
         imbalance = float(np.abs(self._pull(placement, carrying)).max())
         gap = float(np.abs(carrying.gaps).max(initial=0.0))
         if len(carrying) == 0 or gap > CLOSED * self.size or imbalance > ON_POLE:
             return None
         way_down = self._way_down(placement, carrying)
         return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
+
+    def _nearer(self, placement: Placement, carrying: ClosestPoints, body: Floats) -> ClosestPoints:
+        """A contact of a smooth grain at the wanted place (1, 3) of its surface, if that is as close to the bed."""
+        anchors = self.grain.project(body)
+        points = placement.to_scene(anchors)
+        gaps = self.bed.distance(points)
+        if np.abs(gaps).max() > CLOSED * self.size:
+            return carrying
+        return replace(carrying, points=points, anchors=anchors, gaps=gaps)
 
     def _touching_at(self, placement: Placement) -> ClosestPoints:
         """The places that carry the grain there."""

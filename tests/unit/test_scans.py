@@ -24,8 +24,8 @@ from incipient.results.loads import Couples, Forces
 from incipient.scene import loads
 
 SCENES = Path(__file__).parents[2] / "demos/scenes"
-# The safety factor of the load below on scans of 20,480 facets: 2.128 and 2.118 on two of them.
-LIMIT = 2.123
+# The safety factor of the load below on scans of 20,480 facets: 2.152 and 2.150 on two of them.
+LIMIT = 2.151
 ZERO = np.zeros(3)
 OUTLINE = """
 [domain]
@@ -80,7 +80,7 @@ def load_on(volume: float = 0.433) -> tuple[Forces, Couples]:
     ("facets", "turn"), [(320, 3), pytest.param(1280, 4, marks=pytest.mark.slow)]
 )
 def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, turn: int) -> None:
-    """The worst of twelve scans each: 8.7% and 6.6% off. The term is not to be several times as large as the worst."""
+    """Scans that are 8.1% and 6.6% off; the worst of twelve of the coarser ones is 8.3% off. The term is not to be several times as large as the worst."""
     from incipient.contact.exact.judge import judged
     from incipient.evaluation.contact_verdict import find_contacts, load_of
 

@@ -93,8 +93,8 @@ class PlanarProximity:
         bound = (float(distances.min()) if within is None else within) + float(way.max())
         low, high = np.roll(distances, 1), np.roll(distances, -1)
         even = LEVEL * self.size
-        valley = (distances <= low + even) & (distances < high - even) & (distances <= bound)
-        valley = np.flatnonzero(valley)
+        least = (distances <= low + even) & (distances < high - even) & (distances <= bound)
+        valley = np.flatnonzero(least)
         before = (valley - 1) % len(s)
         # Towards the sample before, on its curve, and towards the one after.
         k, start = np.concatenate([curve[before], curve[valley]]), np.append(s[before], s[valley])
@@ -218,7 +218,6 @@ class PlanarProximity:
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
         """The minima and corners `old` followed to another placement close by, in their order."""
-        assert old.origin is not None and old.parameters is not None
         k, s, joint = old.origin[:, 0].copy(), old.parameters.copy(), old.origin[:, 1] == 1
         k[~joint], s[~joint] = self._followed(placement, k[~joint], s[~joint])
         kept = []
@@ -266,7 +265,6 @@ class PlanarProximity:
         self, placement: Placement, minima: ClosestPoints, corners: bool = False, slack: float = 0.0
     ) -> ClosestPoints:
         """Local minima among `minima`, and ends of straight sides of which both are given; on request all corners."""
-        assert minima.origin is not None
         if corners:
             return minima
         joint, k = minima.origin[:, 1] == 1, minima.origin[:, 0]
@@ -359,7 +357,7 @@ class PlanarProximity:
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
         """All straight sides, or parts of them, that lie on straight pieces of the bed."""
-        chain, patches = self.grain.chain, []
+        chain, patches = self.grain.chain, list[Patch]()
         ends = placement.to_scene(chain.starts)
         low = np.minimum(ends, np.roll(ends, -1, axis=0))[:, 1] - self.bed.crest
         near = np.flatnonzero(chain.straight & (low <= tolerance))

@@ -636,7 +636,7 @@ def meeting_sides(corners: Floats) -> tuple[int, int] | None:
         for axis, order in enumerate(orders)
     ]
     axis = int(np.argmin([count.sum() for count in ahead]))
-    order, count, pairs = orders[axis], ahead[axis], []
+    order, count, pairs = orders[axis], ahead[axis], list[tuple[int, int]]()
     rows = np.argsort(-count, kind="stable")
     for step in range(1, int(count.max(initial=0)) + 1):
         rows = rows[: np.searchsorted(-count[rows], -step, side="right")]

@@ -353,7 +353,8 @@ class SpatialProximity:
             keep &= self.grain.level(placement.to_body(minima.points)) >= -1e-9 * self.size
         if corners:
             keep |= self._is_corner(placement, minima)
-        return minima.only(keep).distinct(1e-6 * self.size)
+        # Minima of smooth grains are told apart no farther than samples are.
+        return minima.only(keep).distinct(1e-6 * self.size if self.cores else self.spacing)
 
     def _is_corner(self, placement: Placement, minima: ClosestPoints) -> np.ndarray:
         """Which minima are corners of the grain, or minima along an edge of it."""

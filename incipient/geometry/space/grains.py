@@ -392,7 +392,8 @@ class Triangulated(Solid):
         sines = np.linalg.norm(cross(to, after), axis=2)
         angles = np.arctan2(sines, (to * after).sum(axis=2)).sum(axis=1)
         facing = angles[:, None] * unit(surfaces.vector_areas(corners))
-        mean = np.column_stack([np.bincount(row, part, len(points)) for part in facing.T])
+        mean = np.zeros((len(points), 3))
+        np.add.at(mean, row, facing)
         return points - feet, unit(mean)
 
     def level(self, x: ArrayLike) -> Floats:
