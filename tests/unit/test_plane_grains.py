@@ -1,10 +1,21 @@
 """Grains in the plane with smooth outlines and unions of discs: Green's theorem and closed formulae."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 from incipient.errors import SceneError
-from incipient.geometry import Discs, Ellipse, Harmonics, Polygon, Rectangle, Star, Superellipse
+from incipient.geometry import (
+    Discs,
+    Ellipse,
+    Harmonics,
+    Placement,
+    Polygon,
+    Rectangle,
+    Star,
+    Superellipse,
+)
 
 HEXAGON = [(np.cos(k * np.pi / 3), np.sin(k * np.pi / 3)) for k in range(6)]
 
@@ -103,3 +114,37 @@ class TestPlaneGrains:
         with pytest.raises(SceneError, match=reason) as caught:
             make()
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "grain",
+    [Superellipse((0.5, 0.3), 5.0), Star(Harmonics(0.5, (0.0, 0.1)))],
+    ids=["n = 5", "star"],
+)
+def test_smooth_grains_can_be_sent_to_other_ranks(grain):
+    """Ranks exchange curves by pickling; their points and tangents stay what they are, also where they were moved."""
+    s = np.linspace(0.0, 1.0, 7)
+    for curve in grain.outline():
+        moved = curve.moved(Placement((1.0, 2.0), 0.3)).moved(Placement((-0.5, 0.1), 0.4))
+        other = pickle.loads(pickle.dumps(moved))
+        assert (other.point(s) == moved.point(s)).all()
+        turned = Placement((0.0, 0.0), 0.7)
+        assert other.tangent(s) == pytest.approx(turned.to_scene(curve.tangent(s)), abs=1e-14)
+        assert other.start == pytest.approx(other.point([0.0])[0], abs=1e-14)
+
+
+@pytest.mark.parametrize("exponent", [6.0, 12.5, 20.0])
+def test_blunt_corners_are_drawn_in_pieces_on_the_outline(exponent):
+    grain = Superellipse((0.5, 0.3), exponent)
+    pieces = grain.drawn()
+    assert len(pieces) > 12
+    for piece, following in zip(pieces, (*pieces[1:], pieces[0]), strict=True):
+        assert piece.end == pytest.approx(following.start, abs=1e-12)
+        assert np.abs(grain.level(piece.point(np.linspace(0.0, 1.0, 500)))).max() < 1e-6
+        first, last = piece.tangent([0.0, 1.0])
+        assert np.arccos(np.clip(first @ last, -1.0, 1.0)) < np.radians(30.0)
+
+
+def test_larger_exponents_are_refused_with_the_reason():
+    with pytest.raises(SceneError, match=r"exponent 50 .* too sharp to be meshed; use a rectangle"):
+        Superellipse((0.5, 0.3), 50.0)
