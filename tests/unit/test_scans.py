@@ -80,7 +80,10 @@ def load_on(volume: float = 0.433) -> tuple[Forces, Couples]:
     ("facets", "turn"), [(320, 3), pytest.param(1280, 4, marks=pytest.mark.slow)]
 )
 def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, turn: int) -> None:
-    """Scans that are 8.1% and 6.6% off; the worst of twelve of the coarser ones is 8.3% off. The term is not to be several times as large as the worst."""
+    """Scans that are 8.1% and 6.6% off; of twelve of the coarser ones the worst is 8.3% off.
+
+    The term is not to be several times as large as the worst.
+    """
     from incipient.contact.exact.judge import judged
     from incipient.evaluation.contact_verdict import find_contacts, load_of
 
