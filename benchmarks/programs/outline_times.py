@@ -1,7 +1,7 @@
 """Processor seconds that outlines of very many vertices take: a scene planned, a scanned pebble laid on a plane.
 
 Usage: outline_times.py VERTICES FREQUENCY. The outline is that of tests/unit/test_outline.py, the pebble of
-20 FREQUENCY^2 triangles that of tests/unit/test_nearest.py. Prints one line of JSON.
+20 FREQUENCY^2 triangles that of tests/unit/test_triangulations.py. Prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "unit"))
 
-from test_nearest import scanned
+from test_triangulations import scanned
 from test_outline import written_scene
 
 from incipient import load
