@@ -16,13 +16,13 @@ from .kinematics import ReferenceMap, surface_vector, volume_before
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Velocity and pressure v, p, what tests them, w, q, and the map of a reference domain; None: the identity."""
+    """Velocity and pressure v, p, their test functions w, q, and the map of the reference domain."""
 
     v: Any
     p: Any
     w: Any
     q: Any
-    reference_map: ReferenceMap | None = None
+    reference_map: ReferenceMap
 
 
 class FlowTerm:
@@ -75,17 +75,9 @@ class Convection(FlowTerm):
     boundary: Any = None
 
     def in_cells(self, of: Unknowns) -> Any:
-        """The form as printed, or the skew one.
-
-        Raises:
-            ValueError: the energy-stable form is asked for on a reference map; it is written for moved meshes.
-        """
+        """The form as printed, or the skew one, which is written for a renewed reference."""
         if self.boundary is None:
             return terms.convection(of.v, self.carrier, of.w, of.reference_map)
-        if of.reference_map is not None:
-            raise ValueError(
-                "the energy-stable form is for a mesh that is itself moved, not for a reference map"
-            )
         return terms.skew_convection(of.v, self.carrier, of.w)
 
     def on_boundary(self, of: Unknowns) -> Any:
@@ -153,7 +145,8 @@ class UpwindInSteps(FlowTerm):
 
     def in_cells(self, of: Unknowns) -> Any:
         """delta r . (c . grad w)."""
-        strong = terms.momentum(of.v, of.p, self.carrier, None, self.rate, self.body_force)
+        x = of.reference_map
+        strong = terms.momentum(of.v, of.p, self.carrier, None, self.rate, self.body_force, x)
         return terms.upwind_in_steps(strong, self.along, of.w, self.size, self.per_step)
 
 
@@ -202,11 +195,7 @@ class BoundaryLoad(FlowTerm):
 
 
 def residual(of: Unknowns, present: Iterable[FlowTerm], dx: Any) -> Any:
-    """Weak residual of momentum and continuity, (338) and (339): the sum of the terms present over the measure dx.
-
-    Raises:
-        ValueError: a term is not for the reference map of the unknowns.
-    """
+    """Weak residual of momentum and continuity, (338) and (339): the sum of the terms present over the measure dx."""
     present = tuple(present)
     cells = [found for term in present if (found := term.in_cells(of)) is not None]
     boundaries = [found for term in present if (found := term.on_boundary(of)) is not None]

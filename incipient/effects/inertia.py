@@ -97,7 +97,8 @@ class InertiaEffect(Effect):
         from ..forms.terms import convection
         from .missing_term import weighted
 
-        yield weighted(solved, self.name, lambda v, w: convection(v, v, w), remedy)
+        where = solved.run.fluid.reference_map
+        yield weighted(solved, self.name, lambda v, w: convection(v, v, w, where), remedy)
 
 
 def expected(kind: str, numbers: Numbers) -> float:

@@ -127,7 +127,7 @@ class Fluid(FlowEquations):
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
-            *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
+            *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
             varying=model.viscosity is not None,
             level=bool(held.friction) and held.walls_are_level,
             thin=model.viscosity is not None and not held.friction,

@@ -89,7 +89,7 @@ def restore_incompressibility(fluid: Fluid) -> float:
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:
     """Matrix of the projection, and the right-hand side that cancels the state's divergence."""
-    mixed, where, dx = fluid.space.mixed, fluid.model.reference_map, fluid.quadrature()
+    mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
     (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
     v, _ = ufl.split(fluid.state)
     left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
@@ -102,7 +102,7 @@ def _forms(fluid: Fluid) -> tuple[Any, Any]:
 
 def _squared_norm(fluid: Fluid, function: Any) -> Any:
     v, _ = ufl.split(function)
-    return _compiled(fluid, inertia(v, v, fluid.model.reference_map))
+    return _compiled(fluid, inertia(v, v, fluid.reference_map))
 
 
 def _compiled(fluid: Fluid, integrand: Any) -> Any:

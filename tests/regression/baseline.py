@@ -141,7 +141,7 @@ def measured(
         if name in results:
             values |= {key: vector for key, vector in _values(results[name]) if vector}
             labels |= dict(_labels(results[name]))
-            size = results[name].get("size") or results[name].get("cost") or {}
+            size = results[name].get("cost") or {}
             mesh = [size.get("cells"), size.get("unknowns")]
     if rows := tables.get("history.csv"):
         values |= dict(_last_row(rows[-1]))
