@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial import ConvexHull, QhullError
 
-from ..arrays import Floats, cross, unit, unwarned
+from ..arrays import Floats, cross, unit
 from ..errors import SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry import HeightMap, Placement, Plane, clearance
-from ..geometry.moments import within
 from ..geometry.placement import Quaternion, product, rotation_by
+from ..geometry.space.polyhedra import Triangulated
 from ..geometry.space.triangle_files import triangles_in
 from ..geometry.touching import touching
 from ..scene.file import parse
@@ -221,9 +221,7 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
             )
     given = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
-        points, triangles = triangles_in(grain)
-        with unwarned():  # of what encloses no volume, which is refused in words
-            centre = np.nan_to_num(within(points[triangles]).centroid).tolist()
+        centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
         given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
     return parse(GrainInPlace, "", ".", [*given, *overrides], "--grain and --bed").case()
 

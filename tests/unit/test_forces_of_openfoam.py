@@ -301,7 +301,7 @@ def test_too_few_samples_are_told_as_those_of_the_mean() -> None:
     found = read_forces(BLOCK / "postProcessing" / "forces")
     short = found.only(np.arange(len(found.times)) < 50)
     case = load_case_without_load(BLOCK / "case.toml", [])
-    with pytest.raises(SceneError, match="^--forces: the mean would be of 25 samples from time"):
+    with pytest.raises(SceneError, match=r"^--forces: the mean would be of 25 samples from time"):
         judge_forces(case, short, 1.0, None)
 
 

@@ -131,6 +131,23 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("fault", ["turned", "twice"])
+def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: str) -> None:
+    """The block of its file, a unit cube, with three triangles turned inside out, or two given twice."""
+    block = trimesh.load(BLOCK / "block.stl")
+    faces = block.faces.copy()
+    if fault == "turned":
+        faces[:3] = faces[:3, ::-1]
+    else:
+        faces = np.vstack([faces, faces[:2, ::-1]])
+    path = tmp_path / "block.stl"
+    trimesh.Trimesh(block.vertices, faces, process=False).export(path)
+    case = in_place(grain=path)
+    assert case.load.centre == pytest.approx((4.5, 0.5, 0.5), abs=1e-7)
+    factors = [verdict(one).judgement["verdict"]["safety_factor"] for one in (case, in_place())]
+    assert factors[0] == pytest.approx(factors[1], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("overrides", "grain", "bed", "said"),
     [
