@@ -174,6 +174,17 @@ def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: 
             "of its size above the bed",
         ),
         ([*SET, DOWN, "bed.height=1"], BLOCK / "block.stl", BLOCK / "bed.stl", "leave it out"),
+        # The block is 1 high: its centre is 0.3 above, or 0.1 below, a plane that it stands in.
+        ([*SET, DOWN, "bed.height=0.2"], BLOCK / "block.stl", Path("flat"), "in the bed, by 0.115"),
+        ([*SET, DOWN, "bed.height=0.6"], BLOCK / "block.stl", Path("flat"), "is below the bed"),
+        ([*SET, DOWN, "bed.height=9"], BLOCK / "block.stl", Path("flat"), "is below the bed"),
+        # Seen against a gravity of the wrong sign the bed is above the block.
+        (
+            [*SET, "gravity.direction=[0, 1, 0]"],
+            BLOCK / "block.stl",
+            BLOCK / "bed.stl",
+            "the grain is below the bed; turn gravity.direction round",
+        ),
         (SET, BLOCK / "bed.stl", Path("flat"), "bed.stl"),
         (SET, BLOCK / "absent.stl", Path("flat"), "absent.stl"),
         ([*SET, *BOX[:2]], None, Path("flat"), "neither x nor centre is given"),
