@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import Booleans, Floats
 from ..errors import SceneError
-from .motion_in_time import BATCHES, FEWEST, steps_of
+from .motion_in_time import BATCHES, FEWEST, samples_from, steps_of
 
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 NUMBER = re.compile(rf"{DECIMAL}|[-+]?(?:nan|inf)", re.IGNORECASE)
@@ -45,11 +45,7 @@ class ForcesInTime:
 
     def later(self, start: float) -> ForcesInTime:
         """What comes from a time on; raises SceneError where nothing does."""
-        if not self.times[-1] >= start:
-            raise SceneError(
-                f"--since: nothing is there from {start:g} on; the last time is {self.times[-1]:g}"
-            )
-        return self.only(self.times >= start)
+        return self.only(samples_from(self.times, start))
 
     def only(self, which: Booleans) -> ForcesInTime:
         """Some of the samples, by a mask (n,)."""

@@ -17,6 +17,7 @@ from incipient.simulation.grain_in_place import grain_in_place
 from incipient.simulation.judge_case import Case
 from incipient.simulation.judge_forces import JudgedForces, judge_forces, load_case_without_load
 from incipient.simulation.judge_series import judge_series
+from incipient.simulation.motion_in_time import MotionInTime
 
 BLOCK = Path(__file__).parents[2] / "demos" / "cases" / "openfoam_block"
 FORCES = BLOCK / "postProcessing" / "forces"
@@ -233,6 +234,65 @@ def test_a_series_that_never_moves(tmp_path: Path) -> None:
     assert (motion.probability, motion.error, motion.rate, motion.low) == (0.0, None, 0.0, 0.0)
     # No event in a time T: the rate is below 3/T with 95%, by Poisson's law.
     assert motion.high == pytest.approx(3.0 / 49.0)
+
+
+PULSE = """\
+[load]
+weight = [0, -1]
+centre = [0, 0.5]
+flow_force = [0, 0]
+flow_couple = 0
+[contacts]
+points = [[-0.5, 0], [0.5, 0]]
+normals = [[0, -1], [0, -1]]
+friction = 0.5
+convex = true
+"""
+
+
+def test_a_series_is_taken_from_a_time_on(tmp_path: Path, capsys: Any) -> None:
+    """A push of 0.8 at first and of 0.1 from time 2 on; friction holds 0.5."""
+    case, series = tmp_path / "case.toml", tmp_path / "series.csv"
+    case.write_text(PULSE)
+    rows = [f"{t},{0.8 if t < 2 else 0.1},0,0" for t in (0, 1, 2, 3, 4)]
+    series.write_text("time,force_x,force_y,couple\n" + "\n".join(rows) + "\n")
+    words = ["judge", str(case), "--series", str(series), "--law", "U"]
+    factors = {}
+    for since in (None, "2"):
+        out = tmp_path / f"from_{since}"
+        more = [] if since is None else ["--since", since]
+        assert cli.main([*words, *more, "--out", str(out)]) == 0
+        factors[since] = json.loads((out / "series.json").read_text())["least_safety_factor"]
+    assert factors[None] == pytest.approx(0.5 / 0.8) and factors["2"] == pytest.approx(0.5 / 0.1)
+    said = capsys.readouterr().out
+    assert "rest                100.000% of the time" in said and "from time 2 on" in said
+    assert cli.main([*words, "--since", "5"]) == 2
+    assert "nothing is there from 5 on; the last time is 4" in capsys.readouterr().err
+
+
+def test_motion_past_the_end_is_refused() -> None:
+    times = np.arange(5.0)
+    for ask in (
+        lambda: MotionInTime.of(times, times < 2.0, 9.0),
+        lambda: judge_forces(in_place(), read_forces(FORCES), 1.0, 99.0, "U"),
+    ):
+        assert "the last time is" in message(ask)
+
+
+@pytest.mark.parametrize(
+    ("words", "needs"),
+    [
+        (["--since", "1"], "--since: goes with --forces or --series"),
+        (["--law", "U"], "--law: goes with --forces or --series"),
+        (["--jobs", "1"], "--jobs: goes with --batch"),
+        (["--density", "1"], "--density: goes with --forces"),
+        (["--grain", "a.stl"], "--grain: goes with --forces"),
+        (["--bed", "flat"], "--bed: goes with --forces"),
+    ],
+)
+def test_options_that_nothing_reads_are_refused(words: list[str], needs: str, capsys: Any) -> None:
+    assert cli.main(["judge", str(BLOCK / "case.toml"), *words]) == 2
+    assert needs in capsys.readouterr().err
 
 
 def test_the_command(tmp_path: Path, capsys: Any) -> None:
