@@ -249,8 +249,11 @@ def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
             raise _one_of(folder, first, name, why)
     sources = [f"{name} {part.times[0]:g} to {part.times[-1]:g}" for name, part in joined]
     sources += [f"{name} superseded" for name in names if name not in dict(joined)]
-    columns = zip(*((part.times, part.forces, part.moments) for _, part in joined), strict=True)
-    return ForcesInTime(*map(np.concatenate, columns), centre, tuple(sources))
+    times, forces, moments = (
+        np.concatenate([getattr(part, name) for _, part in joined])
+        for name in ("times", "forces", "moments")
+    )
+    return ForcesInTime(times, forces, moments, centre, tuple(sources))
 
 
 def _one_of(folder: Path, first: str, second: str, why: str) -> SceneError:
