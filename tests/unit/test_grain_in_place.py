@@ -12,6 +12,7 @@ import trimesh
 from scenes import message
 
 from incipient import cli
+from incipient.scene import loads
 from incipient.simulation.forces_of_openfoam import ForcesInTime, read_forces
 from incipient.simulation.grain_in_place import grain_in_place
 from incipient.simulation.judge_case import Case
@@ -132,6 +133,15 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     )
 
 
+IN_SCENE = """
+domain = {length = 12, width = 10, height = 6}
+fluid = {reynolds = 0.1, scale = "grain"}
+flow = {kind = "shear"}
+body = {shape = "mesh", file = "block.stl", x = 5}
+bed = {kind = "flat"}
+"""
+
+
 @pytest.mark.parametrize("fault", ["turned", "twice"])
 def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: str) -> None:
     """The block of its file, a unit cube, with three triangles turned inside out, or two given twice."""
@@ -147,6 +157,11 @@ def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: 
     assert case.load.centre == pytest.approx((4.5, 0.5, 0.5), abs=1e-7)
     factors = [verdict(one).judgement["verdict"]["safety_factor"] for one in (case, in_place())]
     assert factors[0] == pytest.approx(factors[1], rel=1e-6)
+    scenes = [loads(IN_SCENE, folder) for folder in (tmp_path, BLOCK)]
+    for scene in scenes:
+        assert scene.grain is not None and scene.placement is not None
+        assert scene.placement.centre == pytest.approx((5.0, 5.0, 0.5), abs=1e-7)
+        assert scene.grain.volume == pytest.approx(1.0, abs=1e-7)
 
 
 @pytest.mark.parametrize(
