@@ -198,7 +198,9 @@ def _table(path: Path) -> tuple[Floats, str]:
         rows and len(rows) > 1 and len(rows[-1]) != len(rows[0])
     ):  # of a run that was cut short, or goes on
         rows.pop()
-    if not rows or not rows[0] or any(len(row) != len(rows[0]) for row in rows):
+    if not rows:
+        raise SceneError(f"--forces: {path} has no samples yet; let the run go on, or move it away")
+    if not rows[0] or any(len(row) != len(rows[0]) for row in rows):
         raise SceneError(f"--forces: {path} is no table of numbers; give {FORMATS}")
     table = np.array(rows)
     if not np.isfinite(table).all():

@@ -203,6 +203,7 @@ def test_a_line_that_was_cut_short_is_left_out(tmp_path: Path) -> None:
         ("words", "is no table of numbers"),
         ("nothing", "holds no forces; give a folder"),
         ("moments alone", r"moment\.dat has no file of forces beside it"),
+        ("header", r"force\.dat has no samples yet"),
         ("twice", r"force\.dat has time 0\.1 twice or out of order"),
         ("points", r"moment\.dat has moments about 2 points \(CofR\)"),
         ("not finite point", "does not say what point its moments are about"),
@@ -226,6 +227,8 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, broken: str, said: st
         force.write_text("hello\n")
     elif broken == "moments alone":
         force.unlink()
+    elif broken == "header":
+        force.write_text(CENTRE)
     elif broken == "twice":
         for path in (force, moment):
             changed(path, "\n0.2\t", "\n0.1\t")
