@@ -17,16 +17,24 @@ from ..simulation.grain_in_place import grain_in_place
 from ..simulation.judge_batch import SUMMARY, VERDICTS, judge_table
 from ..simulation.judge_case import Case, judge_case, load_case, save, text
 from ..simulation.judge_forces import judge_forces, load_case_without_load
-from ..simulation.judge_series import judge_series, read_columns, save_series
+from ..simulation.judge_series import judge_series, read_columns, save_series, series_from
 from ..simulation.motion_in_time import FlowThreshold
 from .drawing import draw_and_tell
 from .options import BESIDE
+
+OPTIONS_OF = {
+    "jobs": ("batch",),
+    "since": ("forces", "series"),
+    "law": ("forces", "series"),
+    **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
+}
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
     """Judge a case and print the verdict; write it with `--out`."""
     with collectively(comm):
         if comm.rank == 0:
+            _refuse_unread(options)
             if options.batch is not None:
                 _judge_batch(options)
                 return 0
@@ -48,6 +56,14 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
+def _refuse_unread(options: argparse.Namespace) -> None:
+    """Refuse options that nothing would read."""
+    for name, readers in OPTIONS_OF.items():
+        if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
+            needs = " or ".join(f"--{one}" for one in readers)
+            raise SceneError(f"--{name}: goes with {needs}; add that, or leave --{name} out")
+
+
 def _judge_batch(options: argparse.Namespace) -> None:
     """Judge a table of cases, which says all that a case file would."""
     path = options.batch
@@ -67,10 +83,10 @@ def _judge_batch(options: argparse.Namespace) -> None:
 
 
 def _judge_series(case: Case, options: argparse.Namespace) -> None:
-    found = judge_series(case, read_columns(options.series))
+    found = judge_series(case, series_from(read_columns(options.series), options.since))
     print(found.text())
     if options.law is not None:
-        start = float(found.times[0])
+        start = found.motion.since
         print(FlowThreshold.of(options.law, found.times, found.batch, start, None).text())
     if options.out is not None:
         directory = options.series.parent if options.out is BESIDE else options.out

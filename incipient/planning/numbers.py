@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Domain
+from ..scene import Domain, Scene
 from ..scene.expression import expressions
 from ..scene.model import Time
+from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
 from .flow_setup import Setup
 
@@ -54,6 +55,18 @@ class Numbers:
             for name, value in named.items()
             if value is not None
         )
+
+
+def grain_size(scene: Scene) -> str:
+    """The diameters of a scanned grain, or of one whose units are known, in words; else nothing."""
+    grain, body, scales = scene.grain, scene.body, scene.scales
+    if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
+        return ""
+    said = f"grain: largest diameter {grain.size:.6g}, nominal {nominal_diameter(grain):.6g}"
+    if body.shape == "mesh" and body.size is not None:
+        own = body.model_copy(update={"size": None}).new_grain().size
+        said += f"; by its file {own:.6g}, of which body.size makes {body.size:.6g}"
+    return said if scales is None else f"{said}; one unit of length is {scales.length:.6g} m"
 
 
 def numbers_of(setup: Setup) -> Numbers:

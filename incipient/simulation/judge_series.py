@@ -16,7 +16,7 @@ from ..errors import SceneError, shortened
 from ..files import reported, write_json
 from ..tables.parquet import pyarrow
 from .judge_case import Case
-from .motion_in_time import MotionInTime, steps_of
+from .motion_in_time import MotionInTime, samples_from, steps_of
 
 AXES = "xyz"
 SAMPLES, SUMMARY = "series.csv", "series.json"
@@ -100,6 +100,14 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
             shares[label] = float(steps[of_mode].sum() / total)
     motion = MotionInTime.of(times, batch.held, float(times[0]) if since is None else since)
     return Series(times, batch, shares, tuple(_events(times, steps, loads, batch)), motion)
+
+
+def series_from(columns: Mapping[str, Floats], since: float | None) -> Mapping[str, Floats]:
+    """The samples of a series from a time on, None: all; raises SceneError where there are none."""
+    if since is None or "time" not in columns:
+        return columns
+    kept = samples_from(columns["time"], since)
+    return {name: values[kept] for name, values in columns.items()}
 
 
 def _names(case: Case) -> tuple[list[str], list[str], list[str]]:

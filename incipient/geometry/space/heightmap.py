@@ -19,6 +19,8 @@ KEYS = 0.5 * np.array(
 )  # cubics by four heights
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
+# Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
+NO_DATA = (-9999.0, 9999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ class HeightMap(SmoothTerrain):
         heights, own_cell, corner = _read(path)
         if cell is None and own_cell is None:
             raise SceneError(f"{path} does not say how far apart its heights are; give cell")
+        _require_data(path, heights)
         place = (origin[0] + corner[0], origin[1] + corner[1], origin[2])
         return cls(relief * heights, cell or own_cell or (0.0, 0.0), place)
 
@@ -244,6 +247,18 @@ def _read(path: Path) -> Raster:
         raise SceneError(
             f"{path} cannot be read as heights ({why[:80]}); export it again"
         ) from None
+
+
+def _require_data(path: Path, heights: Floats) -> None:
+    """Refuse values of NO_DATA that are farther from all other heights than those are from each other."""
+    lacking = np.isin(heights, NO_DATA)
+    others = heights[~lacking]
+    if not lacking.any() or not others.size:
+        return
+    value, (row, column) = heights[lacking][0], np.argwhere(lacking)[0]
+    if np.abs(others - value).min() > np.ptp(others):
+        why = f"is {value:g} in {lacking.sum()} cells, the first in row {row}, column {column}"
+        raise SceneError(f"{path} {why}: that seems to stand for no data; fill such cells")
 
 
 def _read_array(path: Path) -> Raster:

@@ -1,7 +1,7 @@
 """Grains in space with flat faces: boxes with rounded edges, convex polyhedra, surfaces read from files."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -103,7 +103,7 @@ def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Triangulated(FlatSided):
-    """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
+    """A grain bounded by a closed surface of triangles; it is shifted to its centroid, which was at `centre` (3,).
 
     `vertices` (n, 3) and `triangles` (m, 3) in any sense, but all in the same. Raises SceneError if the surface
     is not closed (with the number of open edges), encloses no volume, or is in several parts.
@@ -113,6 +113,7 @@ class Triangulated(FlatSided):
     vertices: Floats
     triangles: np.ndarray
     name: str = "the surface"
+    centre: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
@@ -132,13 +133,15 @@ class Triangulated(FlatSided):
         extent = float(np.ptp(points, axis=0).max())
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
-        middle = surface.points - surface.points.mean(axis=0)
+        mean = surface.points.mean(axis=0)
+        middle = surface.points - mean
         whole = moments.within(middle[surface.triangles])
         if not abs(whole.volume) > 1e-12 * extent**3:
             raise SceneError(f"{self.name} encloses no volume; give a body")
         turned = surface.triangles if whole.volume > 0.0 else surface.triangles[:, ::-1]
         object.__setattr__(self, "vertices", middle - whole.centroid)
         object.__setattr__(self, "triangles", turned)
+        object.__setattr__(self, "centre", mean + whole.centroid)
 
     @classmethod
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
