@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from kinds import BEDS, FLOWS, GRAINS
 
 from incipient.errors import IncipientError
 from incipient.planning.flow_setup import Setup
@@ -24,30 +25,6 @@ HANGING = (
 )
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
-GRAINS: list[dict[str, Any]] = [
-    {"shape": "disc", "diameter": 1.0},
-    {"shape": "ellipse", "semi_axes": [0.6, 0.4]},
-    {"shape": "rectangle", "width": 1.0, "height": 0.6, "corner_radius": 0.1},
-    {"shape": "polygon", "vertices": [[0, 0], [1, 0.1], [0.9, 0.8], [0.2, 0.7]]},
-    {"shape": "superellipse", "semi_axes": [0.5, 0.4], "exponent": 4.0},
-    {"shape": "star", "radius": 0.5, "cosines": [0.0, 0.2]},
-    {"shape": "discs", "discs": [[0, 0, 0.5], [0.6, 0.1, 0.4]]},
-]
-BEDS: list[dict[str, Any]] = [
-    {"kind": "flat"},
-    {"kind": "inclined", "slope": 10.0},
-    {"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 1.5, "phase": 30.0},
-    {"kind": "half-discs", "radius": 0.3, "spacing": 0.7},
-    {"kind": "polyline", "points": [[-1, 0], [3, 0.2], [5, 0.0], [9, 0.1]]},
-]
-FLOWS: list[dict[str, Any]] = [
-    {"kind": "shear", "rate": 1.0},
-    {"kind": "poiseuille", "velocity": 2.0},
-    {"kind": "open-channel"},
-    {"kind": "uniform"},
-    {"kind": "still"},
-    {"kind": "expression", "components": ["y*(4 - y)", "0"]},
-]
 FACTORS = (
     0.0,
     -1.0,
