@@ -313,6 +313,17 @@ def test_bed_stress_of_exact_profiles() -> None:
 
 
 @pytest.mark.parametrize(
+    ("flow", "power"),
+    [("{kind = 'shear'}", 1), ("{kind = 'poiseuille'}", 1), ("{kind = 'log-law'}", 2)],
+)
+def test_bed_stress_of_a_faster_flow(flow: str, power: int) -> None:
+    """A profile that keeps its shape: nu du/dz, in proportion; a log law three times as fast: (3 u*)^2."""
+    setup = Setup(scene(f"flow={flow}"))
+    assert setup.bed_stress(3.0) == pytest.approx(3.0**power * setup.bed_stress())
+    assert (setup.bed_stress(0.0), setup.bed_stress(np.inf)) == (0.0, np.inf)
+
+
+@pytest.mark.parametrize(
     ("override", "need"),
     [
         ("body.density=0.9", "a threshold needs a grain denser than the fluid"),
