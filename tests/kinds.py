@@ -46,13 +46,13 @@ TERRAINS: list[Section] = [
     {"kind": "height-map", "file": "map.npy", "cell": [0.5, 0.5]},
     {"kind": "mesh", "file": "bed.obj", "cell": [1.0, 1.0]},
 ]
+# A cylinder cannot rest; to follow a superquadric that rocks takes minutes.
+HELD = {"cylinder": 0.6, "superquadric": 0.46}
 FLOWS: list[Section] = [
     {"kind": "shear", "rate": 1.0},
     {"kind": "poiseuille", "velocity": 2.0},
     {"kind": "open-channel"},
     {"kind": "uniform"},
-    {"kind": "log-law"},
-    {"kind": "lid"},
     {"kind": "still"},
     {"kind": "expression", "components": ["y*(4 - y)", "0"]},
 ]
@@ -67,13 +67,13 @@ def every_grain_and_bed() -> dict[str, Section]:
 
 
 def resting(grain: Section, bed: Section) -> Section:
-    """A grain that rests in shear, a cylinder that is held there, on the coarsest cells."""
+    """A grain that rests in shear, some held there, on the coarsest cells."""
     domain, place = {"length": 8.0, "height": 4.0}, {"x": 4.0, "density": 2.65}
     if grain in SOLIDS:
         domain["width"] = 8.0
         place |= {"y": 4.0}
-    if grain["shape"] == "cylinder":
-        place = {"centre": [4.0, 4.0, 0.6]}
+    if height := HELD.get(grain["shape"]):
+        place = {"centre": [4.0, 4.0, height]}
     return {
         "domain": domain,
         "fluid": {"reynolds": 1.0, "scale": "grain"},

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from kinds import BEDS, FLOWS, GRAINS
+from kinds import BEDS, FLOWS, GRAINS, SOLIDS, TERRAINS, resting
 
 from incipient.errors import IncipientError
 from incipient.planning.flow_setup import Setup
@@ -43,6 +43,22 @@ FACTORS = (
     1e30,
     1e300,
 )
+# What makes another problem of a scene.
+SECTIONS: dict[str, list[dict[str, Any]]] = {
+    "units": [{"diameter": 1e-3, "shear_rate": 1.0}, {"diameter": 1e-3, "velocity": 0.1}],
+    "domain": [{"top": top} for top in ("slip", "wall", "stream", "free-surface")]
+    + [{"kind": "box"}],
+    "time": [{"end": 1.0, "step": 0.5}, {"end": 1.0, "step": 1e-9}],
+    "effects": [{"turbulence": True}, {"inertia": False}],
+    "turbulence": [{"model": "k-omega-sst"}, {"model": "k-epsilon", "roughness": 0.1}],
+    "body": [{"motion": "free"}, {"course": ["sin(t)", "0", "t"]}, {"settle": True}],
+    "numerics": [{"accuracy": 0.01}, {"accuracy": "verdict"}, {"mesh_size": 1e-9}],
+    "flow": [
+        {"kind": "log-law"},
+        {"kind": "lid"},
+        {"gust": {"shape": "top-hat", "strength": 2.0, "duration": 0.1}},
+    ],
+}
 NASTY: list[Any] = [
     *(
         0,
@@ -74,6 +90,10 @@ NASTY: list[Any] = [
         "x" * 10_000,
         "../../etc",
         "/dev/null",
+        "/dev/zero",
+        "costs $5 and $6",
+        "$\\frac{1}{$ [/coarse] {x} %s",
+        "n" * 256 + ".csv",
     ),
     *(
         [],
@@ -93,7 +113,8 @@ NASTY: list[Any] = [
 
 def scene_text(random: Random) -> str:
     """A scene file, rarely without a mistake."""
-    scene = _valid(random)
+    in_space = random.random() < 0.15
+    scene = _in_space(random) if in_space else _valid(random)
     for _ in range(random.choice((0, 1, 1, 1, 2, 2, 3))):
         scene = _changed(random, scene)
     return _spoilt(random, tomli_w.dumps(scene))
@@ -123,6 +144,11 @@ def odd_scene_text(random: Random) -> str:
         least = 1e-3 if scene["domain"].get("top") == "free-surface" else 0.0
         scene["gravity"]["acceleration"] = random.choice((least, 1e-12, 1.0, 1e12))
     return tomli_w.dumps(scene)
+
+
+def _in_space(random: Random) -> dict[str, Any]:
+    """A grain of any kind on a bed of any kind in space; files that these name are not there."""
+    return copy.deepcopy(resting(random.choice(SOLIDS), random.choice(TERRAINS)))
 
 
 def _valid(random: Random) -> dict[str, Any]:
@@ -161,7 +187,7 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
     scene = copy.deepcopy(scene)
     places = list(_places(scene))
     holder, key = random.choice(places)
-    match random.randrange(8):
+    match random.randrange(9):
         case 0 | 1:
             holder[key] = copy.deepcopy(random.choice(NASTY))
         case 2 | 3 | 4:
@@ -171,6 +197,9 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
                 holder[key] = _times(holder[key], random.choice(FACTORS))
         case 5:
             del holder[key]
+        case 8:
+            name = random.choice(list(SECTIONS))
+            scene[name] = {**scene.get(name, {}), **copy.deepcopy(random.choice(SECTIONS[name]))}
         case 6:
             known = [(name, field) for name, field in Scene.model_fields.items()]
             section = scene.setdefault(random.choice(known)[0], {})
@@ -182,7 +211,7 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
                 ] = random.choice(NASTY)
         case 7:
             name = random.choice(("body", "bed", "flow"))
-            others = {"body": GRAINS, "bed": BEDS, "flow": FLOWS}[name]
+            others = {"body": GRAINS + SOLIDS, "bed": BEDS + TERRAINS, "flow": FLOWS}[name]
             if isinstance(scene.get(name), dict):
                 scene[name] = {**scene[name], **copy.deepcopy(random.choice(others))}
     return scene
