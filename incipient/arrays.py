@@ -77,7 +77,8 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
 
 def percentile(values: ArrayLike, share: float) -> Floats:
     """The least of values (n, ...) that at least `share` percent of them do not exceed, (...); some may be infinite."""
-    return np.asarray(np.quantile(values, share / 100.0, axis=0, method="inverted_cdf"))
+    numbers = np.asarray(values, dtype=float)
+    return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
 
 
 def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
