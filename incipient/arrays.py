@@ -73,3 +73,14 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
         others = np.delete(times, i)
         found += np.prod((time - others) / (one - others)) * value
     return found
+
+
+def percentile(values: ArrayLike, share: float) -> Floats:
+    """The least of values (n, ...) that at least `share` percent of them do not exceed, (...); some may be infinite."""
+    numbers = np.asarray(values, dtype=float)
+    return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
+
+
+def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
+    """Those percentiles that so many values tell: with more than a whole value on their smaller side."""
+    return [share for share in shares if count * min(share, 100 - share) > 100]

@@ -177,18 +177,18 @@ class Setup:
         return self.scene.bed is not None and self.scene.flow.kind in WITH_BED_STRESS
 
     def bed_stress(self, speed: float = 1.0) -> float:
-        """Shear stress of the base flow at its datum, scene units with fluid density one.
+        """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
 
-        With the k-epsilon model it is as the law of the wall estimates it, with k-omega that of what enters. In a flow
-        faster by `speed` it is that times this, in units of the scene.
+        The k-epsilon model takes it from the law of the wall, k-omega SST from the inflow. Not collective.
         """
+        if not 0.0 < speed < float("inf"):
+            return speed
         if not self.is_averaged:
             return self.base_flow_at(speed).bed_stress()
-        speed = speed if 0.0 < speed < float("inf") else 1.0
         faster = self if speed == 1.0 else self.faster(speed)
         if self.resolves_walls:
-            return speed * faster.resolved_walls.bed_stress
-        return float(speed * faster.walls.bed_shear_velocity**2)
+            return speed**2 * faster.resolved_walls.bed_stress
+        return float(speed**2 * faster.walls.bed_shear_velocity**2)
 
     @property
     def wall_cell(self) -> float:

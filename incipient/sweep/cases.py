@@ -89,12 +89,16 @@ def resolved(
     if task == "judge":
         return _judged(source, settings, overrides)
     scene = parse(Scene, source.text, source.base, overrides, source.name)
-    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
-    content = scene.model_dump(mode="json", exclude=left_out)
     forms = _forms(Setup(scene), task)
     return SweepCase(
-        _identity(task, content), task, source.name, settings, dumps(scene), forms, scene
+        identity_of(scene, task), task, source.name, settings, dumps(scene), forms, scene
     )
+
+
+def identity_of(scene: Scene, task: str) -> str:
+    """The identity of a scene as a case of a sweep."""
+    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
+    return _identity(task, scene.model_dump(mode="json", exclude=left_out))
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
 from .table import rows
 
@@ -74,10 +75,8 @@ def _class(table: Any, low: float, high: float) -> dict[str, float]:
     row["without_threshold"] = int(np.isinf(inside[:, 1]).sum())
     if len(inside):
         row["size_median"] = float(np.median(inside[:, 0]))
-        values = np.quantile(inside[:, 1], np.array(SHARES) / 100.0, method="inverted_cdf")
-        row |= {
-            f"shields_{share}": float(value) for share, value in zip(SHARES, values, strict=True)
-        }
+        for share in known_percentiles(SHARES, len(inside)):
+            row[f"shields_{share}"] = float(percentile(inside[:, 1], share))
     return row
 
 

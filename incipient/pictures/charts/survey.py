@@ -152,11 +152,12 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
     """Share of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
+        level = stored["emulator"].get("level", 0.95)  # earlier records have none
         shields, mobile, low, high = (
             np.array([row[name] for row in curve]) for name in ("shields", "mobile", "low", "high")
         )
         axes.fill_between(
-            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="95%"
+            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label=f"{level:.0%}"
         )
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in others if row["shields"] is not None]
