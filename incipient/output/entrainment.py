@@ -19,12 +19,13 @@ from ..files import csv_text, write_json, write_text_atomically
 from ..parallel import Comm, collectively, world
 from ..planning.flow_setup import Setup
 from ..progress import Silent
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
 from .lock import locked
-from .ownership import SCENE
+from .ownership import OTHERS, place_scene
 
 COLUMNS = (
     "strength",
@@ -74,7 +75,7 @@ def entrainment(
         found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
         with collectively(comm):
             if comm.rank == 0:
-                save(scene, path / SCENE)
+                place_scene(path, dumps(scene), OTHERS["entrainment"])
                 write_json(path / "entrainment.json", {**found.to_dict(), "data": measured})
                 write_text_atomically(
                     path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve))

@@ -13,7 +13,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..files import reported
+from ..files import part_of, replaced
 
 DOTS_PER_INCH = 180
 INK = "#22252a"
@@ -73,9 +73,9 @@ def applied() -> Iterator[None]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture. Raises OutputError: it cannot be written."""
-    with reported(path):
-        figure.savefig(path, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    """Write a picture as PNG. Raises OutputError: it cannot be written, or would replace a file of somebody else."""
+    with replaced(path, part_of(path)) as part:
+        figure.savefig(part, format="png", dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
 
 def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:

@@ -12,7 +12,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
-from ..files import write_text_atomically
+from ..files import own, write_text_atomically
 from ..parallel import Comm, from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
@@ -101,7 +101,9 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    write_text_atomically(Path(path), dumps(scene))
+    path = Path(path)
+    own(path.parent, {path.name: None}, path)  # who calls this has named the file
+    write_text_atomically(path, dumps(scene))
 
 
 def example(in_space: bool = False) -> str:

@@ -20,6 +20,7 @@ from processes import (
 )
 
 from incipient.cli import main
+from incipient.files import MARK
 from incipient.scene.file import load
 
 BLOCK_ON_INCLINE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
@@ -45,7 +46,7 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
     series = {
         f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf")
     }
-    assert found == {"scene.toml", "result.json", *series}
+    assert found == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
     assert "verdict" in done.stdout and "deep/down/fields.xdmf" in done.stdout
     assert "on 1 rank\n" in done.stderr
@@ -56,6 +57,7 @@ def test_results_go_to_a_directory_named_like_the_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(CAVITY), *COARSE, *settings(output_fields=False)]) == 0
     assert {path.name for path in (tmp_path / "results/cavity").iterdir()} == {
+        MARK,
         "scene.toml",
         "result.json",
     }
@@ -219,7 +221,7 @@ def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
         path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
     }
     assert written == {
-        f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")
+        f"results/grain_on_bed_threshold/{name}" for name in (MARK, "scene.toml", "threshold.json")
     }
 
 

@@ -27,6 +27,7 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.errors import ConvergenceError, MeshError
+from incipient.files import MARK
 from incipient.restart.checkpoint import read
 
 STEP = 0.005
@@ -165,6 +166,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
     small = settings(numerics_order=2, numerics_mesh_size=6)
     assert main(["run", str(CAVITY), *small, "--out", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {
+        MARK,
         "scene.toml",
         "result.json",
         "fields.xdmf",
