@@ -7,19 +7,36 @@ import select
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ParamSpec, Self, TypeVar
 
 from .errors import Interrupted
 from .parallel import Comm
 
+P = ParamSpec("P")
+T = TypeVar("T")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
 SAME_WISH = 2.0
-_ONE_AT_A_TIME = threading.RLock()  # of threads that start libraries
+_STARTING = threading.RLock()  # of threads that start libraries
+_COMPUTING = (
+    threading.RLock()
+)  # of threads that compute; another one, since these start libraries as well
 NOTICE = b"stopping after this step; once more to stop at once\n"
+
+
+def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
+    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process."""
+
+    @wraps(compute)
+    def alone(*arguments: P.args, **options: P.kwargs) -> T:
+        with _COMPUTING:
+            return compute(*arguments, **options)
+
+    return alone
 
 
 class Interruption:
@@ -85,7 +102,7 @@ def handlers_kept() -> Iterator[None]:
 @contextmanager
 def _handlers_left_alone() -> Iterator[None]:
     """Let `signal.signal` do nothing off the main thread, where it would raise a ValueError."""
-    with _ONE_AT_A_TIME:
+    with _STARTING:
         real = signal.signal
 
         def only_on_the_main_thread(number: int, handler: Any) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from ..critical.outcome import Threshold
 from ..critical.threshold import find_threshold
 from ..files import make_directory, write_json
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
@@ -15,6 +16,7 @@ from .lock import locked
 from .ownership import OTHERS, place_scene
 
 
+@one_at_a_time
 def threshold(
     scene: Scene,
     directory: Path | str | None = None,

@@ -16,6 +16,7 @@ from ..entrainment.lasting import WeakestGusts
 from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..planning.flow_setup import Setup
 from ..progress import Silent
@@ -40,6 +41,7 @@ COLUMNS = (
 )
 
 
+@one_at_a_time
 def entrainment(
     scene: Scene,
     directory: Path | str | None = None,

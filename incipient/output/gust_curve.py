@@ -9,6 +9,7 @@ from typing import Any
 
 from ..critical.gusts import CriticalGust, GustSearch, require_durations
 from ..files import csv_text, write_json, write_text_atomically
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
@@ -41,6 +42,7 @@ class GustCurve:
         return "\n".join([*lines, *(one.line() for one in self.points)])
 
 
+@one_at_a_time
 def gusts(
     scene: Scene,
     durations: Sequence[float],

@@ -418,6 +418,31 @@ def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
     assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr
 
 
+IN_THREADS = """
+import threading
+import incipient
+from incipient.scene import example, loads
+settings = ["numerics.error_bars=false", "effects.inertia=false"]
+scenes = [loads(example(), overrides=[*settings, f"numerics.mesh_size={size}"]) for size in (5, 6, 7)]
+found = {}
+def compute(place):
+    found[place] = incipient.run(scenes[place]).force.flow[0]
+threads = [threading.Thread(target=compute, args=(place,)) for place in range(3)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert [found[place] for place in range(3)] == [incipient.run(one).force.flow[0] for one in scenes]
+"""
+
+
+def test_threads_compute_one_after_the_other() -> None:
+    """Three scenes in threads of a fresh process have the forces that they have in turn, to the last bit."""
+    arguments = [sys.executable, "-c", IN_THREADS]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=240)
+    assert ended.returncode == 0, ended.stderr
+
+
 # -- errors of one rank ----------------------------------------------------------------------------------------
 
 ALONE = """
