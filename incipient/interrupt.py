@@ -76,11 +76,12 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold after the block, in which libraries in C are started.
+    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold in the block, in which libraries in C are started.
 
-    PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system,
-    which ends the process. Signals wait until the handlers are back. Off the main thread, where gmsh's own try to take
-    an interrupt would be an error, handlers stay as they are. Not collective.
+    PETSc takes a reader or a terminal that has gone for a crash, and gmsh gives interrupts back to the system, which
+    ends the process without a word: from Python while it is imported, from version 4.15 on all signals in C. The former
+    is kept from being done. After the latter handlers come back, and on this thread signals wait for them.
+    Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -91,7 +92,8 @@ def handlers_kept() -> Iterator[None]:
     }
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
-        yield
+        with _handlers_left_alone():
+            yield
     finally:
         for number, handler in before.items():
             if handler is not None:  # put in by the program around this one, not by Python
@@ -101,15 +103,16 @@ def handlers_kept() -> Iterator[None]:
 
 @contextmanager
 def _handlers_left_alone() -> Iterator[None]:
-    """Let `signal.signal` do nothing off the main thread, where it would raise a ValueError."""
+    """Let `signal.signal` do nothing on this thread, nor on others off the main one, where it would be an error."""
     with _STARTING:
-        real = signal.signal
+        real, starting = signal.signal, threading.current_thread()
 
-        def only_on_the_main_thread(number: int, handler: Any) -> Any:
-            on_main = threading.current_thread() is threading.main_thread()
-            return real(number, handler) if on_main else signal.getsignal(number)
+        def on_the_main_thread(number: int, handler: Any) -> Any:
+            here = threading.current_thread()
+            takes = here is threading.main_thread() and here is not starting
+            return real(number, handler) if takes else signal.getsignal(number)
 
-        signal.signal = only_on_the_main_thread  # type: ignore[assignment]
+        signal.signal = on_the_main_thread  # type: ignore[assignment]
         try:
             yield
         finally:

@@ -418,6 +418,26 @@ def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
     assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr
 
 
+WHILE_GMSH_STARTS = """
+import os, signal, threading, time
+from incipient.interrupt import handlers_kept
+threading.Thread(target=time.sleep, args=(60,), daemon=True).start()  # as MPI has; signals reach it, too
+try:
+    with handlers_kept():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # as gmsh does first when it is imported
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1)
+except KeyboardInterrupt:
+    print("told")
+"""
+
+
+def test_an_interrupt_while_gmsh_starts_is_told() -> None:
+    arguments = [sys.executable, "-c", WHILE_GMSH_STARTS]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout) == (0, "told\n"), ended.stderr
+
+
 IN_THREADS = """
 import threading
 import incipient
