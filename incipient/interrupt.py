@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import select
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -25,6 +28,7 @@ _STARTING = threading.RLock()  # of threads that start libraries
 _COMPUTING = (
     threading.RLock()
 )  # of threads that compute; another one, since these start libraries as well
+UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
@@ -139,6 +143,44 @@ def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
         ) from interrupt
 
 
+def open_streams() -> None:
+    """Open what is closed of the standard streams, before a file that is opened gets its number, as the null device."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(
+                os.open(os.devnull, os.O_RDWR), True
+            )  # the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w" if number else "r"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files need not be UTF-8
+
+
+def say(text: str) -> None:
+    """Print to the standard error, if that can be written."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        _let_go(2)
+
+
+def output_is_lost(error: Exception) -> bool:
+    """Whether an error says that the standard output cannot be written; what is still printed then goes nowhere.
+
+    It names no file. Errors of files are reported by who writes them.
+    """
+    if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
+        return False
+    _let_go(1)
+    return True
+
+
+def _let_go(stream: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+
+
 def nobody_reads() -> bool:
     """Whether who read this process's output has gone, as `head` goes; what is still printed then goes nowhere."""
     output = 1
@@ -146,5 +188,5 @@ def nobody_reads() -> bool:
     watched.register(output, 0)
     if not any(event & select.POLLERR for _, event in watched.poll(0)):
         return False
-    os.dup2(os.open(os.devnull, os.O_WRONLY), output)
+    _let_go(output)
     return True

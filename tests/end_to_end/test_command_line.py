@@ -212,6 +212,54 @@ def test_a_reader_that_has_gone_is_no_defect(arguments, unbuffered, tmp_path):
     assert (done.returncode, done.stderr) == (141, "")
 
 
+JUDGED = f"{sys.executable} -m incipient judge {BLOCK_ON_INCLINE}"
+
+
+@pytest.mark.parametrize(
+    ("ending", "code", "said"),
+    [
+        ("2>&-", 0, ("Block on an incline", "")),
+        (">&-", 0, ("", "")),
+        ("<&- >&- 2>&-", 0, ("", "")),
+        (">/dev/full", 5, ("", "incipient: the standard output cannot be written (No space left")),
+        ("2>/dev/full", 0, ("Block on an incline", "")),
+        (">/dev/full 2>/dev/full", 5, ("", "")),
+        ("--series x.csv 2>/dev/full", 2, ("", "")),
+    ],
+)
+def test_streams_that_are_closed_or_full(
+    ending: str, code: int, said: tuple[str, str], tmp_path: Path
+) -> None:
+    """What cannot be said ends nothing, and no file gets the number of a stream."""
+    done = subprocess.run(
+        f"{JUDGED} {ending}",
+        shell=True,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    assert done.returncode == code, done.stderr
+    for printed, begin in zip((done.stdout, done.stderr), said, strict=True):
+        assert printed.startswith(begin) and len(printed.splitlines()) >= bool(begin)
+        assert begin or not printed
+
+
+def test_names_need_not_be_utf_8(tmp_path: Path) -> None:
+    directory = tmp_path / os.fsdecode(b"caf\xe9")
+    directory.mkdir()
+    command = f"{JUDGED} --out .".split()
+    done = subprocess.run(
+        command, env=environment(), capture_output=True, timeout=60, cwd=directory
+    )
+    assert done.returncode == 0, done.stderr
+    command = f"{JUDGED} --out {directory}/x".split()
+    done = subprocess.run(command, env=environment(), capture_output=True, timeout=60)
+    assert done.returncode == 0 and b"caf\xe9/x/judgement.json" in done.stdout, done.stderr
+    assert (directory / "x/judgement.png").exists()
+
+
 def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
     pocket = settings(bed_kind="half-discs", bed_radius=0.5, bed_spacing=1.2, bed_offset=1.0)
     done = command("threshold", GRAIN_ON_BED, *pocket, *COARSE, *SMALL)
