@@ -147,6 +147,8 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
 
 def _override(data: dict[str, Any], override: str) -> Key:
     """Put the value of one override into the data; the key it went to."""
+    if override != (readable := override.encode(errors="replace").decode()):
+        raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
     path, equals, text = override.partition("=")
     key = tuple(part.strip() for part in path.split("."))
     if not equals or not all(key):

@@ -258,6 +258,15 @@ def test_names_need_not_be_utf_8(tmp_path: Path) -> None:
     done = subprocess.run(command, env=environment(), capture_output=True, timeout=60)
     assert done.returncode == 0 and b"caf\xe9/x/judgement.json" in done.stdout, done.stderr
     assert (directory / "x/judgement.png").exists()
+    coarse = settings(numerics_order=2, numerics_mesh_size=6, numerics_error_bars=False)
+    arguments = [sys.executable, "-m", "incipient", "run", CAVITY, *coarse, "--out", directory]
+    done = subprocess.run(arguments, env=environment(), capture_output=True, timeout=60)
+    assert done.returncode == 0 and (directory / "result.json").exists(), done.stderr
+
+
+def test_titles_that_are_not_utf_8_are_refused(capsys) -> None:
+    assert main(["plan", str(CAVITY), "--set", "title=caf\udce9"]) == 2
+    assert capsys.readouterr().err.startswith("incipient: --set title=caf?: is not UTF-8 text; ")
 
 
 def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
