@@ -117,7 +117,8 @@ def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = 
     ]
     if not lines:
         return
-    # Neither through a link nor into a pipe, which a directory of somebody else may hold.
+    _refuse_link(mark)
+    # Not into a pipe either, which a directory of somebody else may hold.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
     with reported(wanted or mark), os.fdopen(os.open(mark, flags, 0o666), "ab", 0) as stream:
         head = "" if mark.stat().st_size else MARK_HEAD
@@ -134,12 +135,16 @@ def require_own(path: Path, whose: Collection[str] | None = None) -> None:
         OutputError: naming the file.
     """
     with reported(path):
-        if path.is_symlink():
-            raise OutputError(f"{path}: is a link, and nothing is written through links; {AWAY}")
+        _refuse_link(path)
         if path.is_file() and path.name not in (owned(path.parent) if whose is None else whose):
             raise OutputError(
                 f"{path}: was not written by incipient, or has been changed since; {AWAY}"
             )
+
+
+def _refuse_link(path: Path) -> None:
+    if path.is_symlink():
+        raise OutputError(f"{path}: is a link, and nothing is written through links; {AWAY}")
 
 
 def require_ending(path: Path, ending: str) -> None:

@@ -7,12 +7,18 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
+import incipient
+from incipient.cli import main
 from incipient.errors import OutputError
-from incipient.files import MARK, append_row, owned, write_text_atomically
+from incipient.files import MARK, append_row, own, owned, write_text_atomically
 from incipient.output.ownership import OTHERS, place_scene, refuse_foreign
+from incipient.pictures import style
 from incipient.scene import example, loads
 from incipient.scene.file import dumps
+from incipient.sweep.store import Store
+from incipient.sweep.table import write_parquet
 
 FOREIGN = {
     "result.json": json.dumps({"status": "complete", "energy": 3.0}),
@@ -115,3 +121,42 @@ def test_nothing_is_written_through_links(tmp_path: Path, name: str) -> None:
 def test_a_directory_that_is_not_there_is_no_one_s(tmp_path: Path) -> None:
     refuse_foreign(tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
+
+
+def test_a_survey_beside_its_bed_leaves_the_bed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bed.toml").write_text('[bed]\nkind = "spheres"\nfile = "spheres.csv"\n[flow]\n')
+    (tmp_path / "spheres.csv").write_text("0,0,0,1\n")
+    assert main(["survey", "bed.toml", "--out", "."]) == 5
+    assert "spheres.csv: was not written by incipient" in capsys.readouterr().err
+    own(tmp_path, {"spheres.csv": None})  # that of an earlier survey
+    assert main(["survey", "bed.toml", "--out", "."]) == 5
+    assert "spheres.csv: is read and would be replaced" in capsys.readouterr().err
+    assert (tmp_path / "spheres.csv").read_text() == "0,0,0,1\n"
+
+
+def test_the_file_of_a_sweep_is_no_target(tmp_path: Path) -> None:
+    with Store(tmp_path / "s.sqlite", make=True):
+        pass
+    before = (tmp_path / "s.sqlite").read_bytes()
+    for write in (incipient.report, write_parquet):
+        with pytest.raises(OutputError, match=r"s\.sqlite: is no name for this file"):
+            write(tmp_path / "s.sqlite", tmp_path / "s.sqlite")
+    assert (tmp_path / "s.sqlite").read_bytes() == before
+
+
+def test_who_reads_makes_no_database(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(OutputError, match=r"notes\.txt: is not the file of a sweep"):
+        Store(tmp_path / "notes.txt")
+    assert not (tmp_path / "notes.txt").stat().st_size
+
+
+def test_pictures_are_not_drawn_through_links(tmp_path: Path) -> None:
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / "flow.png").symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match=r"flow\.png: is a link"):
+        style.save(Figure(), tmp_path / "flow.png")
+    assert (tmp_path / "victim").read_text() == "precious"
