@@ -15,9 +15,9 @@ from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands import options
-from .errors import IncipientError, SceneError
+from .errors import IncipientError, OutputError, SceneError
 from .installed import required
-from .interrupt import nobody_reads
+from .interrupt import nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
@@ -31,6 +31,7 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
+    open_streams()
     start_alone_quickly()
     # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
     atexit.register(gc.freeze)
@@ -41,6 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except BrokenPipeError:
         return UNREAD if nobody_reads() else DEFECT
+    except OSError as error:
+        return _unwritten(error) if output_is_lost(error) else DEFECT
 
 
 class _Parser(argparse.ArgumentParser):
@@ -188,26 +191,31 @@ def _guarded(arguments: Sequence[str] | None) -> int:
     except IncipientError as error:
         failed = meeting.failed(True, TO_COME)
         if not failed:  # others are elsewhere, and may wait for this one
-            print(f"incipient: on rank {comm.rank} alone: {error}", file=sys.stderr)
+            say(f"incipient: on rank {comm.rank} alone: {error}")
             return _leave(comm, error.exit_code)
         # Mostly raised on all ranks alike: the first of them speaks for all, and all leave in an orderly way.
         if comm.rank == failed.index(True):
-            print(f"incipient: {error}", file=sys.stderr, flush=True)
+            say(f"incipient: {error}")
         return error.exit_code
     except KeyboardInterrupt:
         if comm.rank == 0:
-            print(
-                "incipient: interrupted; what was computed so far is kept",
-                file=sys.stderr,
-                flush=True,
-            )
+            say("incipient: interrupted; what was computed so far is kept")
         return _leave(comm, INTERRUPTED)
     except Exception as error:
         if isinstance(error, BrokenPipeError) and nobody_reads():
             return _leave(comm, UNREAD)
-        print(f"incipient: a defect of the program, on rank {comm.rank}:", file=sys.stderr)
-        traceback.print_exc()
+        if output_is_lost(error):
+            return _leave(comm, _unwritten(error))
+        words = traceback.format_exc().rstrip()
+        say(f"incipient: a defect of the program, on rank {comm.rank}:\n{words}")
         return _leave(comm, DEFECT)
+
+
+def _unwritten(error: Exception) -> int:
+    """Say that the standard output cannot be written; the exit code."""
+    why = getattr(error, "strerror", error)
+    say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
+    return OutputError.exit_code
 
 
 def _listen(level: str) -> None:

@@ -8,6 +8,7 @@ the form; a lock, which the kernel frees with its process, keeps others from com
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -21,7 +22,7 @@ from .errors import OutputError
 from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
-WHOLE = "whole.json"  # the sizes of the files of a folder, written last
+WHOLE = "checksums.json"  # checksums of the files of a folder, written last
 FULL = 2**20  # bytes free on a disk that counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
@@ -79,20 +80,36 @@ def _begun(root: Path, name: str) -> Path:
 def _finish(folder: Path, final: Path) -> None:
     """Give a folder its name. Where that fails the form is compiled again the next time."""
     with suppress(OSError):
-        sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
-        (folder / WHOLE).write_text(json.dumps(sizes))
+        paths = [path for path in folder.iterdir() if path.is_file()]
+        (folder / WHOLE).write_text(json.dumps({path.name: _checksum(path) for path in paths}))
+        # A name must not be on the disk before what it names: a power cut would leave zeros in its place.
+        for path in (*paths, folder / WHOLE, folder):
+            _to_disk(path)
         folder.rename(final)
+        _to_disk(final.parent)
     if folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_whole(folder: Path) -> bool:
-    """Whether all files of a form are there, as long as they were."""
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
     try:
-        sizes = json.loads((folder / WHOLE).read_text())
-        return all((folder / name).stat().st_size == size for name, size in sizes.items())
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether all files of a form are there, as they were."""
+    try:
+        checksums = json.loads((folder / WHOLE).read_text())
+        return all(_checksum(folder / name) == known for name, known in checksums.items())
     except (OSError, ValueError, AttributeError):
         return False
+
+
+def _checksum(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
 
 
 @contextmanager

@@ -16,15 +16,17 @@ from ..entrainment.lasting import WeakestGusts
 from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..planning.flow_setup import Setup
 from ..progress import Silent
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
 from .lock import locked
-from .ownership import SCENE
+from .ownership import OTHERS, place_scene
 
 COLUMNS = (
     "strength",
@@ -39,6 +41,7 @@ COLUMNS = (
 )
 
 
+@one_at_a_time
 def entrainment(
     scene: Scene,
     directory: Path | str | None = None,
@@ -74,7 +77,7 @@ def entrainment(
         found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
         with collectively(comm):
             if comm.rank == 0:
-                save(scene, path / SCENE)
+                place_scene(path, dumps(scene), OTHERS["entrainment"])
                 write_json(path / "entrainment.json", {**found.to_dict(), "data": measured})
                 write_text_atomically(
                     path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, world
 from ..planning.order import order_of, with_order
 from ..progress import Silent
@@ -41,6 +42,7 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
 MAY_BECOME = {"body.on_contact": "repel"}
 
 
+@one_at_a_time
 def resume(
     directory: Path | str,
     overrides: Sequence[str] = (),

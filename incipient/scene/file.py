@@ -12,7 +12,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
-from ..files import write_text_atomically
+from ..files import own, write_text_atomically
 from ..parallel import Comm, from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
@@ -101,7 +101,9 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    write_text_atomically(Path(path), dumps(scene))
+    path = Path(path)
+    own(path.parent, {path.name: None}, path)  # who calls this has named the file
+    write_text_atomically(path, dumps(scene))
 
 
 def example(in_space: bool = False) -> str:
@@ -145,6 +147,8 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
 
 def _override(data: dict[str, Any], override: str) -> Key:
     """Put the value of one override into the data; the key it went to."""
+    if override != (readable := override.encode(errors="replace").decode()):
+        raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
     path, equals, text = override.partition("=")
     key = tuple(part.strip() for part in path.split("."))
     if not equals or not all(key):

@@ -17,7 +17,15 @@ from typing import Any
 
 from ..contact.batch import judge_many
 from ..errors import ConvergenceError, OutputError, SceneError
-from ..files import make_directory, part_of, replaced, reported, write_json, write_text_atomically
+from ..files import (
+    MARK,
+    make_directory,
+    part_of,
+    replaced,
+    reported,
+    write_json,
+    write_text_atomically,
+)
 from ..parallel import end_with_parent
 from ..progress import Silent
 from ..tables.parquet import pyarrow
@@ -75,7 +83,8 @@ def judge_table(table: Table, directory: Path, jobs: int, voice: Silent) -> Verd
     _write(table, directory, chunks)
     write_json(directory / SUMMARY, asdict(found))
     with reported(chunks):
-        for path in (*(_chunk(chunks, number) for number in range(len(table))), chunks / REQUEST):
+        mine = (_chunk(chunks, number) for number in range(len(table)))
+        for path in (*mine, chunks / REQUEST, chunks / MARK):
             path.unlink(missing_ok=True)
         chunks.rmdir()
     return found

@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats, unwarned
 from ..contact.batch import Batch, Loads, judge_batch
 from ..errors import SceneError, shortened
-from ..files import reported, write_json
+from ..files import make_directory, write_json, write_text_atomically
 from ..tables.parquet import pyarrow
 from .judge_case import Case
 from .motion_in_time import MotionInTime, samples_from, steps_of
@@ -223,14 +223,9 @@ def _parquet(path: Path) -> dict[str, Floats]:
 
 def save_series(found: Series, directory: Path) -> None:
     """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
-    path, labels = directory / SAMPLES, found.batch.labels
-    with reported(path):
-        directory.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as stream:
-            stream.write("time,safety_factor,mode\n")
-            columns = found.times, found.batch.factors, found.batch.modes
-            rows = zip(*(column.tolist() for column in columns), strict=True)
-            stream.writelines(
-                f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows
-            )
+    labels, columns = found.batch.labels, (found.times, found.batch.factors, found.batch.modes)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    lines = (f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows)
+    make_directory(directory)
+    write_text_atomically(directory / SAMPLES, "".join(["time,safety_factor,mode\n", *lines]))
     write_json(directory / SUMMARY, found.to_dict())

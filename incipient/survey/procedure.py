@@ -43,6 +43,7 @@ from .request import SurveyRequest
 from .thresholds import LoadErrors, Threshold, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
+FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
 
 
 @dataclass(frozen=True)

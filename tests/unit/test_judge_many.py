@@ -392,7 +392,11 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     summary = json.loads((tmp_path / "out" / "batch.json").read_text())
     assert (summary["cases"], summary["failed"]) == (6, 1)
     (tmp_path / "out" / "verdicts.csv").write_text("mine")
-    assert cli.main(order) == 5 and "is not of an incipient run" in capsys.readouterr().err
+    assert (
+        cli.main(order) == 5
+        and "verdicts.csv: was not written by incipient, or has been changed"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from matplotlib.patches import Circle
 
 from ...arrays import Floats
 from ...errors import OutputError
-from ...files import reported
+from ...files import replaced
 from .. import style
 from ..record import drawn
 
@@ -215,6 +215,6 @@ def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floa
         fields[name] = values
     for name, values in fields.items():
         made.point_data[name] = np.repeat(values, count)
-    with reported(path):
-        made.save(path)
+    with replaced(path, path.with_suffix(".part.vtp")) as part:
+        made.save(part)
     return path
