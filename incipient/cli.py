@@ -6,16 +6,19 @@ import argparse
 import atexit
 import gc
 import logging
+import os
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands import options
-from .errors import IncipientError, SceneError
+from .errors import IncipientError, OutputError, SceneError, shortened
+from .input_files import cause_of
 from .installed import required
 from .interrupt import nobody_reads
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
@@ -31,6 +34,7 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
+    _open_standard_streams()
     start_alone_quickly()
     # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
     atexit.register(gc.freeze)
@@ -181,7 +185,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         given = _parser().parse_args(arguments)
         _listen(given.log_level)
         signal.signal(signal.SIGTERM, _as_interrupt)
-        with required():
+        with _system_errors_reported(), required():
             code = int(given.command(given, comm))
         meeting.failed(False)
         return code
@@ -208,6 +212,40 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         print(f"incipient: a defect of the program, on rank {comm.rank}:", file=sys.stderr)
         traceback.print_exc()
         return _leave(comm, DEFECT)
+
+
+@contextmanager
+def _system_errors_reported() -> Iterator[None]:
+    """Let a file that cannot be opened or written, or a shortage of memory, be one line. Not collective.
+
+    Raises:
+        OutputError: naming the file, or what else is short.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except MemoryError as error:
+        why = shortened(error) or "no more can be had"
+        remedy = "ask for less at once, or give the program more"
+        raise OutputError(f"the memory is too small ({why}); {remedy}") from error
+    except OSError as error:
+        if not error.errno:  # of a library, which has not asked the system
+            raise
+        where = shortened(error.filename or "the standard output", 300)
+        remedy = "give another name or directory, or make room"
+        raise OutputError(f"{where}: {cause_of(error)}; {remedy}") from error
+
+
+def _open_standard_streams() -> None:
+    """Open streams that are closed on nothing: the next file opened would take their place, and be printed into."""
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, "r" if descriptor == 0 else "w", closefd=False))  # noqa: SIM115
 
 
 def _listen(level: str) -> None:

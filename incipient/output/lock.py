@@ -47,9 +47,11 @@ class Holder:
     def read(cls, text: bytes) -> Holder | None:
         """The holder that a lock names, None if it names none."""
         try:
-            return cls(**json.loads(text))
-        except (ValueError, TypeError):
+            found = cls(**json.loads(text))
+        except (ValueError, TypeError, RecursionError):
             return None
+        words = isinstance(found.host, str) and isinstance(found.began, str | None)
+        return found if words and isinstance(found.process, int) else None
 
     def is_gone(self) -> bool:
         """Whether the process has certainly ended; of another machine that is not known here."""
@@ -120,6 +122,8 @@ def _taken_over(path: Path, mine: Holder) -> bool:
 
     Two that find the same old lock are on one machine, where a lock on the file keeps them apart.
     """
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path}: is no file, and a pipe would be waited for; remove it")
     with suppress(FileNotFoundError), reported(path), path.open("r+b", buffering=0) as stream:
         with suppress(OSError):
             fcntl.flock(stream, fcntl.LOCK_EX)

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..errors import OutputError
+from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
 from ..scene import Scene
 from . import style
@@ -181,11 +182,6 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:
-    try:
+    remedy = "give the directory of a finished run, or run the scene again"
+    with reading(path, remedy, error=OutputError):
         return parse(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise OutputError(
-            f"{path}: no such file; is this the directory of a finished run?"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error

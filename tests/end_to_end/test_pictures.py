@@ -346,5 +346,5 @@ def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
 
 
 def test_the_directory_itself_is_checked():
-    with pytest.raises(OutputError, match="no such file"):
+    with pytest.raises(OutputError, match="No such file"):
         draw(Path("no-such-run"))
