@@ -275,7 +275,10 @@ def open_table(path: Path, settings: Sequence[str]) -> Table:
             if not line.strip():
                 pass
             elif names is None:
-                names = tuple(name.strip() for name in _cells(line.removeprefix(BOM)))
+                cells = _cells(line.removeprefix(BOM))
+                if isinstance(cells, str):
+                    raise SceneError(f"{path}: the row of names {cells}")
+                names = tuple(name.strip() for name in cells)
             else:
                 if rows % CHUNK == 0:
                     starts.append(place)
@@ -293,13 +296,13 @@ def _setting(text: str) -> tuple[str, float]:
     raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
 
 
-def _cells(line: bytes) -> list[str]:
-    """The cells of a line; one that is no CSV is one cell of its own."""
+def _cells(line: bytes) -> Row:
+    """The cells of a line, or why it has none."""
     text = line.decode("utf-8", errors="replace")
     try:
         return next(csv.reader([text]), [])
-    except csv.Error:
-        return [text[:LONGEST_CELL]]
+    except csv.Error as error:
+        return f"is no line of CSV ({error}); shorten or correct it"
 
 
 def _parquet_rows(path: Path, start: int, end: int) -> list[Row]:
