@@ -22,6 +22,8 @@ from .flow.mesh import QuadraticMesh
 from .flow.streamlines import Sampled, sample
 from .verdict.outlines import grain_outline
 
+REMEDY = "give the directory of a finished run, or run the scene again"
+
 
 @dataclass(frozen=True)
 class StoredRun:
@@ -182,6 +184,5 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:
-    remedy = "give the directory of a finished run, or run the scene again"
-    with reading(path, remedy, error=OutputError):
+    with reading(path, REMEDY, error=OutputError):
         return parse(path.read_text(encoding="utf-8"))

@@ -237,8 +237,8 @@ def test_still_fluid_is_drawn(grain_run):
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("result.json", "is this the directory of a finished run"),
-        ("scene.toml", "is this the directory of a finished run"),
+        ("result.json", "give the directory of a finished run"),
+        ("scene.toml", "give the directory of a finished run"),
         ("fields.h5", r"output\.fields = true"),
         ("surface.h5", r"output\.fields = true"),
     ],
