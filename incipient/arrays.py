@@ -3,6 +3,8 @@
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from decimal import Decimal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +32,17 @@ def decimal(text: str) -> float:
     if "_" in text or not text.isascii():
         raise ValueError(f'"{text[:40]}" is no plain number')
     return float(text)
+
+
+def number(cell: Any) -> float:
+    """The number in a cell of a table, NaN for an empty cell; ValueError for times, truth values and bytes."""
+    if cell is None or cell == "":
+        return float("nan")
+    if isinstance(cell, str):
+        return decimal(cell)
+    if isinstance(cell, bool) or not isinstance(cell, int | float | Decimal):
+        raise ValueError(f"{type(cell).__name__} is no number")
+    return float(cell)
 
 
 def rows(x: ArrayLike) -> Floats:

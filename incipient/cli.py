@@ -10,12 +10,14 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands import options
-from .errors import IncipientError, OutputError, SceneError
+from .errors import IncipientError, OutputError, SceneError, shortened
+from .input_files import cause_of
 from .installed import required
 from .interrupt import nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
@@ -184,7 +186,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         given = _parser().parse_args(arguments)
         _listen(given.log_level)
         signal.signal(signal.SIGTERM, _as_interrupt)
-        with required():
+        with _system_errors_reported(), required():
             code = int(given.command(given, comm))
         meeting.failed(False)
         return code
@@ -216,6 +218,29 @@ def _unwritten(error: Exception) -> int:
     why = getattr(error, "strerror", error)
     say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
     return OutputError.exit_code
+
+
+@contextmanager
+def _system_errors_reported() -> Iterator[None]:
+    """Let a file that cannot be opened or written, or a shortage of memory, be one line. Not collective.
+
+    Raises:
+        OutputError: naming the file, or what else is short.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except MemoryError as error:
+        why = shortened(error) or "no more can be had"
+        remedy = "ask for less at once, or give the program more"
+        raise OutputError(f"the memory is too small ({why}); {remedy}") from error
+    except OSError as error:
+        if not error.errno or error.filename is None:  # of a library, or of the standard output
+            raise
+        remedy = "give another name or directory, or make room"
+        name = shortened(error.filename, 300)
+        raise OutputError(f"{name}: {cause_of(error)}; {remedy}") from error
 
 
 def _listen(level: str) -> None:

@@ -8,6 +8,7 @@ the form; a lock, which the kernel frees with its process, keeps others from com
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -38,9 +39,10 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
         build: gets a folder, compiles into it or loads from it, and is collective itself.
 
     Raises:
-        OutputError: the folder cannot be written, or its disk is full.
+        OutputError: a rank cannot write to the folder, or its disk is full.
     """
-    if from_first(comm, lambda: _is_whole(root / name)):
+    root, name = from_first(comm, lambda: (root, name))  # ranks may have their own environments
+    if all(comm.allgather(_is_whole(root / name))):
         loaded: list[T] = []
         with suppress(Exception):
             loaded.append(build(root / name))
@@ -51,6 +53,8 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
     with _locked(root / "locks" / name[:2], comm.rank == 0):
         folder = from_first(comm, lambda: _begun(root, name))
         try:
+            with collectively(comm):  # a rank that fails within `build` leaves the others waiting
+                _require_writable(folder)
             with collectively(comm), _space_reported(root):
                 made = build(folder)
         except BaseException:
@@ -75,6 +79,17 @@ def _begun(root: Path, name: str) -> Path:
         raise OutputError(
             f"{root}: compiled forms cannot be kept ({error.strerror}); {REMEDY}"
         ) from error
+
+
+def _require_writable(folder: Path) -> None:
+    """Refuse a folder that this rank, which may be on another machine, can neither find nor make."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        why = f"compiled forms cannot be kept ({error.strerror})"
+        raise OutputError(f"{folder.parent}: {why}; {REMEDY}") from error
 
 
 def _finish(folder: Path, final: Path) -> None:

@@ -16,6 +16,7 @@ from ..entrainment.lasting import WeakestGusts
 from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
+from ..input_files import reading
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..planning.flow_setup import Setup
@@ -95,10 +96,8 @@ def _row(one: OfStrength) -> dict[str, Any]:
 def _stored(path: Path) -> dict[str, Any]:
     """What a gusts.json holds; raises SceneError without one."""
     remedy = "give the directory that incipient gust has written"
-    try:
-        stored = json.loads(path.read_text())
-    except (OSError, ValueError):
-        raise SceneError(f"--gusts: {path} cannot be read; {remedy}") from None
+    with reading(path, remedy, name=f"--gusts: {path}"):
+        stored = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(stored, dict) or not {"points", "static"} <= stored.keys():
         raise SceneError(f"--gusts: {path} holds no gusts; {remedy}")
     return stored

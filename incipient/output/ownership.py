@@ -95,7 +95,7 @@ def keep_complete_result(directory: Path) -> None:
     path = directory / RESULT
     try:
         complete = json.loads(path.read_text())["status"] == "complete"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return
     if complete:
         put_aside(path)

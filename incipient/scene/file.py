@@ -13,11 +13,11 @@ from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..files import own, write_text_atomically
+from ..input_files import read_text
 from ..parallel import Comm, from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
-from .points import file_text
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
@@ -57,15 +57,7 @@ def loads(
 def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
     """What a TOML file describes, a scene or another model; as `load`."""
     path, kind = Path(path), model.__name__.lower()
-    try:
-        text = file_text(path)
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the name of a {kind} file"
-        ) from None
-    except UnicodeDecodeError as error:
-        why = f"is not UTF-8 text at byte {error.start}"
-        raise SceneError(f"{path}: {why}; save it as UTF-8") from None
+    text = read_text(path, f"give the name of a {kind} file")
     return parse(model, text, path.parent, overrides, str(path))
 
 

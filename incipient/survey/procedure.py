@@ -16,11 +16,11 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..input_files import read_text
 from ..output.lock import locked
 from ..parallel import Comm, collectively, from_first
 from ..progress import Silent
 from ..scene.file import parse
-from ..scene.points import file_text
 from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
 from ..sweep.procedure import Watcher
@@ -68,13 +68,7 @@ class RunMeans:
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
     """A survey from a TOML file. Raises SceneError."""
-    try:
-        text = file_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise SceneError(
-            f"{path}: cannot be read ({why}); give the name of a survey file"
-        ) from None
+    text = read_text(path, "give the name of a survey file")
     return parse(SurveyRequest, text, path.parent, overrides, str(path))
 
 

@@ -146,10 +146,10 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn SQLite's errors into one line."""
+        """Turn errors of SQLite, and of what a row holds, into one line."""
         try:
             yield
-        except (sqlite3.Error, UnicodeDecodeError) as error:
+        except (sqlite3.Error, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
             raise OutputError(f"{self.path}: {_complaint(error)}") from error
 
     def _prepare(self, make: bool) -> None:

@@ -93,12 +93,10 @@ def write_parquet(source: Path, target: Path) -> None:
 
 
 def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    """The row of a case; one that was written without a checksum and cannot be read is damaged."""
+    """The row of a case; one that cannot be read is damaged, whatever its checksum."""
     try:
         return _row(stored, keys)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        if stored.get("checksum") is not None:
-            raise
         return _row(damaged(stored), keys)
 
 

@@ -193,7 +193,7 @@ def test_headings_may_have_units_and_the_last_row_may_be_incomplete(texts):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        (None, "no such file"),
+        (None, r"cannot be read \(No such file"),
         ("", "holds no time"),
         ("time,drag\n1,2\n", "holds no x"),
         ("time,x,y,angle\n", "holds no complete steps"),

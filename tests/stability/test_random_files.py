@@ -79,7 +79,9 @@ def tried(number: int, directory: Path) -> Counter[str]:
     found: Counter[str] = Counter()
 
     @settings(USUAL, max_examples=number)
-    @given(st.randoms(use_true_random=False), st.integers(0, 14))
+    # Seeds alone are drawn: hypothesis otherwise prefers numbers that stand in the package's source, and the counts
+    # below change with every edit of it.
+    @given(st.randoms(use_true_random=True), st.integers(0, 14))
     def one(random: object, turn: int) -> None:
         path = written(random, directory)
         text = scene(use_of(path, turn), path.name)

@@ -19,6 +19,7 @@ from matplotlib.patches import Circle
 from ...arrays import Floats
 from ...errors import OutputError
 from ...files import replaced
+from ...input_files import reading
 from .. import style
 from ..record import drawn
 
@@ -32,12 +33,7 @@ def draw(directory: Path) -> list[Path]:
 
     Raises OutputError as `record.drawn` does.
     """
-    try:
-        grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
-    except (OSError, ValueError, KeyError) as error:
-        raise OutputError(
-            f"{directory}: its tables cannot be read ({error}); survey it again"
-        ) from error
+    grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
     made = drawn(
         directory / "survey.json",
         lambda stored: _figure(stored, grains, spheres),
@@ -48,10 +44,11 @@ def draw(directory: Path) -> list[Path]:
 
 def _table(path: Path) -> dict[str, Floats]:
     """The columns with numbers of a CSV file; empty cells are NaN."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+    with reading(path, "survey it again", error=OutputError):
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
+        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
 
 def _figure(
