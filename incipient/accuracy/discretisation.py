@@ -24,7 +24,6 @@ from .coarse_runs import (
 )
 from .kept_runs import Solve
 from .waves import (
-    LONGER_STEP,
     OF_FEW_STEPS,
     doubt_of_stream,
     enlarged,
@@ -203,9 +202,9 @@ def shares(scene: Scene) -> tuple[float, float]:
     The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
     """
     ratio, order = ratio_of_steps(scene), order_of(scene).number
-    in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
+    in_time = ratio ** order_in_time(scene)
     in_space = _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order)
-    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
+    return 1.0 / abs(in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
         scene
     ) else 1.0
 

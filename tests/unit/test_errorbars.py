@@ -57,6 +57,11 @@ COARSE = {"order": 2, "mesh_size": 2.0, "error_bars": False, "correction": False
 WITHIN = 3.0
 
 
+def gust(duration: float) -> str:
+    """An override that lets a flow have a gust of a duration."""
+    return f"flow.gust={{start=0.5, duration={duration}, strength=2.0}}"
+
+
 SOLVED: dict[str, Loads] = {}
 
 
@@ -255,12 +260,38 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
         assert np.concatenate([term.force, term.couple]) == pytest.approx(times * changing.unsteady)
 
 
-@pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1)])
+@pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1), (1, 2)])
 def test_there_are_eight_longer_steps_if_possible(steps: int, longer: int) -> None:
     scene = loads(IN_STREAM, overrides=(f"time={{end=1.0, step={1.0 / steps}}}",))
     assert [1.0 / one.time.step for one in comparisons(scene) if one.time] == pytest.approx(
         2 * [longer]
     )
+
+
+@pytest.mark.parametrize(("duration", "compared", "model"), [(2.0, 0.4, 0.4), (0.5, 0.25, 0.25)])
+def test_coarse_runs_resolve_a_short_gust(duration: float, compared: float, model: float) -> None:
+    """A scene has two steps or more in a gust; so have its coarse runs."""
+    scene = loads(IN_STREAM, overrides=("time={end=4.0, step=0.1}", gust(duration)))
+    assert [one.time.step for one in comparisons(scene) if one.time] == [compared, compared]
+    steps = [one.time.step for one in coarse_scenes(scene) if one.time]
+    assert steps == pytest.approx([compared] * 2 + [model] * (len(steps) - 2))
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("bdf1", 1), ("bdf2", 2)])
+def test_steps_that_cannot_be_longer_are_compared_with_shorter_ones(
+    scheme: str, order: int
+) -> None:
+    """Two steps in a gust: a force 1 + h^q, q the order of the steps, errs by h^q."""
+    overrides = (f"time={{end=4.0, step=0.1, scheme='{scheme}'}}", gust(0.2))
+    scene = loads(IN_STREAM, overrides=overrides)
+
+    def exact(one: Scene) -> Loads:
+        assert one.time is not None
+        return Loads(np.array([1.0 + one.time.step**order, 0.0, 0.0]), np.zeros(3))
+
+    of_step, of_mesh = by_coarser_runs(scene, exact(scene), exact).parts
+    assert (of_step.force[0], of_mesh.force[0]) == (pytest.approx(0.1**order), 0.0)
+    assert {one.time.step for one in coarse_scenes(scene) if one.time} == {0.05, 0.1}
 
 
 def test_a_part_that_is_known_spares_its_run() -> None:
