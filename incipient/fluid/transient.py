@@ -236,7 +236,7 @@ class Transient:
         why = "" if self.interface is None else self.interface.complaint()
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or self._remedy())
+            + (why or report.failure or self._remedy())
         )
 
     def _remedy(self) -> str:
