@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..planning.boundary_layer import is_resolved
+from ..planning.flow_setup import Setup
 from ..planning.order import order_of
 from ..scene import Scene, Surface, Time
 from ..scene.expression import Expression
@@ -43,9 +45,10 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
 
-    With wall layers, where k and epsilon keep their order, and for elements of the highest order these are compared
-    with such on a coarser mesh, or where there is neither grain nor wall layers, and the mesh may be as coarse as it
-    gets, with those of one order less. Adaptive steps err more each.
+    With wall layers, where k and epsilon keep their order, for elements of the highest order, and where no cell
+    resolves the boundary layer of a grain, these are compared with such on a coarser mesh. Where there is neither grain
+    nor wall layers, and the mesh may be as coarse as it gets, the highest order is compared with one order less.
+    Adaptive steps err more each.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -60,8 +63,13 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 
 def on_another_mesh(scene: Scene) -> bool:
-    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
-    return scene.is_averaged or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
+    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective.
+
+    A boundary layer that no cell resolves is as thin for elements of a higher order on the same cells.
+    """
+    if scene.is_averaged or scene.body is None:
+        return scene.is_averaged
+    return order_of(scene).number == HIGHEST_ORDER or not is_resolved(Setup(scene))
 
 
 def ratio_of_steps(scene: Scene) -> float:

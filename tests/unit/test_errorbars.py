@@ -26,6 +26,7 @@ from incipient.accuracy.model_terms import (
 )
 from incipient.adaptive.modelling import not_estimated
 from incipient.errors import ConvergenceError
+from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshed_bed import resolved_bed
 from incipient.planning.order import order_of
@@ -51,6 +52,32 @@ kind = "uniform"
 shape = "disc"
 diameter = 1.0
 centre = [3.0, 2.0]
+"""
+# A light disc that rises in still fluid at Re 1000; its boundary layer is 0.02 thick at the end.
+RISING = """
+[domain]
+kind = "box"
+length = 12.0
+height = 12.0
+[fluid]
+reynolds = 1000.0
+scale = "grain"
+[flow]
+kind = "still"
+[body]
+shape = "disc"
+diameter = 1.0
+centre = [6.0, 5.0]
+density = 0.05
+motion = "free"
+[gravity]
+acceleration = 1.0
+[time]
+end = 0.4
+step = 0.04
+[numerics]
+error_bars = false
+order = 2
 """
 # Estimates are compared with what changes, so that nothing is corrected by them.
 COARSE = {"order": 2, "mesh_size": 2.0, "error_bars": False, "correction": False}
@@ -325,6 +352,29 @@ def test_coarser_runs_against_a_much_finer_one() -> None:
         < np.linalg.norm(by_coarser_runs(scene, computed, solve).force)
         < WITHIN * error
     )
+
+
+@pytest.mark.parametrize(
+    ("mesh_size", "order", "resolved"), [(0.5, 2, False), (0.35, 2, True), (0.25, 3, True)]
+)
+def test_boundary_layer_is_resolved_by_one_cell(
+    mesh_size: float, order: int, resolved: bool
+) -> None:
+    """By hand: sqrt(0.4/1000) is 0.02; cells at the disc are 0.05 times mesh_size, of order three 0.1 times."""
+    overrides = (f"numerics.mesh_size={mesh_size}", f"numerics.order={order}")
+    assert is_resolved(Setup(loads(RISING, overrides=overrides))) is resolved
+    assert is_resolved(Setup(loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",))))
+
+
+def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
+    """Elements of third order on the same cells see a ninth of the error of the place."""
+    scene = loads(RISING, overrides=("numerics.mesh_size=1.5",))
+    computed, fine = solve(scene), solve(changed(scene, numerics={"mesh_size": 0.5}))
+    assert computed.place is not None and fine.place is not None
+    error = abs(computed.place[1] - fine.place[1])
+    place = by_coarser_runs(scene, computed, solve).place
+    assert place is not None
+    assert error / 2 < place[1] < 2 * error
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
