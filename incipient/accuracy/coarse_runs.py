@@ -115,11 +115,13 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     if domain.width is not None and scene.sides != "wall" and not across:
         changes["width"] = factor * domain.width
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
-    if scene.top == "stream":
+    # Without a bed the flow is endless downwards as well, and a top without shear is no surface of a channel. Shear is
+    # not, it begins at the bottom.
+    endless = scene.bed is None and scene.flow.kind in ("uniform", "expression")
+    if scene.top == "stream" or (endless and scene.top == "slip"):
         changes["height"] = factor * domain.height
-    # Without a bed the flow is endless downwards, too. Shear is not, it begins there.
-    if scene.bed is None and scene.top == "stream" and scene.flow.kind in ("uniform", "expression"):
-        origin[up] -= 0.5 * (factor - 1.0) * domain.height
+        if endless:
+            origin[up] -= 0.5 * (factor - 1.0) * domain.height
     larger = changed(scene, domain={**changes, "origin": tuple(origin)})
     if scene.fluid.scale == "grain":
         return larger

@@ -485,6 +485,13 @@ def test_far_sides_matter_longer_over_forms() -> None:
         assert of_domain(plain, far).force[0] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("top", ["stream", "slip"])
+def test_a_top_without_shear_moves_away_where_nothing_is_below(top: str) -> None:
+    """A uniform flow past a grain is endless above and below, whatever stands for that."""
+    domain = farther(loads(IN_STREAM, overrides=(f"domain.top='{top}'",))).domain
+    assert (domain.height, domain.origin[1]) == pytest.approx((6.0, -1.0))
+
+
 def datum_of(scene: Scene) -> float:
     return Setup(scene).base_flow.datum
 
