@@ -165,20 +165,23 @@ class BodyForce(FlowTerm):
 class OpenBoundary(FlowTerm):
     """A boundary through which fluid leaves freely; `measure` is its.
 
-    carrier: what carries momentum, where fluid that comes back is to bring none; None: it brings what it has
+    carrier: velocity that carries momentum, where the momentum of returning fluid is prescribed; None: it is free
+    stream:  velocity whose momentum returning fluid brings; None: it brings none
     """
 
     viscosity: Any
     measure: Any
     carrier: Any = None
+    stream: Any = None
 
     def on_boundary(self, of: Unknowns) -> Any:
         """`terms.open_boundary`, and `terms.entering_boundary`."""
         n = ufl.FacetNormal(of.w.ufl_domain())
         found = terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map)
         if self.carrier is not None:
+            brought = of.v if self.stream is None else of.v - self.stream
             found += terms.entering_boundary(
-                of.v, self.carrier, of.w, surface_vector(n, of.reference_map)
+                brought, self.carrier, of.w, surface_vector(n, of.reference_map)
             )
         return found * self.measure
 

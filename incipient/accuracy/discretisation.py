@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError
+from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup
 from ..planning.order import order_of
 from ..planning.wall_cells import coarsest
@@ -24,7 +25,6 @@ from .coarse_runs import (
 )
 from .kept_runs import Solve
 from .waves import (
-    LONGER_STEP,
     OF_FEW_STEPS,
     doubt_of_stream,
     enlarged,
@@ -180,11 +180,7 @@ def by_coarser_runs(
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = (
-            _slowest(scene.resolves_walls)
-            if scene.is_averaged
-            else order_in_space(order_of(scene).number)
-        )
+        order = _order_of_mesh(scene)
         how = f"these on a mesh for elements of order {order_of(beside).number}"
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
@@ -202,12 +198,18 @@ def shares(scene: Scene) -> tuple[float, float]:
 
     The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
     """
-    ratio, order = ratio_of_steps(scene), order_of(scene).number
-    in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
-    in_space = _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order)
-    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
+    in_time, in_space = ratio_of_steps(scene) ** order_in_time(scene), _order_of_mesh(scene)
+    return 1.0 / abs(in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
         scene
     ) else 1.0
+
+
+def _order_of_mesh(scene: Scene) -> float:
+    """The order at which errors of a flow in time fall on finer meshes: one less in unresolved boundary layers."""
+    if scene.is_averaged:
+        return _slowest(scene.resolves_walls)
+    order = order_of(scene).number
+    return order_in_space(order) if is_resolved(Setup(scene)) else order
 
 
 def order_in_space(velocity: int) -> int:

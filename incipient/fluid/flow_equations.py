@@ -169,10 +169,10 @@ class FlowEquations:
         if self.constraints.crossings:
             # In the plane flow past a grain on sand is not found with it (tests/end_to_end/test_rough_beds.py).
             in_space = self.domain.gdim == 3 and model.viscosity is not None
-            returning = carrier if in_space else None
-            yield forms.OpenBoundary(
-                viscosity, self.domain.measure(*self.constraints.crossings), returning
-            )
+            stream = self.constraints.stream
+            returning = carrier if in_space or stream is not None else None
+            measure = self.domain.measure(*self.constraints.crossings)
+            yield forms.OpenBoundary(viscosity, measure, returning, stream)
         if self.walls is not None:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:

@@ -87,6 +87,11 @@ class BaseFlow:
         """What multiplies the flow in time; None: nothing does."""
         return getattr(self.flow, "gust", None)
 
+    @property
+    def changes(self) -> bool:
+        """Whether it changes in time."""
+        return self.gust is not None or getattr(self.flow, "unsteady", False)
+
     def factor(self, t: float) -> float:
         """What the flow is multiplied by at a time."""
         return 1.0 if self.gust is None else self.gust.factor(t)

@@ -9,6 +9,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from . import meshing_in_space as in_space
+from .boundary_layer import GRAIN_CELL
 from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating, wake
 from .flow_setup import Setup
 from .layout import Layout
@@ -16,7 +17,6 @@ from .plan import Plan
 from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
-GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners

@@ -191,9 +191,8 @@ def wall_distance(setup: Setup) -> float:
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
     """Largest speed of the base flow over its largest rate of change; None where it does not change."""
-    flow, domain = base_flow.flow, base_flow.domain
-    changes = base_flow.gust is not None or (flow.kind == "expression" and flow.unsteady)
-    if time is None or not changes:
+    domain = base_flow.domain
+    if time is None or not base_flow.changes:
         return None
     times = _times(base_flow, time, 4 * SAMPLES)
     points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -12,7 +12,6 @@ import numpy as np
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.newton import NewtonReport
-from ...fluid.solvers import UnsolvedError
 from ...fluid.transient import Interface
 from .fields import TurbulenceFields
 
@@ -101,10 +100,9 @@ def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
     """Find the flow with the eddy viscosity as it is, or a larger one, which pseudo-time undoes; the logarithms."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
-        with suppress(UnsolvedError):
-            turbulence.look()
-            if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
-                return turbulence.state.x.array.copy()
+        turbulence.look()
+        if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
+            return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
         turbulence.raise_eddy_viscosity(THICKER)
     raise ConvergenceError(NO_FLOW)
