@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.order import order_of
+from ..planning.flow_setup import order_of
 from ..scene import Scene, Surface, Time
 from ..scene.expression import Expression
 from .waves import LONGER_STEP

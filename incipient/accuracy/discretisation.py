@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..planning.flow_setup import Setup
-from ..planning.order import order_of
+from ..planning.flow_setup import Setup, order_of
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
 from ..scene import Scene

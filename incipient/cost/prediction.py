@@ -20,9 +20,8 @@ from ..adaptive import balance
 from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarsest, highest_order, next_order
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
-from ..planning.flow_setup import Setup
+from ..planning.flow_setup import Setup, has_inertia, order_of
 from ..planning.layout import coarse_sizes
-from ..planning.order import order_of
 from ..planning.plan import Estimate
 from ..results.adaptation import Trial
 from ..scene import Scene
@@ -258,7 +257,7 @@ def first_mesh(scene: Scene) -> Estimate:
     setup = Setup(scene if steady else balance.first(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    factor = coarsest(scene.gdim, scene.fluid.inertia)
+    factor = coarsest(scene.gdim, has_inertia(scene))
     sized = coarse_sizes(factor, None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
 
@@ -277,7 +276,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, scene.fluid.inertia)
+    factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, has_inertia(scene))
     first = _Run(balance.first(scene) if time else _sized(scene, factor), unknowns)
     error = known.errors(first.variant).get(scene.accuracy_of)
     if error is None:
@@ -319,7 +318,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     if excess <= 1.0:
         return [first]
     before, gdim = order_of(first.scene).number, first.scene.gdim
-    order, left = next_order(before, excess, gdim, highest_order(gdim, first.scene.fluid.inertia))
+    order, left = next_order(before, excess, gdim, highest_order(gdim, has_inertia(first.scene)))
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
     unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]

@@ -22,8 +22,7 @@ from incipient.cost.quantities import ComparedNumbers
 from incipient.effects import known
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import ConvergenceError
-from incipient.planning.flow_setup import Setup
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import ErrorBars, Loads, Term
 from incipient.results.resolved_wall_report import SEPARATIONS, ResolvedWallReport

@@ -26,9 +26,8 @@ from incipient.accuracy.model_terms import (
 )
 from incipient.adaptive.modelling import not_estimated
 from incipient.errors import ConvergenceError
-from incipient.planning.flow_setup import Setup
+from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.meshed_bed import resolved_bed
-from incipient.planning.order import order_of
 from incipient.results.errorbars import Loads, Term
 from incipient.results.loads import Couples, Forces
 from incipient.results.wall_report import WallReport
