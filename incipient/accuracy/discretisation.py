@@ -96,7 +96,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     little by chance: each is taken to err by as much as force or couple do, unless it vanishes by symmetry. So is u* at
     the outflow and in the mean, each by as much as the other one.
 
-    A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
+    A dual solution would be needed of flow and turbulence together. No order is supposed above one: turbulence is
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
     differ by is not believed to fall at an order above two.
 

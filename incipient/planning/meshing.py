@@ -9,7 +9,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from . import meshing_in_space as in_space
-from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating, wake
+from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
@@ -154,8 +154,6 @@ def _finer(
         )
         near.extend(setup.resolved_walls.cells(*placed))
         near.extend(_at_bed_corners(setup))
-        if setup.resolved_walls.around_grain:
-            near.append(wake(*placed))
     if setup.base_flow.flow.kind == "lid":
         domain = geometry.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

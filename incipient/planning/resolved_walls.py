@@ -37,7 +37,6 @@ NEAR_GRAIN, AWAY_GROWTH = (
     0.1,
     0.05,
 )  # of a grain's size: those next to it; and how they grow along walls away from it
-IN_STREAM = 0.02  # likewise at a grain in a uniform stream, whose boundary layer begins at a point
 GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
@@ -129,11 +128,6 @@ class ResolvedWalls:
     def layer_over_forms(self) -> bool:
         """Whether a measured boundary layer, in a stream with hardly any k, goes over smooth forms of the bed."""
         return self.measured is not None and self.smooth
-
-    @property
-    def around_grain(self) -> bool:
-        """Whether the only wall is that of a grain in a uniform stream."""
-        return self.stream is not None and self.edge is None
 
     @property
     def rough(self) -> tuple[str, ...]:
@@ -380,8 +374,6 @@ class ResolvedWalls:
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
-        if self.around_grain:
-            return (Near(IN_STREAM * grain, CELL_GROWTH, boundary="body"),)
         largest = self.along
         size = min(largest, NEAR_GRAIN * grain)
         far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
@@ -443,11 +435,8 @@ def resolved_walls_of(
         base_flow.reference,
         base_flow.viscosity,
     )
-    edge, in_stream = None, stream is not None and bed is None
-    if in_stream:
-        along = geometry.grain.size
-        depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
-    elif base_flow.flow.kind == "uniform":
+    edge = None
+    if base_flow.flow.kind == "uniform":
         edge = domain.left if leading_edge is None else leading_edge
         along = domain.right - edge
         depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
@@ -469,9 +458,7 @@ def resolved_walls_of(
         mean=mean,
         viscosity=viscosity,
         plane=plane,
-        names=body
-        if in_stream
-        else (
+        names=(
             names.bottom,
             *((names.top,) if two else ()),
             *(names.across if walled else ()),

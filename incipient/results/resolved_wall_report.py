@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from ..arrays import Floats
 from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
-SEPARATIONS = "separation_above", "separation_below"  # columns of the history
 BOUNDED = (
     0.5  # thickness of the thickest cell over that asked for, below which others have decided it
 )
@@ -24,8 +23,6 @@ class ResolvedWallReport(WallReport):
     first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
     each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
     stress in the mean along all walls
-    separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
-    below; u* and friction then are those in the mean along the grain
     """
 
     mesh_size: float = 1.0
@@ -33,7 +30,6 @@ class ResolvedWallReport(WallReport):
     on_sand: float = 0.0
     excess: float = 1.0
     first_cell: float | None = None
-    separates: tuple[float, ...] = ()
     each: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -75,14 +71,6 @@ class ResolvedWallReport(WallReport):
             return f"set {FIRST_CELL} = {0.9 / self.excess * made:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
-    def _separation(self) -> dict[str, float]:
-        """Columns of where the flow separates: around a grain in a stream angles in place of x."""
-        return (
-            dict(zip(SEPARATIONS, self.separates, strict=True))
-            if self.separates
-            else super()._separation()
-        )
-
     def _of_model(self) -> str:
         return ""
 
@@ -90,13 +78,7 @@ class ResolvedWallReport(WallReport):
         if self.each:
             told = ", ".join(f"{name} {found:.5g}" for name, found in self.each.items())
             return f"{super()._friction(errors)}, in the mean along all walls ({told})"
-        if not self.separates:
-            return super()._friction(errors)
-        above, below = self.separates
-        return (
-            f"u* {self.shear_velocity:.5g} in the mean along the grain, which the flow leaves {above:.3g} degrees from "
-            f"its front above and {below:.3g} below"
-        )
+        return super()._friction(errors)
 
     def _judged(self) -> list[str]:
         told = ""

@@ -172,7 +172,7 @@ class TurbulenceEffect(Effect):
         return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""
+        """MiB of both quantities in space, and of blocks that are the Jacobian's."""
         if setup.scene.gdim == 2 or not setup.scene.is_averaged:
             return 0.0
         in_time = setup.scene.time is not None

@@ -75,28 +75,6 @@ class AlongWall:
         ends = [*x[:1][v[:1] < 0.0], *zeros, *x[-1:][v[-1:] < 0.0]]
         return tuple(zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True))
 
-    def separates(self, centre: np.ndarray) -> tuple[float, float]:
-        """Angles from the front of a grain with a centre (2,), in degrees, at which the flow leaves it above and below.
-
-        There the stress first turns, behind its largest on the way; 180: it does not.
-        """
-        away = self.places - centre
-        found = []
-        for side in (1.0, -1.0):
-            mine = side * away[:, 1] >= 0.0
-            angles = np.arctan2(side * away[mine, 1], -away[mine, 0])
-            order = np.argsort(angles)
-            angles, stress = angles[order], self.velocities[mine][order]
-            along = stress[:, 0] * np.sin(angles) + side * stress[:, 1] * np.cos(angles)
-            first = int(np.argmax(along))
-            (turned,) = np.nonzero(along[first:] < 0.0)
-            angle = np.pi
-            if len(turned):
-                i = first + int(turned[0])
-                angle = float(np.interp(0.0, along[[i, i - 1]], angles[[i, i - 1]]))
-            found.append(float(np.degrees(angle)))
-        return found[0], found[1]
-
 
 def at_end(x: np.ndarray) -> np.ndarray:
     """Which of places (n,) are the farthest, but for rounding, wherever the domain lies."""
