@@ -84,7 +84,7 @@ class KnownLaws:
         step = calibration.step_of_flow(of.step, velocity, length)
         at, found = (of.order, of.mesh_size, step), {}
         for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
-            if self.own or goal in self._shared:
+            if goal in self._reported:
                 known = [
                     error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors
                 ]
@@ -95,12 +95,18 @@ class KnownLaws:
         return found
 
     @property
-    def _shared(self) -> tuple[str, ...]:
-        """Goals that the scene may have in common with others."""
-        body = self.scene.body
-        if body is None:
-            return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
-        return ("place", "angle") if body.moves else ("force", "couple", "safety factor")
+    def _reported(self) -> tuple[str, ...]:
+        """Goals that the run of the scene reports; of studies of other scenes those that both have in common."""
+        scene = self.scene
+        if self.own:
+            goals = dict.fromkeys(goal for one in self.findings for goal in one.errors)
+            return tuple(goal for goal in goals if goal != "kinetic energy")
+        if scene.body is None:
+            on_lines = ("minimum of v1", "maximum of v2", "minimum of v2")
+            return (*on_lines * scene.has_centrelines, *[OF_WALLS] * scene.is_averaged)
+        judged = scene.rests and scene.contact is not None and scene.mass is not None
+        loads = ("force", "couple", *["safety factor"] * judged)
+        return ("place", "angle") if scene.moves else loads
 
     def cheaper(self) -> list[str]:
         """Solver options that the last of the studies found to be cheaper than the scene's, in words."""

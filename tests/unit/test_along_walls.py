@@ -9,7 +9,7 @@ from scenes import message
 
 from incipient import compat
 from incipient.compat import petsc
-from incipient.effects.turbulence.along_walls import AlongWall, at_end
+from incipient.fluid.along_walls import AlongWall, at_end
 from incipient.forms import turbulence as forms
 from incipient.forms.k_omega_sst import BETA_STAR, Closure
 from incipient.scene import (
@@ -58,6 +58,21 @@ def along(velocities):
 def test_where_the_flow_runs_upstream_also_with_nodes_at_rest(velocities, spans):
     """By straight lines from node to node, but for those at rest (by hand)."""
     assert np.ravel(along(velocities).backward()) == pytest.approx(np.ravel(spans))
+
+
+@pytest.mark.parametrize(
+    ("velocities", "span"),
+    [
+        ([1, 1, 1, 0, -1, -1, -1, -1, -1, 1], (2.5, 8.5)),  # no eddy in the corner
+        ([1, 1, 1, 0, 1, -1, -1, -1, -1, 1], (2.5, 8.5)),  # one, shorter than what is behind
+        ([1, 1, 1, 0, 1, 1, 1, 1, -1, 1], (7.5, 8.5)),  # attached behind the face
+    ],
+)
+def test_the_flow_separates_at_a_face_in_spite_of_an_eddy_in_the_corner(velocities, span):
+    """By hand: a wall with nodes one apart and a face that falls at x = 2.5, the node with velocity 0."""
+    wall = along(velocities)
+    wall.places[3, 0], wall.normals[3] = 2.5, (-1.0, 0.0)
+    assert np.ravel(wall.backward()) == pytest.approx(span)
 
 
 def test_the_outflow_is_at_the_end_wherever_a_domain_lies():

@@ -14,6 +14,7 @@ from ...arrays import Floats
 from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
+from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from ...fluid.transient import Interface, TimeStep
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
@@ -24,7 +25,6 @@ from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import ResolvedWallReport
 from ..run_part import RunPart
-from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
 from .iteration import InTime, Moving, Round, solve_steadily
 from .k_omega_sst import KOmegaSST, Sand

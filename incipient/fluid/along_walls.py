@@ -12,10 +12,10 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from ... import compat
-from ...compat import petsc
-from ...fluid import Fluid
-from ...fluid.space import boundary_blocks
+from .. import compat
+from ..compat import petsc
+from .flow import Fluid
+from .space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
 STRIP = 2.0  # cells
@@ -64,7 +64,8 @@ class AlongWall:
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
 
-        Corners do not count.
+        Corners do not count. Behind a face that falls an interval begins at the face, where the flow has left the
+        wall, although next to the face eddies of the corner may turn otherwise.
         """
         level = np.abs(self.normals[:, 0]) < STEEP
         level &= np.linalg.norm(self.normals, axis=1) > CORNER
@@ -73,7 +74,22 @@ class AlongWall:
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
         ends = [*x[:1][v[:1] < 0.0], *zeros, *x[-1:][v[-1:] < 0.0]]
-        return tuple(zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True))
+        faces = self.places[self.normals[:, 0] < -STEEP, 0]
+        spans = zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True)
+        return tuple(_from_faces(spans, np.unique(faces)))
+
+
+def _from_faces(
+    spans: Iterable[tuple[float, float]], faces: np.ndarray
+) -> list[tuple[float, float]]:
+    """Ascending intervals, each longer than its distance from a face behind which it is beginning there."""
+    found: list[tuple[float, float]] = []
+    for start, end in spans:
+        face = float(faces[faces <= start].max(initial=-np.inf))
+        if start - face < end - start:
+            found, start = [one for one in found if one[1] <= face], face
+        found.append((start, end))
+    return found
 
 
 def at_end(x: np.ndarray) -> np.ndarray:
