@@ -61,15 +61,32 @@ class AlongWall:
         columns = self.places, self.normals, self.lengths, self.velocities, self.shear_velocities
         return AlongWall(*(one[last] for one in columns))
 
+    @property
+    def _level(self) -> np.ndarray:
+        """Which places (n,) are no corners, and rather level than steep."""
+        even = np.linalg.norm(self.normals, axis=1) > CORNER
+        return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
+
+    def coarse_share(self, order: int, largest: float) -> float:
+        """The share of the change of the stress along a wall in the plane in cells in which it changes too much.
+
+        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean one if that is
+        larger still. `velocities` are stresses; `order` is that of the velocity, whose nodes are the places.
+        """
+        stress = self.velocities[self._level, 0]
+        if len(stress) <= order:
+            return 0.0
+        change, size = np.abs(stress[order:] - stress[:-order]), np.abs(stress)
+        bound = np.maximum(np.maximum(size[order:], size[:-order]), size.mean())
+        return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
+
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
 
         Corners do not count. Behind a face that falls an interval begins at the face, where the flow has left the
         wall, although next to the face eddies of the corner may turn otherwise.
         """
-        level = np.abs(self.normals[:, 0]) < STEEP
-        level &= np.linalg.norm(self.normals, axis=1) > CORNER
-        level &= self.velocities[:, 0] != 0.0
+        level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])

@@ -23,7 +23,7 @@ from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
 from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
-from ...results.resolved_wall_report import ResolvedWallReport
+from ...results.resolved_wall_report import LARGEST_CHANGE, ResolvedWallReport
 from ..run_part import RunPart
 from .fields import TurbulenceConditions, Values
 from .iteration import InTime, Moving, Round, solve_steadily
@@ -362,6 +362,9 @@ class KOmegaFlow(TurbulentFlow):
             first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
             each=each,
+            coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
+            if walls.smooth
+            else 0.0,
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
