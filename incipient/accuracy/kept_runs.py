@@ -10,7 +10,6 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 
 REMEDY = re.compile(r"; |: use ")  # where the advice of a message begins
-FINER = "a smaller numerics.mesh_size makes it finer, too"
 Solve = Callable[[Scene], Loads]
 
 
@@ -39,7 +38,5 @@ class KeptRuns:
             except (ConvergenceError, MeshError) as error:
                 # Its advice is for the scene of the coarse run, not for that of the user.
                 why = REMEDY.split(str(error))[0]
-                raise type(error)(
-                    f"the coarser run to compare with failed: {why}; {FINER}"
-                ) from error
+                raise type(error)(f"{why}, in a run to compare with") from error
         return self._known[key]

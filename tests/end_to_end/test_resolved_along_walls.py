@@ -68,5 +68,4 @@ def test_a_coarse_run_that_fails_does_not_advise_the_user_for_its_own_scene():
     scene = Scene(domain=domain, fluid=Fluid(reynolds=1.0, scale="flow"), flow=OpenChannel())
     with pytest.raises(ConvergenceError) as told:
         KeptRuns({}, lambda: "", fails)(scene)
-    assert "fluid.reynolds" not in str(told.value) and "cells at walls are thick" in str(told.value)
-    assert "smaller numerics.mesh_size" in str(told.value)
+    assert str(told.value) == "cells at walls are thick, in a run to compare with"
