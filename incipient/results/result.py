@@ -24,13 +24,14 @@ from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .quantity import OutputQuantity
 from .si import si_lines
 from .steady import Steadied
-from .trajectory import number_words, trajectory_lines
+from .trajectory import number_words, place_words, trajectory_lines
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
 SCHEMA_VERSION = 1
+ROUNDING = 1e-12  # of the length of an interval, below which its start is zero in words
 # What result.json has under the name and in the form that the result has it.
 AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
@@ -298,7 +299,10 @@ def _within(result: Result) -> str:
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
     """Where the flow along the bed separates and reattaches, of the longest place with the errors."""
     errors = None if bars is None else bars.separated
-    found = [f"x = {start:.5g} to {end:.5g}" for start, end in longest_first(spans)[:MOST_SPANS]]
+    found = []
+    for start, end in longest_first(spans)[:MOST_SPANS]:
+        start = start if abs(start) > ROUNDING * (end - start) else 0.0
+        found.append(f"x = {place_words(start)} to {place_words(end)}")
     if found and errors is not None:
         found[0] += " (within {:.1e} and {:.1e})".format(*errors)
     return f"{'separation':<20}{', '.join(found) or 'none along the bed'}"
