@@ -128,29 +128,6 @@ class StreamlineUpwind(FlowTerm):
 
 
 @dataclass(frozen=True)
-class UpwindInSteps(FlowTerm):
-    """`terms.upwind_in_steps` of the residual of momentum without its viscous part.
-
-    along:    velocity before the step, along which it acts
-    size:     of cells along that, over the order of the velocity
-    per_step: factor of the newest velocity in its rate
-    """
-
-    carrier: Any
-    along: Any
-    size: Any
-    rate: Any
-    per_step: Any
-    body_force: Any = None
-
-    def in_cells(self, of: Unknowns) -> Any:
-        """delta r . (c . grad w)."""
-        x = of.reference_map
-        strong = terms.momentum(of.v, of.p, self.carrier, None, self.rate, self.body_force, x)
-        return terms.upwind_in_steps(strong, self.along, of.w, self.size, self.per_step)
-
-
-@dataclass(frozen=True)
 class BodyForce(FlowTerm):
     """A force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)."""
 

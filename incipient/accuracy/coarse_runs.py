@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..planning.boundary_layer import is_resolved
-from ..planning.flow_setup import Setup
-from ..planning.order import order_of
+from ..planning.flow_setup import Setup, order_of
 from ..scene import Scene, Surface, Time
 from ..scene.expression import Expression
 from ..scene.gust_checks import FEWEST_STEPS as FEWEST_IN_GUST

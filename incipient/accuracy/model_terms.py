@@ -128,7 +128,7 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
-    if scene.is_averaged and scene.body is None:
+    if (scene.is_averaged and scene.body is None) or scene.has_separation:
         return "does not apply: how long the channel is, and what enters, belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"

@@ -291,8 +291,8 @@ class Fluid(FlowEquations):
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
-        carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the Jacobian was
-        assembled at the present state. Off these boundaries the latter has no meaning.
+        carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
+        the present state. Off these boundaries the latter has no meaning.
         """
         self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
         whole, near = self.kept("actions", self._actions)

@@ -10,7 +10,8 @@ from typing import Any
 from ..errors import SceneError
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, world
-from ..planning.order import order_of, with_order
+from ..planning.flow_setup import order_of
+from ..planning.order import with_order
 from ..progress import Silent
 from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint

@@ -11,7 +11,10 @@ from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
 from .clearance import Surroundings, surroundings_of
-from .order import VelocityOrder, order_of
+from .effects import Decision
+from .inertia import inertia_of
+from .numbers import Numbers, numbers_of
+from .order import VelocityOrder, velocity_order
 from .scene_geometry import Geometry
 from .sides import SideNames, side_names
 from .wall_law import WallLaw
@@ -63,7 +66,17 @@ class Setup:
     @cached_property
     def order(self) -> VelocityOrder:
         """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
-        return order_of(self.scene)
+        return velocity_order(self)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The scene's dimensionless numbers."""
+        return numbers_of(self)
+
+    @cached_property
+    def inertia(self) -> Decision:
+        """Whether the flow has inertia, and why."""
+        return inertia_of(self, self.numbers)
 
     @cached_property
     def sides(self) -> SideNames:
@@ -194,3 +207,13 @@ class Setup:
     def wall_cell(self) -> float:
         """The length that the cells at the walls of a mean flow are made for."""
         return self.resolved_walls.unit if self.resolves_walls else self.walls.distance
+
+
+def order_of(scene: Scene) -> VelocityOrder:
+    """The order of the velocity in a scene. Not collective."""
+    return Setup(scene).order
+
+
+def has_inertia(scene: Scene) -> bool:
+    """Whether the flow of a scene has inertia. Not collective."""
+    return Setup(scene).inertia.present

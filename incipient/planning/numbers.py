@@ -1,7 +1,10 @@
 """The dimensionless numbers of a scene, by which effects are decided."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +13,9 @@ from ..scene.expression import expressions
 from ..scene.model import Time
 from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
-from .flow_setup import Setup
+
+if TYPE_CHECKING:
+    from .flow_setup import Setup
 
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 

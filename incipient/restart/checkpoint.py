@@ -91,7 +91,7 @@ class StoredFlow:
 
 @dataclass(frozen=True, eq=False)
 class StoredValues:
-    """States of ln k and ln epsilon (n, states, 2) at their nodes (n, 3), the present one first."""
+    """States (n, states, 2) of the logarithms of k and epsilon or omega at nodes (n, 3), the present one first."""
 
     points: Rows
     logarithms: Rows

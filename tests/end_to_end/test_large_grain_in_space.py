@@ -11,7 +11,7 @@ from mpi4py import MPI
 import incipient
 from incipient import compat
 from incipient.critical.threshold import NOT_ONE
-from incipient.effects.turbulence.along_walls import along_wall
+from incipient.fluid.along_walls import along_wall
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,

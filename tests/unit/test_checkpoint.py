@@ -24,7 +24,7 @@ from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
 from incipient.output.reopening import reopened
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import order_of
 from incipient.restart.checkpoint import (
     Checkpoint,
     Progress,

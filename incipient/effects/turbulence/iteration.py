@@ -132,7 +132,6 @@ class InTime:
 
     Args:
         moving: a grain, and the mesh with it; None: nothing moves.
-        remedy: what else than a smaller step or smaller cells may help where a step does not converge.
 
     Attributes:
         past: states (local unknowns,) of both logarithms, the present one first.
@@ -144,10 +143,8 @@ class InTime:
         turbulence: TurbulenceFields,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
         moving: Moving | None = None,
-        remedy: str = "",
     ):
         self._fluid, self.turbulence, self._stage, self._moving = fluid, turbulence, stage, moving
-        self._remedy = remedy
         self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
@@ -217,7 +214,5 @@ class InTime:
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy."""
         if self._failed:
-            return f"{self.turbulence.names} do not converge: use a smaller time.step{self._remedy}"
-        return (
-            self._moving.complaint() if self._moving is not None else ""
-        ) or NO_STEP + self._remedy
+            return f"{self.turbulence.names} do not converge: use a smaller time.step"
+        return (self._moving.complaint() if self._moving is not None else "") or NO_STEP
