@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow regression test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,6 +36,9 @@ test-quick: setup ## the tests that need no flow: under a minute
 
 test-slow: setup ## the tests that take minutes, in parts of at most half an hour (PART=space; PART=all)
 	@files=$$($(PYTHON) tests/slow_parts.py $(PART)) && $(PYTHON) -m pytest -m slow $(BESIDE) $(ARGS) $$files
+
+regression: setup ## 42 command lines against stored results, in parts (PART=plane, unsteady, surface, space, turbulence, threshold, judge)
+	$(PYTHON) -m pytest tests/regression -m regression -n 2 $(ARGS) $(if $(filter all,$(PART)),,-k $(PART)-)
 
 test-debian13: ## the default tests on Debian 13, in a directory of its own (as root)
 	.ci/debian13 packages $(ARGS)
@@ -86,14 +89,13 @@ shields: setup ## a natural bed and beads in a fluctuating stream beside flumes 
 	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
-turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump and a cylinder, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
+turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_plate.py
 	$(PYTHON) benchmarks/turbulent_stone.py
 	$(PYTHON) benchmarks/turbulent_models.py
 	$(PYTHON) benchmarks/turbulent_hump.py
-	$(PYTHON) benchmarks/turbulent_cylinder.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)

@@ -16,13 +16,13 @@ from .kinematics import ReferenceMap, surface_vector, volume_before
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Velocity and pressure v, p, what tests them, w, q, and the map of a reference domain; None: the identity."""
+    """Velocity and pressure v, p, their test functions w, q, and the map of the reference domain."""
 
     v: Any
     p: Any
     w: Any
     q: Any
-    reference_map: ReferenceMap | None = None
+    reference_map: ReferenceMap
 
 
 class FlowTerm:
@@ -75,17 +75,9 @@ class Convection(FlowTerm):
     boundary: Any = None
 
     def in_cells(self, of: Unknowns) -> Any:
-        """The form as printed, or the skew one.
-
-        Raises:
-            ValueError: the energy-stable form is asked for on a reference map; it is written for moved meshes.
-        """
+        """The form as printed, or the skew one, which is written for a renewed reference."""
         if self.boundary is None:
             return terms.convection(of.v, self.carrier, of.w, of.reference_map)
-        if of.reference_map is not None:
-            raise ValueError(
-                "the energy-stable form is for a mesh that is itself moved, not for a reference map"
-            )
         return terms.skew_convection(of.v, self.carrier, of.w)
 
     def on_boundary(self, of: Unknowns) -> Any:
@@ -136,28 +128,6 @@ class StreamlineUpwind(FlowTerm):
 
 
 @dataclass(frozen=True)
-class UpwindInSteps(FlowTerm):
-    """`terms.upwind_in_steps` of the residual of momentum without its viscous part.
-
-    along:    velocity before the step, along which it acts
-    size:     of cells along that, over the order of the velocity
-    per_step: factor of the newest velocity in its rate
-    """
-
-    carrier: Any
-    along: Any
-    size: Any
-    rate: Any
-    per_step: Any
-    body_force: Any = None
-
-    def in_cells(self, of: Unknowns) -> Any:
-        """delta r . (c . grad w)."""
-        strong = terms.momentum(of.v, of.p, self.carrier, None, self.rate, self.body_force)
-        return terms.upwind_in_steps(strong, self.along, of.w, self.size, self.per_step)
-
-
-@dataclass(frozen=True)
 class BodyForce(FlowTerm):
     """A force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)."""
 
@@ -172,20 +142,23 @@ class BodyForce(FlowTerm):
 class OpenBoundary(FlowTerm):
     """A boundary through which fluid leaves freely; `measure` is its.
 
-    carrier: what carries momentum, where fluid that comes back is to bring none; None: it brings what it has
+    carrier: velocity that carries momentum, where the momentum of returning fluid is prescribed; None: it is free
+    stream:  velocity whose momentum returning fluid brings; None: it brings none
     """
 
     viscosity: Any
     measure: Any
     carrier: Any = None
+    stream: Any = None
 
     def on_boundary(self, of: Unknowns) -> Any:
         """`terms.open_boundary`, and `terms.entering_boundary`."""
         n = ufl.FacetNormal(of.w.ufl_domain())
         found = terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map)
         if self.carrier is not None:
+            brought = of.v if self.stream is None else of.v - self.stream
             found += terms.entering_boundary(
-                of.v, self.carrier, of.w, surface_vector(n, of.reference_map)
+                brought, self.carrier, of.w, surface_vector(n, of.reference_map)
             )
         return found * self.measure
 
@@ -202,11 +175,7 @@ class BoundaryLoad(FlowTerm):
 
 
 def residual(of: Unknowns, present: Iterable[FlowTerm], dx: Any) -> Any:
-    """Weak residual of momentum and continuity, (338) and (339): the sum of the terms present over the measure dx.
-
-    Raises:
-        ValueError: a term is not for the reference map of the unknowns.
-    """
+    """Weak residual of momentum and continuity, (338) and (339): the sum of the terms present over the measure dx."""
     present = tuple(present)
     cells = [found for term in present if (found := term.in_cells(of)) is not None]
     boundaries = [found for term in present if (found := term.on_boundary(of)) is not None]

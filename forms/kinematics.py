@@ -1,7 +1,7 @@
 """The reference description: x = X + d(X, t), and derivatives with respect to x taken on X.
 
-Every function takes the map, or None for the identity. With None, neither F nor J enters the
-expression, so a fixed domain does not pay for a moving one.
+Every function takes the map of the reference domain. Where the reference is renewed at each step, the mesh itself
+being moved, F is UFL's identity and J is one: both drop out when a form is compiled.
 """
 
 from __future__ import annotations
@@ -14,59 +14,62 @@ import ufl
 
 @dataclass(frozen=True)
 class ReferenceMap:
-    """The map x = X + d(X, t) of a reference domain, by its displacement and the mesh velocity dd/dt.
+    """The map x = X + d(X, t) of a reference domain, in scene units.
 
-    Both are UFL vector expressions on the reference domain, in scene units. Source: Childs & Reddy
-    (1999); F, J and v^mesh of equations (338) and (339).
+    displacement, velocity: d and the mesh velocity dd/dt, vectors
+    F, inverse, J:          deformation gradient I + grad d, its inverse and its determinant
+
+    Source: Childs & Reddy (1999); F, J and v^mesh of equations (338) and (339).
     """
 
     displacement: Any
     velocity: Any
+    F: Any
+    inverse: Any
+    J: Any
 
-    @property
-    def F(self) -> Any:
-        """Deformation gradient I + grad d."""
-        return ufl.Identity(len(self.displacement)) + ufl.grad(self.displacement)
+    @classmethod
+    def of(cls, displacement: Any, velocity: Any) -> ReferenceMap:
+        """The map of a displacement and a mesh velocity, UFL expressions on the reference domain."""
+        F = ufl.Identity(len(displacement)) + ufl.grad(displacement)
+        return cls(displacement, velocity, F, ufl.inv(F), ufl.det(F))
 
-    @property
-    def J(self) -> Any:
-        """Determinant of the deformation gradient."""
-        return ufl.det(self.F)
-
-
-def gradient(v: Any, reference_map: ReferenceMap | None) -> Any:
-    """Spatial gradient: grad v, or grad(v) F^-1 on a reference domain."""
-    if reference_map is None:
-        return ufl.grad(v)
-    return ufl.dot(ufl.grad(v), ufl.inv(reference_map.F))
+    @classmethod
+    def renewed(cls, gdim: int) -> ReferenceMap:
+        """The reference renewed at each step: X is the present place, and the mesh velocity is the carrier's part."""
+        still, identity = ufl.zero(gdim), ufl.Identity(gdim)
+        return cls(still, still, identity, identity, ufl.as_ufl(1))
 
 
-def divergence(v: Any, reference_map: ReferenceMap | None) -> Any:
-    """Spatial divergence: div v, or grad(v) : F^-T on a reference domain."""
-    return ufl.div(v) if reference_map is None else ufl.tr(gradient(v, reference_map))
+def gradient(v: Any, reference_map: ReferenceMap) -> Any:
+    """Spatial gradient grad(v) F^-1."""
+    return ufl.dot(ufl.grad(v), reference_map.inverse)
 
 
-def laplacian(v: Any, reference_map: ReferenceMap | None) -> Any:
+def divergence(v: Any, reference_map: ReferenceMap) -> Any:
+    """Spatial divergence grad(v) : F^-T."""
+    return ufl.tr(gradient(v, reference_map))
+
+
+def laplacian(v: Any, reference_map: ReferenceMap) -> Any:
     """Spatial Laplacian of each component of v."""
     i, j = ufl.indices(2)
     return ufl.as_vector(gradient(gradient(v, reference_map), reference_map)[i, j, j], i)
 
 
-def rate_of_strain(v: Any, reference_map: ReferenceMap | None) -> Any:
+def rate_of_strain(v: Any, reference_map: ReferenceMap) -> Any:
     """D = sym(grad(v) F^-1)."""
     return ufl.sym(gradient(v, reference_map))
 
 
-def weighted(expression: Any, reference_map: ReferenceMap | None) -> Any:
+def weighted(expression: Any, reference_map: ReferenceMap) -> Any:
     """The expression times J, the spatial volume of a unit of reference volume."""
-    return expression if reference_map is None else reference_map.J * expression
+    return reference_map.J * expression
 
 
-def surface_vector(n: Any, reference_map: ReferenceMap | None) -> Any:
-    """Spatial normal times the spatial area of a unit of reference area: n, or J F^-T N (Nanson)."""
-    if reference_map is None:
-        return n
-    return reference_map.J * ufl.dot(ufl.inv(reference_map.F).T, n)
+def surface_vector(n: Any, reference_map: ReferenceMap) -> Any:
+    """Spatial normal times the spatial area of a unit of reference area, J F^-T N (Nanson)."""
+    return reference_map.J * ufl.dot(reference_map.inverse.T, n)
 
 
 def rigid_velocity(velocity: Any, spin: Any, arm: Any) -> Any:

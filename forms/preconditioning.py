@@ -13,11 +13,11 @@ from .terms import entering_boundary, streamline_time
 def component(
     u: Any,
     w: Any,
+    reference_map: ReferenceMap,
     viscosity: Any,
     rate: Any = None,
     carrier: Any = None,
     size: Any = None,
-    reference_map: ReferenceMap | None = None,
 ) -> Any:
     """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w.
 
@@ -29,12 +29,11 @@ def component(
     if viscosity is not None:
         integrand += viscosity * ufl.inner(gradient(u, reference_map), gradient(w, reference_map))
     if carrier is not None:
-        if reference_map is not None:
-            carrier = carrier - reference_map.velocity
-            size = None if size is None else size * reference_map.J ** (1 / len(carrier))
+        carrier = carrier - reference_map.velocity
         along = ufl.dot(gradient(u, reference_map), carrier)
         integrand += along * w
         if size is not None:
+            size = size * reference_map.J ** (1 / len(carrier))
             integrand += (
                 streamline_time(carrier, viscosity, size)
                 * along
@@ -43,7 +42,7 @@ def component(
     return weighted(integrand, reference_map)
 
 
-def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """p q/nu: the Schur complement of Stokes flow up to a bounded factor (Silvester & Wathen 1994)."""
     return weighted(p * q / viscosity, reference_map)
 
@@ -53,7 +52,7 @@ def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) ->
     return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
 
 
-def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap | None = None) -> Any:
+def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap) -> Any:
     """grad p . grad q: the Schur complement of flow dominated by its inertia (Cahouet & Chabard 1988)."""
     return weighted(
         ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map

@@ -25,23 +25,22 @@ from .kinematics import (
 RESOLVED = 10.0
 
 
-def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """Cauchy stress sigma = -p I + 2 nu D, nu being the viscosity."""
     return -p * ufl.Identity(len(v)) + 2 * viscosity * rate_of_strain(v, reference_map)
 
 
-def inertia(rate: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+def inertia(rate: Any, w: Any, reference_map: ReferenceMap) -> Any:
     """J dv/dt|_X . w, where `rate` stands for the time derivative at fixed X."""
     return weighted(ufl.inner(rate, w), reference_map)
 
 
-def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap) -> Any:
     """J [grad(v) F^-1 (u - v_mesh)] . w, carried by the velocity u (`carrier`).
 
     The carrier is v itself (implicit), or its extrapolation from earlier steps, which makes the term linear.
     """
-    if reference_map is not None:
-        carrier = carrier - reference_map.velocity
+    carrier = carrier - reference_map.velocity
     return weighted(ufl.inner(ufl.dot(gradient(v, reference_map), carrier), w), reference_map)
 
 
@@ -62,7 +61,7 @@ def grad_div(
     w: Any,
     viscosity: Any,
     size: Any,
-    reference_map: ReferenceMap | None = None,
+    reference_map: ReferenceMap,
 ) -> Any:
     """J gamma div(v) div(w), gamma = nu P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size/nu.
 
@@ -71,9 +70,8 @@ def grad_div(
     `size` is a cell's, divided by the order of the velocity, on the domain of X. Source: Olshanskii, Lube, Heister
     & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is measured (docs/numerics.md).
     """
-    if reference_map is not None:
-        carrier = carrier - reference_map.velocity
-        size = size * reference_map.J ** (1 / len(v))
+    carrier = carrier - reference_map.velocity
+    size = size * reference_map.J ** (1 / len(v))
     square = ufl.inner(carrier, carrier) * (size / viscosity) ** 2
     gamma = viscosity * square**1.5 / (RESOLVED**2 + square)
     return weighted(
@@ -87,7 +85,7 @@ def streamline_upwind(
     w: Any,
     viscosity: Any,
     size: Any,
-    reference_map: ReferenceMap | None = None,
+    reference_map: ReferenceMap,
 ) -> Any:
     """J delta r . (c . grad w): the residual r of momentum tested along streamlines as well (SUPG).
 
@@ -95,23 +93,12 @@ def streamline_upwind(
     r = c . grad v it is not negative. delta is `streamline_time` with the `size` of cells over the order. Source:
     Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
     """
-    if reference_map is not None:
-        carrier = carrier - reference_map.velocity
-        size = size * reference_map.J ** (1 / len(carrier))
+    carrier = carrier - reference_map.velocity
+    size = size * reference_map.J ** (1 / len(carrier))
     along = ufl.dot(gradient(w, reference_map), carrier)
     return weighted(
         streamline_time(carrier, viscosity, size) * ufl.inner(strong, along), reference_map
     )
-
-
-def upwind_in_steps(strong: Any, along: Any, w: Any, size: Any, per_step: Any) -> Any:
-    """delta r . (c . grad w) as `streamline_upwind`, in a step in time: delta = (per_step^2 + (2 |c|/size)^2)^(-1/2).
-
-    c (`along`) is known, so that the term is linear where r is; steps far shorter than the time in which a cell is
-    passed need no upwinding. Source: Shakib, Hughes & Johan (1991), Comput. Methods Appl. Mech. Engrg. 89, 141.
-    """
-    delta = 1 / ufl.sqrt(per_step**2 + 4 * ufl.inner(along, along) / size**2)
-    return delta * ufl.inner(strong, ufl.dot(ufl.grad(w), along))
 
 
 def momentum(
@@ -121,14 +108,13 @@ def momentum(
     viscosity: Any,
     rate: Any,
     force: Any,
-    reference_map: ReferenceMap | None = None,
+    reference_map: ReferenceMap,
 ) -> Any:
     """dv/dt + c . grad v + grad p - nu div grad v - b, the residual of momentum.
 
     nu is constant; viscosity, rate and force may be None: without that term.
     """
-    if reference_map is not None:
-        carrier = carrier - reference_map.velocity
+    carrier = carrier - reference_map.velocity
     strong = ufl.dot(gradient(v, reference_map), carrier) + gradient(p, reference_map)
     if viscosity is not None:
         strong -= viscosity * laplacian(v, reference_map)
@@ -147,9 +133,7 @@ def streamline_time(carrier: Any, viscosity: Any, size: Any) -> Any:
     return ufl.conditional(ufl.gt(peclet, 1), size / (2 * speed) * (1 - 1 / peclet), 0)
 
 
-def internal_force(
-    v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap | None = None
-) -> Any:
+def internal_force(v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """P : grad w with P = J sigma F^-T, the weak form of -div P.
 
     Written as 2 nu D(v) : D(w) - p div w, which is the same since sigma is symmetric.
@@ -159,19 +143,17 @@ def internal_force(
     return weighted(viscous - p * divergence(w, reference_map), reference_map)
 
 
-def continuity(v: Any, q: Any, reference_map: ReferenceMap | None = None) -> Any:
+def continuity(v: Any, q: Any, reference_map: ReferenceMap) -> Any:
     """-J (grad(v) : F^-T) q; J and the sign make the Stokes operator symmetric."""
     return -weighted(divergence(v, reference_map) * q, reference_map)
 
 
-def body_force(b: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+def body_force(b: Any, w: Any, reference_map: ReferenceMap) -> Any:
     """-J b . w with b standing for (X/V^2) b, a force per unit mass."""
     return -weighted(ufl.inner(b, w), reference_map)
 
 
-def open_boundary(
-    v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None
-) -> Any:
+def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """-nu (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
 
     The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0; the latter bends the
@@ -214,9 +196,7 @@ def relaxation(v: Any, stream: Any, rate: Any, w: Any) -> Any:
     return rate * ufl.inner(v - stream, w)
 
 
-def surface_traction(
-    v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None
-) -> Any:
+def surface_traction(v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap) -> Any:
     """sigma n per unit of reference area, n being the unit normal the caller chooses.
 
     With n out of the body and into the fluid it is the traction of the fluid on the body.

@@ -30,8 +30,7 @@ OF_FREE_BODY = (
     "coupled.coupling",
     "coupled.rigid",
     "body.rigidbody",
-    "body.integrator",
-    "body.fehlberg",
+    "body.rkf45",
 )
 OF_FREE_SURFACE = (
     "forms.surface",

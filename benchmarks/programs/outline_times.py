@@ -16,8 +16,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "unit"))
 
-from test_triangulations import scanned
 from test_outline import written_scene
+from test_triangulations import scanned
 
 from incipient import load
 from incipient.geometry import Plane, rest

@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, SceneError
-from .integrator import Event, Integrator, Outcome, Tolerances
+from .rkf45 import Integrator, Root, Tolerances
 from .state import DEGREES, BodyState, Freedom, Inertia, rotation_matrix, turning
 
 PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
 SINGULAR = 1e-13  # scaled eigenvalue below which mass and added mass together count as none
 ROUND_OFF = 1e-15  # of what is added up in a balance of momentum
-MOST_CORRECTIONS = 25
+MAX_ITERATIONS = 25  # of Broyden's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +32,20 @@ class Motion:
     start: BodyState
     end: BodyState
     drive: Floats
-    corrections: int
-    evaluations: int
 
     def at(self, time: float) -> BodyState:
         """The state at a time within the step."""
-        return self.body.driven(self.start, time, self.end.time, self.drive)[0]
+        return self.body.driven(self.start, time, self.end.time, self.drive)
 
     def first(self, distance: Callable[[BodyState], float]) -> BodyState | None:
         """The state in which a function of the state first falls below zero within the step; None: it does not."""
-        event = Event(lambda t, y: distance(BodyState.unpacked(y, t)), -1)
-        state, path = self.body.driven(self.start, self.end.time, self.end.time, self.drive, event)
-        return state if path.occurrences else None
+
+        def root(t: float, y: Floats) -> float:
+            return distance(BodyState.unpacked(y, t))
+
+        end = self.end.time
+        state = self.body.driven(self.start, end, end, self.drive, root)
+        return state if state.time < end else None
 
 
 class RigidBody:
@@ -151,22 +153,17 @@ class RigidBody:
         return self.freedom.mask
 
     def driven(
-        self, start: BodyState, time: float, end: float, drive: Floats, event: Event | None = None
-    ) -> tuple[BodyState, Integrator]:
-        """The state at a time, at most `end`, under a constant drive (n,), and the integrator that went there.
+        self, start: BodyState, time: float, end: float, drive: Floats, root: Root | None = None
+    ) -> BodyState:
+        """The state at a time, or at the first root before it, under a constant drive (n,).
 
         `end` is that of the time step, over which accelerations imposed on locked degrees are averaged.
         """
-        path = Integrator(
-            self._rate(start.time, end, drive),
-            self.tolerances,
-            events=() if event is None else (event,),
-            first_step=end - start.time,
-        )
+        rate = self._rate(start.time, end, drive)
+        path = Integrator(rate, self.tolerances, first_step=end - start.time)
         path.init(start.time, start.packed())
-        if path.advance(time).outcome is Outcome.EVENT:
-            time = path.t
-        return self.consistent(BodyState.unpacked(path.y, time)), path
+        path.advance(time, root)
+        return self.consistent(BodyState.unpacked(path.y, path.t))
 
     def _require_usable(self, dt: float, load: Floats, added: Floats, last: Floats) -> None:
         n = self.size
@@ -249,24 +246,21 @@ class RigidBody:
             gain = inverse @ (impulse - added @ (start.velocities + dt * falls - last)) + dt * falls
             way = dt * (start.velocities + 0.5 * gain)
             state = BodyState.unpacked(start.packed() + np.concatenate([way, gain]), end)
-            return Motion(self, start, state, gain / dt - falls, 0, 0)
+            return Motion(self, start, state, gain / dt - falls)
         frame = self._frame(start.orientation)
         sizes = self._mobility(frame, 1.0)[np.ix_(f, f)]
         drive = np.zeros(self.size)
         free_acceleration = self._acceleration(start.time, start.velocities, frame, drive)
         drive[f] = sizes @ ((last - start.velocities) / dt - free_acceleration)[f]
-        slope, evaluations, residual, change = sizes @ inverse / dt, 0, None, np.empty(0)
-        for corrections in range(MOST_CORRECTIONS):
-            state, path = self.driven(start, end, end, drive)
-            evaluations += path.statistics.evaluations
-            before, residual = (
-                residual,
-                self._residual(start, state, dt, drive, impulse, added, last)[f],
-            )
+        slope, residual, change = sizes @ inverse / dt, None, np.empty(0)
+        for _ in range(MAX_ITERATIONS):
+            state = self.driven(start, end, end, drive)
+            before = residual
+            residual = self._residual(start, state, dt, drive, impulse, added, last)[f]
             gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
             noise = ROUND_OFF * np.abs(inverse) @ gained[f]
             if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
-                return Motion(self, start, state, drive, corrections, evaluations)
+                return Motion(self, start, state, drive)
             if before is not None:
                 image = slope @ (residual - before)
                 slope = slope + np.outer(change - image, change @ slope) / (change @ image)

@@ -17,16 +17,26 @@ from ..simulation.grain_in_place import grain_in_place
 from ..simulation.judge_batch import SUMMARY, VERDICTS, judge_table
 from ..simulation.judge_case import Case, judge_case, load_case, save, text
 from ..simulation.judge_forces import judge_forces, load_case_without_load
-from ..simulation.judge_series import judge_series, read_columns, save_series
+from ..simulation.judge_series import judge_series, read_columns, save_series, series_from
 from ..simulation.motion_in_time import FlowThreshold
 from .drawing import draw_and_tell
 from .options import BESIDE
+
+OPTIONS_OF = {
+    "jobs": ("batch",),
+    "since": ("forces", "series"),
+    "law": ("forces", "series"),
+    **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
+}
+OF_CASE = ("judgement.json", "judgement.png")
+OF_SERIES = ("series.csv", "series.json", "series.png")
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
     """Judge a case and print the verdict; write it with `--out`."""
     with collectively(comm):
         if comm.rank == 0:
+            _refuse_unread(options)
             if options.batch is not None:
                 _judge_batch(options)
                 return 0
@@ -48,6 +58,14 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
+def _refuse_unread(options: argparse.Namespace) -> None:
+    """Refuse options that nothing would read."""
+    for name, readers in OPTIONS_OF.items():
+        if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
+            needs = " or ".join(f"--{one}" for one in readers)
+            raise SceneError(f"--{name}: goes with {needs}; add that, or leave --{name} out")
+
+
 def _judge_batch(options: argparse.Namespace) -> None:
     """Judge a table of cases, which says all that a case file would."""
     path = options.batch
@@ -59,7 +77,7 @@ def _judge_batch(options: argparse.Namespace) -> None:
     usual = path.parent if options.out is BESIDE else Path("results") / f"{path.stem}_verdicts"
     directory = options.out if isinstance(options.out, Path) else usual
     name = VERDICTS.replace(".csv", ".parquet") if path.suffix == ".parquet" else VERDICTS
-    refuse_foreign(directory, (name, SUMMARY))
+    refuse_foreign(directory, (name, SUMMARY), [path])
     with telling(0) as voice:
         found = judge_table(open_table(path, options.overrides), directory, jobs, voice)
     print(found.text())
@@ -67,14 +85,14 @@ def _judge_batch(options: argparse.Namespace) -> None:
 
 
 def _judge_series(case: Case, options: argparse.Namespace) -> None:
-    found = judge_series(case, read_columns(options.series))
+    found = judge_series(case, series_from(read_columns(options.series), options.since))
     print(found.text())
     if options.law is not None:
-        start = float(found.times[0])
+        start = found.motion.since
         print(FlowThreshold.of(options.law, found.times, found.batch, start, None).text())
     if options.out is not None:
         directory = options.series.parent if options.out is BESIDE else options.out
-        refuse_foreign(directory, ("series.csv", "series.json"))
+        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
         save_series(found, directory)
         print(f"numbers             {directory}/: series.csv, series.json", flush=True)
         draw_and_tell(directory)
@@ -99,7 +117,9 @@ def _judge_forces(options: argparse.Namespace) -> None:
     if options.out is not None:
         beside = (options.case or options.forces).parent
         directory = beside if options.out is BESIDE else options.out
-        refuse_foreign(directory, ("judgement.json", "series.csv", "series.json"))
+        refuse_foreign(
+            directory, (*OF_CASE, *OF_SERIES), filter(None, (options.case, options.grain))
+        )
         save(found.judgement, directory)
         save_series(found.series, directory)
         print(
@@ -110,7 +130,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
 
 def _keep(judgement: dict[str, Any], directory: Path) -> None:
     """Write a judgement and its picture, and say where they are."""
-    refuse_foreign(directory, ("judgement.json",))
+    refuse_foreign(directory, OF_CASE)
     save(judgement, directory)
     print(f"numbers             {directory / 'judgement.json'}", flush=True)
     draw_and_tell(directory)

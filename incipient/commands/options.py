@@ -309,7 +309,7 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("--density", type=float, metavar="RATIO", help=text)
     text = "with --forces or --series: loads grow as the velocity, U, or its square, U2: in which flow the grain moves"
     add("--law", choices=("U", "U2"), help=text)
-    text = "with --forces: time from which on they are taken (default: all, and the mean of the last half)"
+    text = "with --forces or --series: time from which on they are taken (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
     text = (
         "write judgement.json and its picture there; without a DIRECTORY next to the case or table"

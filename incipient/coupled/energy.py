@@ -23,7 +23,7 @@ class EnergyBudget:
     def __init__(self, fluid: Fluid):
         self.fluid, self._whole = fluid, 2.0 if fluid.domain.halved else 1.0
         v = ufl.split(fluid.state)[0]
-        dx, D = fluid.quadrature(), rate_of_strain(v, None)
+        dx, D = fluid.quadrature(), rate_of_strain(v, fluid.reference_map)
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
         work = None if fluid.walls is None else fluid.walls.work(fluid.state)
         self._work = None if work is None else compat.form(work)

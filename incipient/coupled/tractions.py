@@ -26,7 +26,7 @@ from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
-from ..forms import ReferenceMap, surface_traction, surface_vector
+from ..forms import surface_traction, surface_vector
 from ..mesh.domain import Domain
 from ..meshes.solid_region import SYMMETRY
 from .enclosed import EnclosedPressure
@@ -119,7 +119,7 @@ class TractionProbe:
             v, p = ufl.split(self.fluid.state)
             w = ufl.TestFunction(space)
             n = -ufl.FacetNormal(self.fluid.domain.mesh)
-            traction = surface_traction(v, p, n, self.fluid.viscosity, self._map)
+            traction = surface_traction(v, p, n, self.fluid.viscosity, self.fluid.reference_map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
         vector = petsc.assemble_vector(self._surface_form)
@@ -172,10 +172,6 @@ class TractionProbe:
         nodes = nodes + space.dofmap.index_map.local_range[0]
         return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
-    @property
-    def _map(self) -> ReferenceMap | None:
-        return self.fluid.model.reference_map
-
     def _nodal_forces(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): minus the momentum residual there."""
         return -self._residual()[self._unknowns()]
@@ -219,7 +215,7 @@ class TractionProbe:
     def _places(self) -> np.ndarray:
         """Places in space of the boundary's owned nodes, (n, gdim)."""
         gdim = self.fluid.space.gdim
-        if self._map is None:
+        if self.fluid.model.reference_map is None:
             return self.fluid.constraints.points[self._blocks, :gdim]
         place = dolfinx.fem.Function(self.fluid.space.velocity)
         compat.interpolate(place, self.fluid.place())
@@ -229,10 +225,9 @@ class TractionProbe:
         if self._mass_form is None:
             space = self.fluid.space.velocity
             t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-            scale = 1.0
-            if self._map is not None:
-                normal = surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
-                scale = ufl.sqrt(ufl.inner(normal, normal))
+            n = ufl.FacetNormal(self.fluid.domain.mesh)
+            normal = surface_vector(n, self.fluid.reference_map)
+            scale = ufl.sqrt(ufl.inner(normal, normal))
             ds = self.fluid.domain.measure(self.boundary)
             self._mass_form = compat.form(scale * ufl.inner(t, w) * ds)
         mass = petsc.assemble_matrix(self._mass_form)

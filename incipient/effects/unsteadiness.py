@@ -88,7 +88,9 @@ class UnsteadinessEffect(Effect):
         before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
         values, length = fluid.state.x.array - before.state, fluid.time - before.time
         rate.x.array[:] = values[fluid.space.velocity_map] / length
-        yield weighted(solved, self.name, lambda v, w: inertia(rate, w), remedy)
+        yield weighted(
+            solved, self.name, lambda v, w: inertia(rate, w, fluid.reference_map), remedy
+        )
 
 
 def shedding(setup: Setup, numbers: Numbers) -> str:

@@ -24,7 +24,6 @@ from .space import (
     geometry_function,
     geometry_rows,
     set_geometry_function,
-    size_along,
     taylor_hood,
 )
 
@@ -41,6 +40,7 @@ class FlowEquations:
         coarse: the same flow in elements of lower order, whose parameters are kept the same.
 
     Attributes:
+        reference_map: of (338) and (339).
         space: of velocity and pressure.
         state: function of both; history: states of two steps before, without a rate of change none.
         rate: coefficients of the backward difference.
@@ -59,6 +59,7 @@ class FlowEquations:
         self.domain, self.model, self.conditions = domain, model, tuple(conditions)
         self._below = coarse
         mesh = domain.mesh
+        self.reference_map = model.reference_map or forms.ReferenceMap.renewed(domain.gdim)
         self.space: TaylorHood = taylor_hood(mesh, model.order)
         self.constraints = Constraints(domain, self.space, conditions, level=level)
         self.state = dolfinx.fem.Function(self.space.mixed)
@@ -116,14 +117,14 @@ class FlowEquations:
         Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
         """
         v, p = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, q, self.model.reference_map)
+        unknowns = forms.Unknowns(v, p, w, q, self.reference_map)
         return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
 
     def pressure_force(self, measure: Any, upwind: bool = True) -> Any:
         """What a pressure does to the residual of momentum, as a bilinear form of both spaces; `upwind` or not."""
         w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
         v, _ = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, ufl.as_ufl(0), self.model.reference_map)
+        unknowns = forms.Unknowns(v, p, w, ufl.as_ufl(0), self.reference_map)
         return ufl.lhs(forms.residual(unknowns, self._terms(v, upwind), measure))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
@@ -151,11 +152,7 @@ class FlowEquations:
         if model.inertia and model.stabilisation:
             yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
         upwind = model.inertia and model.upwind and upwind
-        if upwind and model.unsteady and self.domain.gdim == 2:
-            before = self._past()[0]
-            size = size_along(self.domain.mesh, before) / model.order
-            yield forms.UpwindInSteps(carrier, before, size, rate, self.rate[0], force)
-        elif upwind:
+        if upwind:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
             viscous = model.viscosity is None and not model.exact
@@ -167,10 +164,10 @@ class FlowEquations:
         if self.constraints.crossings:
             # In the plane flow past a grain on sand is not found with it (tests/end_to_end/test_rough_beds.py).
             in_space = self.domain.gdim == 3 and model.viscosity is not None
-            returning = carrier if in_space else None
-            yield forms.OpenBoundary(
-                viscosity, self.domain.measure(*self.constraints.crossings), returning
-            )
+            stream = self.constraints.stream
+            returning = carrier if in_space or stream is not None else None
+            measure = self.domain.measure(*self.constraints.crossings)
+            yield forms.OpenBoundary(viscosity, measure, returning, stream)
         if self.walls is not None:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:
@@ -221,9 +218,8 @@ class FlowEquations:
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
-        """UFL expression of the place x in space, X + d on a reference domain."""
-        x = ufl.SpatialCoordinate(self.domain.mesh)
-        return x if self.model.reference_map is None else x + self.model.reference_map.displacement
+        """UFL expression of the place x = X + d in space."""
+        return ufl.SpatialCoordinate(self.domain.mesh) + self.reference_map.displacement
 
     # -- parameters -----------------------------------------------------------------------------
 

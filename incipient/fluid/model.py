@@ -37,14 +37,12 @@ class FlowModel:
     body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
                    is not among them, since a potential force only shifts the pressure
     driven:        a base flow that changes in time, and the force by which it does; None: there is none
-    reference_map: map of a deforming reference domain, or None where nothing moves
+    reference_map: map of a reference domain that stays; None: the reference is renewed at each step
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
-                   straight; the map then is None
+                   straight; its reference is renewed
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs;
-                   in time in the plane by `forms.terms.upwind_in_steps`, as thin cells along a wall that is no plane
-                   need
+    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
     exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     convected:     whether blocks of preconditioners hold convection in time, too
@@ -70,6 +68,10 @@ class FlowModel:
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
     shear_velocity: Any = None
+
+    def __post_init__(self) -> None:
+        if self.energy_stable and self.reference_map is not None:
+            raise ValueError("the energy-stable form is for a mesh that is itself moved")
 
     @property
     def linear(self) -> bool:

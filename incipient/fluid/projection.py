@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
+from ..errors import IncipientError
 from ..forms.terms import continuity, inertia
 from .flow import Fluid
 
@@ -44,9 +45,11 @@ class Projection:
     def __enter__(self) -> Projection:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        for held in (self._solver, self._matrix, self._vector, self._view):
-            held.destroy()
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self.fluid.domain.comm.size == 1:
+            for held in (self._solver, self._matrix, self._vector, self._view):
+                held.destroy()
 
     def apply(self) -> float:
         """Project the velocity of the fluid's state; returns the relative change ||v - v*|| / ||v*|| in L2.
@@ -89,7 +92,7 @@ def restore_incompressibility(fluid: Fluid) -> float:
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:
     """Matrix of the projection, and the right-hand side that cancels the state's divergence."""
-    mixed, where, dx = fluid.space.mixed, fluid.model.reference_map, fluid.quadrature()
+    mixed, where, dx = fluid.space.mixed, fluid.reference_map, fluid.quadrature()
     (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
     v, _ = ufl.split(fluid.state)
     left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
@@ -102,7 +105,7 @@ def _forms(fluid: Fluid) -> tuple[Any, Any]:
 
 def _squared_norm(fluid: Fluid, function: Any) -> Any:
     v, _ = ufl.split(function)
-    return _compiled(fluid, inertia(v, v, fluid.model.reference_map))
+    return _compiled(fluid, inertia(v, v, fluid.reference_map))
 
 
 def _compiled(fluid: Fluid, integrand: Any) -> Any:

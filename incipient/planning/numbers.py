@@ -1,15 +1,21 @@
 """The dimensionless numbers of a scene, by which effects are decided."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scene import Domain
+from ..scene import Domain, Scene
 from ..scene.expression import expressions
 from ..scene.model import Time
+from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
-from .flow_setup import Setup
+
+if TYPE_CHECKING:
+    from .flow_setup import Setup
 
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
@@ -54,6 +60,18 @@ class Numbers:
             for name, value in named.items()
             if value is not None
         )
+
+
+def grain_size(scene: Scene) -> str:
+    """The diameters of a scanned grain, or of one whose units are known, in words; else nothing."""
+    grain, body, scales = scene.grain, scene.body, scene.scales
+    if grain is None or body is None or not (scales or body.shape in ("mesh", "polygon")):
+        return ""
+    said = f"grain: largest diameter {grain.size:.6g}, nominal {nominal_diameter(grain):.6g}"
+    if body.shape == "mesh" and body.size is not None:
+        own = body.model_copy(update={"size": None}).new_grain().size
+        said += f"; by its file {own:.6g}, of which body.size makes {body.size:.6g}"
+    return said if scales is None else f"{said}; one unit of length is {scales.length:.6g} m"
 
 
 def numbers_of(setup: Setup) -> Numbers:
@@ -178,9 +196,8 @@ def wall_distance(setup: Setup) -> float:
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
     """Largest speed of the base flow over its largest rate of change; None where it does not change."""
-    flow, domain = base_flow.flow, base_flow.domain
-    changes = base_flow.gust is not None or (flow.kind == "expression" and flow.unsteady)
-    if time is None or not changes:
+    domain = base_flow.domain
+    if time is None or not base_flow.changes:
         return None
     times = _times(base_flow, time, 4 * SAMPLES)
     points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))

@@ -48,6 +48,7 @@ class Plan:
     datum: Datum | None = (
         None  # where the profile of the flow starts, None without a profile or a bed
     )
+    grain: str = ""  # how large a scanned grain is, or one in SI units, in words
 
     def has(self, name: EffectName) -> bool:
         """Whether an effect is simulated."""
@@ -72,6 +73,8 @@ class Plan:
         lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
+        if self.grain:
+            lines.append(f"  {self.grain}")
         if self.datum is not None:
             lines.append(
                 f"  {self.datum.text('z' if self.has(EffectName.THIRD_DIMENSION) else 'y')}"

@@ -17,6 +17,8 @@ Key = tuple[str | int, ...]
 WITHIN: LiteralString = "contradiction"
 BETWEEN: LiteralString = "contradiction_between_sections"
 
+MOST_SHOWN = 4  # problems besides the first
+
 _REMEDIES = {
     "float_type": "give a number",
     "finite_number": "give a finite number",
@@ -62,9 +64,9 @@ def key_text(key: Key) -> str:
 
 
 def one_line(source: str, problems: Sequence[Problem]) -> str:
-    """The first problem with the name of the file it stands in, and how many more there are."""
-    more = len(problems) - 1
-    suffix = f" (and {counted(more, 'more error')})" if more else ""
+    """The first problem with the name of the file it stands in, how many more there are, and the next of them."""
+    more = " | ".join(map(str, problems[1 : MOST_SHOWN + 1]))
+    suffix = f" (and {counted(len(problems) - 1, 'more error')}: {more})" if more else ""
     return " ".join(f"{source}: {problems[0]}{suffix}".split())
 
 

@@ -1,6 +1,6 @@
 """The dimensionless scene that follows from SI units, and its scales.
 
-Lengths of the scene are in units of L0 = diameter / nominal diameter in the scene, velocities in units of
+Lengths of the scene are in units of L0 = length, or diameter / nominal diameter in the scene, velocities in units of
 V0 = velocity / flow.velocity; of shear flow times are in units of T0 = flow.rate / shear_rate, and V0 = L0 / T0.
 With them
 
@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from .messages import problem, refusal
 from .model import SceneSections
 from .section import Section
-from .units import Scales, Units, nominal_diameter
+from .units import Scales, Units
 
 _SAME = 1e-9  # relative: what a scene may say beside what follows from its units
 _ANY = {"reynolds": 1.0, "acceleration": 1.0, "density": 2.0}  # until they are known
@@ -31,7 +31,7 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
     """
     if scene.body is None:
         raise _refused(
-            "units.diameter", "is of the grain but there is none", "add a section [body]"
+            "units", "are those of a scene with a grain, and there is none", "add a section [body]"
         )
     kind, shear = scene.flow.kind, scene.flow.kind == "shear"
     needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
@@ -40,7 +40,7 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
         raise _refused(f"units.{needed}", f'is missing, which the flow "{kind}" needs', "add it")
     if getattr(units, other) is not None:
         raise _refused(f"units.{other}", f'is not of the flow "{kind}"', f"give {needed} only")
-    length = units.diameter / nominal_diameter(scene.grain)
+    length = units.metres(scene.grain)
     stated = scene.flow.rate if scene.flow.kind == "shear" else scene.reference_velocity
     time = stated / speed if shear else length * stated / speed
     return Scales(length, time, units.fluid_density, scene.gdim)

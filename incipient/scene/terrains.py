@@ -153,6 +153,11 @@ class RasterBed(TerrainSection):
         """The heights in a file, a cell apart if that is given. Raises SceneError if it cannot be read."""
         raise NotImplementedError
 
+    @classmethod
+    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
+        """Place x, y of the first height, which the file has at `origin`, by the key `offset` if that is given."""
+        raise NotImplementedError
+
     @model_validator(mode="before")
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
@@ -167,8 +172,7 @@ class RasterBed(TerrainSection):
                 found = cls._in_file(path, None if cell is None else tuple(cell), data)
             except SceneError as error:
                 raise about_file(cls.__name__, *split(str(error))) from None
-            x, y = data.get("offset", (0.0, 0.0))
-            offset = x + found.origin[0], y + found.origin[1]
+            offset = cls._first_at(data.get("offset"), found.origin)
             return {"cell": found.cell, "offset": offset, "heights": found.heights.tolist()}
 
         remedy = f"give the name of {_FILES[cls.__name__]}"
@@ -212,8 +216,15 @@ class HeightMapBed(RasterBed):
         examples=[(0.1, 0.1)],
     )
     relief: float = key("Factor on the heights; of images: from black to white [length]", 1.0)
-    offset: Pair = key("Place x, y of the first height [length]", (0.0, 0.0))
+    offset: Pair = key(
+        "Place x, y of the first height; by default that of an .asc file [length]", (0.0, 0.0)
+    )
     heights: Heights = ()
+
+    @classmethod
+    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
+        x, y = origin[:2] if offset is None else offset
+        return x, y
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:
@@ -234,6 +245,11 @@ class MeshBed(RasterBed):
     scale: Positive = key("Factor on the file's coordinates [length]", 1.0)
     offset: Pair = key("Place x, y of the file's origin [length]", (0.0, 0.0))
     heights: Heights = ()
+
+    @classmethod
+    def _first_at(cls, offset: Any, origin: Sequence[float]) -> tuple[float, float]:
+        x, y = (0.0, 0.0) if offset is None else offset
+        return x + origin[0], y + origin[1]
 
     @classmethod
     def _in_file(cls, path: Path, cell: Any, data: dict[str, Any]) -> geometry.HeightMap:

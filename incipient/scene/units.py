@@ -1,17 +1,31 @@
 """SI units: the section [units] of a scene, and what one of the scene's units is (see `scaling`)."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from .section import Positive, Section, key
+from pydantic import field_validator, model_validator
+
+from ..arrays import SMALLEST
+from .messages import either, shown
+from .section import Positive, Section, contradiction, is_number, key
+
+METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 class Units(Section):
     """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
 
-    diameter: Positive = key(
-        "Nominal diameter: of the sphere of the grain's volume, in the plane the disc of its area [m]",
+    length: Literal["um", "mm", "cm", "m"] | Positive | None = key(
+        "The scene's unit of length, also that of files of grain and bed; a number is in metres",
+        None,
+        examples=["mm"],
+    )
+    diameter: Positive | None = key(
+        "Nominal diameter, if no length: of the sphere of the grain's volume, in the plane the disc of its area [m]",
+        None,
         examples=[1e-3],
     )
     viscosity: Positive = key("Kinematic viscosity [m^2/s]", 1.0e-6)
@@ -22,6 +36,26 @@ class Units(Section):
     velocity: Positive | None = key(
         "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
     )
+
+    @field_validator("length", mode="before")
+    @classmethod
+    def _is_a_length(cls, value: Any) -> Any:
+        if value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf):
+            return value
+        raise contradiction(f"is {shown(value)}", f"give metres above zero, or {either([*METRES])}")
+
+    @model_validator(mode="after")
+    def _have_one_length(self) -> Units:
+        if (self.length is None) == (self.diameter is None):
+            both = "is given beside diameter" if self.length else "is missing, and diameter as well"
+            raise self.refused("length", both, 'give one of them, as in length = "mm"')
+        return self
+
+    def metres(self, grain: Any) -> float:
+        """What one of the scene's units of length is [m]."""
+        if self.diameter is not None:
+            return self.diameter / nominal_diameter(grain)
+        return METRES[self.length] if isinstance(self.length, str) else float(self.length or 0.0)
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,28 @@
 
 Told apart by header and number of columns: `force.dat` and `moment.dat` of openfoam.com (total, pressure, viscous, and
 porous where there is any), `forces.dat` of openfoam.org and foam-extend (pressure and viscous force, then moments, with
-porous ones in between). A folder holds a folder a start, by its time: what a later start has written replaces what the
-one before has from that time on.
+porous ones in between). A folder holds a folder for each start, by its time; a run that finds a file in its folder adds
+its start to the name (`force_5.dat`). What a later start has written replaces what the one
+before has from that time on.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Booleans, Floats
 from ..errors import SceneError
-from .motion_in_time import BATCHES, FEWEST, steps_of
+from ..input_files import LARGEST_TABLE, reading
+from .motion_in_time import BATCHES, FEWEST, samples_from, steps_of
 
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.IGNORECASE)
+DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = re.compile(rf"{DECIMAL}|[-+]?(?:nan|inf)", re.IGNORECASE)
+RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
 CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)]*)\)?", re.IGNORECASE)
 ROUNDING = 1e-5  # of a total that is written beside its parts, relative to the largest
 SHARE = 0.5  # of the time, the last, over which a mean is taken where nothing else is asked for
@@ -31,21 +35,24 @@ class ForcesInTime:
     """Force and moment on the grain, in the units of the other program.
 
     times: (n,); forces, moments: (n, 3), the latter about `centre` (3,)
+    sources: files that were joined, each with the times that it gives
     """
 
     times: Floats
     forces: Floats
     moments: Floats
     centre: Floats
+    sources: tuple[str, ...] = ()
 
     def later(self, start: float) -> ForcesInTime:
         """What comes from a time on; raises SceneError where nothing does."""
-        kept = self.times >= start
-        if not kept.any():
-            raise SceneError(
-                f"--since: nothing is there from {start:g} on; the last time is {self.times[-1]:g}"
-            )
-        return ForcesInTime(self.times[kept], self.forces[kept], self.moments[kept], self.centre)
+        return self.only(samples_from(self.times, start))
+
+    def only(self, which: Booleans) -> ForcesInTime:
+        """Some of the samples, by a mask (n,)."""
+        return replace(
+            self, times=self.times[which], forces=self.forces[which], moments=self.moments[which]
+        )
 
     def mean(self) -> tuple[Floats, Floats]:
         """Means (6,) of force and moment in time, and their standard errors (6,) by the means of batches.
@@ -54,7 +61,8 @@ class ForcesInTime:
         """
         if len(self.times) < FEWEST:
             raise SceneError(
-                f"--since: {len(self.times)} samples are left; a mean takes {FEWEST} or more"
+                f"--forces: the mean would be of {len(self.times)} samples from time {self.times[0]:g} on, and takes "
+                f"{FEWEST} or more; give an earlier time with --since, or write forces more often"
             )
         values, weights = np.hstack([self.forces, self.moments]), steps_of(self.times)
         mean = weights @ values / weights.sum()
@@ -69,41 +77,72 @@ def read_forces(path: Path, moments: Path | None = None) -> ForcesInTime:
     """The forces in a file or folder of OpenFOAM.
 
     Args:
-        moments: file of the moments beside a `force.dat`; default: `moment.dat` next to it.
+        moments: file of the moments beside a file of forces; default: that of the same run next to it.
 
     Raises:
-        SceneError: there are none, the file is of no known format, moments or their centre are missing.
+        SceneError: there are none, a file is of no known format, moments or their centre are missing, or the files of
+            a folder can be joined in more than one way.
     """
     if path.is_dir():
-        return _joined([_of_start(folder) for folder in _starts(path)])
-    if path.name == "moment.dat":
+        return _joined(path, _runs(path))
+    if path.name.startswith("moment"):
         raise SceneError(
             f"--forces: {path} has moments alone; give the force.dat next to it, or their folder"
         )
-    return _of_file(path, moments or path.with_name("moment.dat"))
+    return _of_file(path, moments or _moments_beside(path))
 
 
-def _starts(path: Path) -> list[Path]:
-    """Folders of starts, in the order of their times; the folder itself where it has the files."""
-    if any((path / name).is_file() for name in ("force.dat", "forces.dat")):
-        return [path]
-    named = [
-        (float(one.name), one)
-        for one in path.iterdir()
-        if one.is_dir() and NUMBER.fullmatch(one.name)
-    ]
-    if not named:
+@dataclass(frozen=True)
+class _Run:
+    """A file of forces; `again`: its name has the start, since an earlier run's file was in the folder."""
+
+    start: float
+    again: bool
+    path: Path
+
+
+def _runs(path: Path) -> list[_Run]:
+    """The files in a folder, or in the folders by time that it has, in the order of their starts."""
+    runs = _in_folder(path, -np.inf)
+    for folder in sorted(path.iterdir()):
+        if folder.is_dir() and NUMBER.fullmatch(folder.name):
+            if not np.isfinite(start := float(folder.name)):
+                raise SceneError(f"--forces: {folder} is named by no time; move it away")
+            runs += _in_folder(folder, start)
+    if not runs:
         raise SceneError(
             f"--forces: {path} holds no forces; give a folder with {FORMATS}, or with folders by time"
         )
-    return [one for _, one in sorted(named)]
+    return sorted(runs, key=lambda run: (run.start, run.again))
 
 
-def _of_start(folder: Path) -> ForcesInTime:
-    for name in ("force.dat", "forces.dat"):
-        if (folder / name).is_file():
-            return _of_file(folder / name, folder / "moment.dat")
-    raise SceneError(f"--forces: {folder} holds no forces; give a folder with {FORMATS}")
+def _in_folder(folder: Path, start: float) -> list[_Run]:
+    names = [name for file in sorted(folder.iterdir()) if (name := RUN.fullmatch(file.name))]
+    runs = [
+        _Run(float(name["start"] or start), name["start"] is not None, folder / name.string)
+        for name in names
+        if name["kind"] != "moment"
+    ]
+    known = {_moments_beside(run.path) for run in runs}
+    for name in names:
+        if name["kind"] == "moment" and folder / name.string not in known:
+            raise SceneError(
+                f"--forces: {folder / name.string} has no file of forces beside it; move it away"
+            )
+    return runs
+
+
+def _older(run: _Run, later: _Run, overlap: bool) -> bool:
+    """Whether the names of two runs' files tell that the earlier start is the older run."""
+    if run.again:
+        return not overlap
+    if run.path.parent == later.path.parent:
+        return later.again
+    return -np.inf < run.start < later.start
+
+
+def _moments_beside(path: Path) -> Path:
+    return path.with_name(re.sub("^forces?", "moment", path.name))
 
 
 def _of_file(path: Path, moments: Path) -> ForcesInTime:
@@ -147,11 +186,8 @@ def _require_sum(table: Floats, path: Path) -> None:
 
 def _table(path: Path) -> tuple[Floats, str]:
     """The numbers of a file (n, columns), and its heading in small letters."""
-    try:
+    with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "not text"
-        raise SceneError(f"--forces: {path} cannot be read ({why}); give {FORMATS}") from None
     header = "\n".join(line for line in lines if line.lstrip().startswith("#"))
     rows = [
         [float(one) for one in NUMBER.findall(line)] for line in lines if line[:1] not in ("#", "")
@@ -160,42 +196,66 @@ def _table(path: Path) -> tuple[Floats, str]:
         rows and len(rows) > 1 and len(rows[-1]) != len(rows[0])
     ):  # of a run that was cut short, or goes on
         rows.pop()
-    if not rows or not rows[0] or any(len(row) != len(rows[0]) for row in rows):
+    if not rows:
+        raise SceneError(f"--forces: {path} has no samples yet; let the run go on, or move it away")
+    if not rows[0] or any(len(row) != len(rows[0]) for row in rows):
         raise SceneError(f"--forces: {path} is no table of numbers; give {FORMATS}")
     table = np.array(rows)
     if not np.isfinite(table).all():
         time = table[np.flatnonzero(~np.isfinite(table).all(axis=1))[0], 0]
         raise SceneError(f"--forces: {path} is not finite at time {time:g}; take such lines out")
+    if (back := np.diff(table[:, 0]) <= 0.0).any():
+        time = table[1:, 0][back][0]
+        raise SceneError(
+            f"--forces: {path} has time {time:g} twice or out of order; leave one line for each time"
+        )
     return table, header.lower()
 
 
 def _centre(path: Path, header: str) -> Floats:
-    """The point of the moments."""
-    found = CENTRE.search(header)
-    numbers = [float(one) for one in NUMBER.findall(found[1])] if found else []
-    if len(numbers) != 3:
+    """The point (3,) of the moments."""
+    centres = {tuple(map(float, NUMBER.findall(text))) for text in CENTRE.findall(header)}
+    if len(centres) > 1:
+        raise SceneError(
+            f"--forces: {path} has moments about {len(centres)} points (CofR); give one run's file"
+        )
+    centre = np.array(centres.pop() if centres else ())
+    if len(centre) != 3 or not np.isfinite(centre).all():
         why = "does not say what point its moments are about"
         raise SceneError(
             f"--forces: {path} {why}; add a line '# CofR : (x y z)' on top, or write it with a newer version"
         )
-    return np.array(numbers)
+    return centre
 
 
-def _joined(parts: Sequence[ForcesInTime]) -> ForcesInTime:
-    """All starts one after the other; the later wins where they overlap."""
-    if any(np.abs(one.centre - parts[0].centre).max() > 0.0 for one in parts):
-        raise SceneError(
-            "--forces: moments of several starts are about different points; give one start alone"
-        )
+def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
+    """All runs one after the other; the later start wins where they overlap."""
+    parts = [_of_file(run.path, _moments_beside(run.path)) for run in runs]
+    names = [str(run.path.relative_to(folder)) for run in runs]
     kept = []
-    for one, following in zip(parts, [*parts[1:], None], strict=True):
-        end = np.inf if following is None else following.times[0]
-        before = one.times < end
-        kept.append(
-            ForcesInTime(one.times[before], one.forces[before], one.moments[before], one.centre)
-        )
+    for k, (run, part) in enumerate(zip(runs, parts, strict=True)):
+        before = part.times < np.inf
+        for n in range(k + 1, len(runs)):
+            if not _older(run, runs[n], bool(part.times[-1] > parts[n].times[0])):
+                why = "have the same times, and which is the newer is not known"
+                raise _one_of(folder, names[k], names[n], why)
+            before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
+        kept.append(part.only(before))
+    joined = [(name, part) for name, part in zip(names, kept, strict=True) if len(part.times)]
+    first, centre = joined[0][0], joined[0][1].centre
+    for name, part in joined:
+        if (part.centre != centre).any():
+            why = f"have moments about {centre} and {part.centre}"
+            raise _one_of(folder, first, name, why)
+    sources = [f"{name} {part.times[0]:g} to {part.times[-1]:g}" for name, part in joined]
+    sources += [f"{name} superseded" for name in names if name not in dict(joined)]
     times, forces, moments = (
-        np.concatenate([getattr(one, name) for one in kept])
+        np.concatenate([getattr(part, name) for _, part in joined])
         for name in ("times", "forces", "moments")
     )
-    return ForcesInTime(times, forces, moments, parts[0].centre)
+    return ForcesInTime(times, forces, moments, centre, tuple(sources))
+
+
+def _one_of(folder: Path, first: str, second: str, why: str) -> SceneError:
+    remedy = "give one of them, or move away what no longer counts"
+    return SceneError(f"--forces: {first} and {second} in {folder} {why}; {remedy}")

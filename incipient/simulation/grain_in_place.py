@@ -11,14 +11,14 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial import ConvexHull, QhullError
 
-from ..arrays import Floats, cross, unit, unwarned
+from ..arrays import Floats, cross, unit
 from ..errors import SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry import HeightMap, Placement, Plane, clearance
 from ..geometry.closest import touching
 from ..geometry.placement import Quaternion, product, rotation_by
-from ..geometry.shape import Moments
 from ..geometry.space.files import triangles_in
+from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
 from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
 from ..scene.solids import SolidBody
@@ -132,13 +132,8 @@ class GrainInPlace(Section):
             tuple(upright @ self.body.centre), quaternion=product(turn, placement.quaternion)
         )
         bed = self._bed(triangles, above)
-        try:
-            found = touching(grain, above, bed, self.contact.tolerance * grain.size)
-        except SceneError as error:
-            gap = clearance(grain, above, bed)[0]
-            remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
-            why = f"the grain is {gap / grain.size:.3g} of its size above the bed"
-            raise SceneError(f"--bed: {why} ({error}); {remedy}") from None
+        _require_touching(grain, above, bed, self.contact.tolerance)
+        found = touching(grain, above, bed, self.contact.tolerance * grain.size)
         inert = mass_and_inertia(self.body, placement)
         assert inert is not None
         heavy, inertia = self.fluid.density * inert[0], self.fluid.density * inert[1]
@@ -221,11 +216,26 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
             )
     given = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
-        points, triangles = triangles_in(grain)
-        with unwarned():  # of what encloses no volume, which is refused in words
-            centre = np.nan_to_num(Moments.within(points[triangles]).centroid).tolist()
+        centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
         given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
     return parse(GrainInPlace, "", ".", [*given, *overrides], "--grain and --bed").case()
+
+
+def _require_touching(
+    grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
+) -> None:
+    """Refuse a grain that is above or in the bed by more than a tolerance, in grain sizes."""
+    gap = clearance(grain, placement, bed)[0] / grain.size
+    if abs(gap) <= tolerance:
+        return
+    remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
+    why = f"{gap:.3g} of its size above the bed"
+    if gap < 0.0:
+        why = f"in the bed, by {-gap:.3g} of its size"
+        if float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]:
+            why = "below the bed"
+            remedy = "turn gravity.direction round, or give bed.up, from where the bed is seen"
+    raise SceneError(f"--bed: the grain is {why}; {remedy}")
 
 
 def _turn(up: Floats) -> Quaternion:

@@ -20,7 +20,10 @@ LOAD = ("load.flow_force", "load.flow_couple")
 
 @dataclass(frozen=True, eq=False)
 class JudgedForces:
-    """The verdict on the mean of the last part, with standard errors, and on all times; flows that move the grain."""
+    """The verdict on the mean of the last part, with standard errors, and on all times; flows that move the grain.
+
+    sources: files that the forces are from, each with the times that it gives
+    """
 
     case: Case
     since: float
@@ -28,11 +31,13 @@ class JudgedForces:
     judgement: dict[str, Any]
     series: Series
     threshold: FlowThreshold | None
+    sources: tuple[str, ...] = ()
 
     def text(self) -> str:
         """Both in a few lines."""
         mean = f"mean from time {self.since:.6g} on, {self.samples} samples:"
-        lines = [mean, text(self.case, self.judgement)]
+        lines = [f"{'forces':<20}{', '.join(self.sources)}"] if self.sources else []
+        lines += [mean, text(self.case, self.judgement)]
         lines += [] if self.threshold is None else [self.threshold.text()]
         return "\n".join([*lines, "", "all times:", self.series.text()])
 
@@ -106,8 +111,11 @@ def judge_forces(
     judgement |= {
         "motion": asdict(series.motion),
         "threshold": None if threshold is None else asdict(threshold),
+        "forces": list(found.sources),
     }
-    return JudgedForces(of_mean, start, len(last.times), judgement, series, threshold)
+    return JudgedForces(
+        of_mean, start, len(last.times), judgement, series, threshold, found.sources
+    )
 
 
 def _about(case: Case, found: ForcesInTime) -> Case:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Booleans, Floats
 from ..contact.batch import Batch
+from ..errors import SceneError
 
 LAWS = {"U": 1.0, "U2": 2.0}  # powers of the velocity with which loads may grow
 BATCHES, FEWEST = (
@@ -39,8 +40,8 @@ class MotionInTime:
 
     @classmethod
     def of(cls, times: Floats, held: Booleans, since: float) -> MotionInTime:
-        """The motion from a time on, by samples (n,), of which two or more are left."""
-        kept = times >= since
+        """The motion from a time on, by samples (n,); raises SceneError where none are left."""
+        kept = samples_from(times, since)
         times, moves = times[kept], ~held[kept]
         steps, duration = steps_of(times), float(times[-1] - times[0]) or 1.0
         begins = float((moves[1:] & ~moves[:-1]).sum())
@@ -89,8 +90,11 @@ class FlowThreshold:
         since: float,
         mean: tuple[float, float, float] | None,
     ) -> FlowThreshold:
-        """The flows of a law of `LAWS`; mean: safety factor of the mean load, and its range."""
-        kept = times >= since
+        """The flows of a law of `LAWS`; mean: safety factor of the mean load, and its range.
+
+        Raises SceneError where no samples are left.
+        """
+        kept = samples_from(times, since)
         power, factors, steps = 1.0 / LAWS[law], batch.factors[kept], steps_of(times[kept])
         order = np.argsort(factors, kind="stable")
         share = np.cumsum(steps[order]) / steps.sum()
@@ -122,6 +126,15 @@ class FlowThreshold:
             for one in self.quantiles
         ]
         return "\n".join(lines)
+
+
+def samples_from(times: Floats, since: float) -> Booleans:
+    """Which samples (n,) are from a time on; raises SceneError where none are."""
+    kept = times >= since
+    if not kept.any():
+        last = f"{times.max():g}" if len(times) else "missing"
+        raise SceneError(f"--since: nothing is there from {since:g} on; the last time is {last}")
+    return np.asarray(kept)
 
 
 def steps_of(times: Floats) -> Floats:

@@ -59,7 +59,7 @@ class Motion:
         """The map as UFL expressions of the place X and a constant that holds the time."""
         x = ufl.SpatialCoordinate(mesh)
         d, v_mesh = (ufl.as_vector(list(f(x, t, ufl))) for f in (self.displacement, self.velocity))
-        return forms.ReferenceMap(d, v_mesh)
+        return forms.ReferenceMap.of(d, v_mesh)
 
     def place(self, x: np.ndarray, t: float) -> np.ndarray:
         """Places (3, n) in space of reference points (3, n)."""
@@ -120,7 +120,7 @@ def errors(fluid: Fluid, flow: Flow) -> Errors:
     """Errors of the fluid's state in space (weighted by J on a reference domain)."""
     v, p = ufl.split(fluid.state)
     x, t = fluid.place(), fluid._time
-    J = 1.0 if fluid.model.reference_map is None else fluid.model.reference_map.J
+    J = fluid.reference_map.J
     dx = ufl.Measure(
         "dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3}
     )

@@ -71,7 +71,9 @@ class Clock:
         """The map with the mesh velocity that the scheme gives: the backward difference of d."""
         x = ufl.SpatialCoordinate(mesh)
         past = [ufl.as_vector(list(motion.displacement(x, t, ufl))) for t in self.times]
-        return forms.ReferenceMap(past[0], sum(a * d for a, d in zip(self.rate, past, strict=True)))
+        return forms.ReferenceMap.of(
+            past[0], sum(a * d for a, d in zip(self.rate, past, strict=True))
+        )
 
 
 def constant(n: int) -> list[float]:

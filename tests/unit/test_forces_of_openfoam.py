@@ -94,6 +94,90 @@ def test_a_later_start_replaces_what_the_earlier_has_from_there_on(tmp_path: Pat
     assert (np.diff(found.times) > 0.0).all()
 
 
+def restarted(folder: Path, name: str, rows: slice, factor: float = 1.0) -> None:
+    """`force_NAME.dat` and `moment_NAME.dat`, all numbers but the times multiplied by a factor."""
+    apart = of_com(folder / "apart", False, rows)
+    folder.mkdir(exist_ok=True)
+    for kind in ("force", "moment"):
+        lines = []
+        for line in (apart / f"{kind}.dat").read_text().splitlines():
+            time, *numbers = line.split()
+            scaled = (
+                [time, *(f"{factor * float(one):.10e}" for one in numbers)]
+                if time != "#"
+                else [line]
+            )
+            lines.append(" ".join(scaled))
+        (folder / f"{kind}{name}.dat").write_text("\n".join(lines) + "\n")
+        (apart / f"{kind}.dat").unlink()
+    apart.rmdir()
+
+
+def test_a_rerun_in_the_same_folder_supersedes_the_first(tmp_path: Path) -> None:
+    """OpenFOAM adds the start to the name where the folder has a file (`writeFile::newFileAtTime`)."""
+    restarted(tmp_path / "0", "", slice(0, 60), 0.1)
+    restarted(tmp_path / "0", "_0", slice(0, 50))
+    found = read_forces(tmp_path)
+    assert found.times == pytest.approx(TIMES[:50])
+    assert found.forces == pytest.approx(PUSH[:50], abs=1e-9)
+    assert found.sources == ("0/force_0.dat 0.1 to 5", "0/force.dat superseded")
+    only = read_forces(tmp_path / "0" / "force.dat")
+    assert only.forces == pytest.approx(0.1 * PUSH, abs=1e-9)
+    assert read_forces(tmp_path / "0" / "force_0.dat").moments == pytest.approx(
+        TWIST[:50], abs=1e-9
+    )
+
+
+def test_a_run_resumed_in_the_same_folder_goes_on_from_its_start(tmp_path: Path) -> None:
+    restarted(tmp_path / "0", "", slice(0, 45), 0.1)
+    restarted(tmp_path / "0", "_3", slice(30, 60))
+    for path in (tmp_path, tmp_path / "0"):
+        found = read_forces(path)
+        assert found.times == pytest.approx(TIMES)
+        assert found.forces[:30] == pytest.approx(0.1 * PUSH[:30], abs=1e-9)
+        assert found.forces[30:] == pytest.approx(PUSH[30:], abs=1e-9)
+        assert [one[-8:] for one in found.sources] == ["0.1 to 3", "3.1 to 6"]
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        # Was 3 resumed from the first run, or from that which was started again?
+        (
+            [("0", "", 0, 40), ("0", "_0", 0, 40), ("3", "", 30, 60)],
+            "0/force_0.dat and 3/force.dat",
+        ),
+        ([("3", "", 30, 60), ("3.0", "", 30, 60)], "3/force.dat and 3.0/force.dat"),
+        ([("", "", 0, 60), ("0", "", 0, 60)], "force.dat and 0/force.dat"),
+        ([("0", "", 0, 30), ("nan", "", 30, 60)], "nan is named by no time"),
+    ],
+)
+def test_a_folder_that_can_be_read_in_two_ways_is_refused(
+    tmp_path: Path, files: list[tuple[str, str, int, int]], said: str
+) -> None:
+    for folder, name, first, last in files:
+        restarted(tmp_path / folder, name, slice(first, last))
+    with pytest.raises(SceneError, match=said):
+        read_forces(tmp_path)
+
+
+def test_files_of_two_programs_in_a_folder_are_refused(tmp_path: Path) -> None:
+    of_org(of_com(tmp_path, True))
+    with pytest.raises(SceneError, match=r"force\.dat and forces\.dat"):
+        read_forces(tmp_path)
+
+
+def test_moments_about_two_points_are_refused_if_both_count(tmp_path: Path) -> None:
+    restarted(tmp_path / "0", "", slice(0, 30))
+    restarted(tmp_path / "0", "_0", slice(0, 30))
+    changed(tmp_path / "0" / "moment.dat", "(4.5 ", "(4.4 ")
+    assert read_forces(tmp_path).centre.tolist() == [4.5, 0.5, 0.0]
+    restarted(tmp_path / "3", "", slice(30, 60))
+    changed(tmp_path / "3" / "moment.dat", "(4.5 ", "(4.6 ")
+    with pytest.raises(SceneError, match=r"0/force_0\.dat and 3/force\.dat .* have moments about"):
+        read_forces(tmp_path)
+
+
 def changed(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
@@ -118,6 +202,11 @@ def test_a_line_that_was_cut_short_is_left_out(tmp_path: Path) -> None:
         ("nan", r"is not finite at time 0\.1; take such lines out"),
         ("words", "is no table of numbers"),
         ("nothing", "holds no forces; give a folder"),
+        ("moments alone", r"moment\.dat has no file of forces beside it"),
+        ("header", r"force\.dat has no samples yet"),
+        ("twice", r"force\.dat has time 0\.1 twice or out of order"),
+        ("points", r"moment\.dat has moments about 2 points \(CofR\)"),
+        ("not finite point", "does not say what point its moments are about"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, broken: str, said: str) -> None:
@@ -136,8 +225,21 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path: Path, broken: str, said: st
         changed(force, first, "0.1 " + " ".join(["(nan nan nan)"] * 3))
     elif broken == "words":
         force.write_text("hello\n")
+    elif broken == "moments alone":
+        force.unlink()
+    elif broken == "header":
+        force.write_text(CENTRE)
+    elif broken == "twice":
+        for path in (force, moment):
+            changed(path, "\n0.2\t", "\n0.1\t")
+    elif broken == "points":
+        with moment.open("a") as file:
+            file.write("# CofR : (0 0 0)\n")
+    elif broken == "not finite point":
+        changed(moment, "(4.5 ", "(1e999 ")
     else:
         force.unlink()
+        moment.unlink()
     with pytest.raises(SceneError, match=said) as error:
         read_forces(tmp_path)
     assert "\n" not in str(error.value)
@@ -198,6 +300,14 @@ def test_the_block_tips_or_slides_as_statics_say() -> None:
     assert judged == pytest.approx(min(slides, tips), rel=1e-6)
 
 
+def test_too_few_samples_are_told_as_those_of_the_mean() -> None:
+    found = read_forces(BLOCK / "postProcessing" / "forces")
+    short = found.only(np.arange(len(found.times)) < 50)
+    case = load_case_without_load(BLOCK / "case.toml", [])
+    with pytest.raises(SceneError, match=r"^--forces: the mean would be of 25 samples from time"):
+        judge_forces(case, short, 1.0, None)
+
+
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = [
         "judge",
@@ -214,7 +324,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ([], "--forces needs --density"),
         (["--density", "-1"], "--density: is -1"),
         (["--density", "1", "--since", "99"], "--since: nothing is there from 99 on"),
-        (["--density", "1", "--since", "9.9"], "samples are left; a mean takes 40 or more"),
+        (["--density", "1", "--since", "9.9"], "3 samples from time 9.9 on, and takes 40 or more"),
     ):
         assert main([*words, *more]) not in (0, 70)
         assert why in capsys.readouterr().err

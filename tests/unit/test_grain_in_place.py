@@ -12,11 +12,13 @@ import trimesh
 from scenes import message
 
 from incipient import cli
+from incipient.scene import loads
 from incipient.simulation.forces_of_openfoam import ForcesInTime, read_forces
 from incipient.simulation.grain_in_place import grain_in_place
 from incipient.simulation.judge_case import Case
 from incipient.simulation.judge_forces import JudgedForces, judge_forces, load_case_without_load
 from incipient.simulation.judge_series import judge_series
+from incipient.simulation.motion_in_time import MotionInTime
 
 BLOCK = Path(__file__).parents[2] / "demos" / "cases" / "openfoam_block"
 FORCES = BLOCK / "postProcessing" / "forces"
@@ -131,6 +133,37 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
     )
 
 
+IN_SCENE = """
+domain = {length = 12, width = 10, height = 6}
+fluid = {reynolds = 0.1, scale = "grain"}
+flow = {kind = "shear"}
+body = {shape = "mesh", file = "block.stl", x = 5}
+bed = {kind = "flat"}
+"""
+
+
+@pytest.mark.parametrize("fault", ["turned", "twice"])
+def test_a_repaired_surface_stands_where_its_file_has_it(tmp_path: Path, fault: str) -> None:
+    """The block of its file, a unit cube, with three triangles turned inside out, or two given twice."""
+    block = trimesh.load(BLOCK / "block.stl")
+    faces = block.faces.copy()
+    if fault == "turned":
+        faces[:3] = faces[:3, ::-1]
+    else:
+        faces = np.vstack([faces, faces[:2, ::-1]])
+    path = tmp_path / "block.stl"
+    trimesh.Trimesh(block.vertices, faces, process=False).export(path)
+    case = in_place(grain=path)
+    assert case.load.centre == pytest.approx((4.5, 0.5, 0.5), abs=1e-7)
+    factors = [verdict(one).judgement["verdict"]["safety_factor"] for one in (case, in_place())]
+    assert factors[0] == pytest.approx(factors[1], rel=1e-6)
+    scenes = [loads(IN_SCENE, folder) for folder in (tmp_path, BLOCK)]
+    for scene in scenes:
+        assert scene.grain is not None and scene.placement is not None
+        assert scene.placement.centre == pytest.approx((5.0, 5.0, 0.5), abs=1e-7)
+        assert scene.grain.volume == pytest.approx(1.0, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     ("overrides", "grain", "bed", "said"),
     [
@@ -157,6 +190,17 @@ def test_a_sphere_on_three_in_place(tmp_path: Path) -> None:
             "of its size above the bed",
         ),
         ([*SET, DOWN, "bed.height=1"], BLOCK / "block.stl", BLOCK / "bed.stl", "leave it out"),
+        # The block is 1 high: its centre is 0.3 above, or 0.1 below, a plane that it stands in.
+        ([*SET, DOWN, "bed.height=0.2"], BLOCK / "block.stl", Path("flat"), "in the bed, by 0.115"),
+        ([*SET, DOWN, "bed.height=0.6"], BLOCK / "block.stl", Path("flat"), "is below the bed"),
+        ([*SET, DOWN, "bed.height=9"], BLOCK / "block.stl", Path("flat"), "is below the bed"),
+        # Seen against a gravity of the wrong sign the bed is above the block.
+        (
+            [*SET, "gravity.direction=[0, 1, 0]"],
+            BLOCK / "block.stl",
+            BLOCK / "bed.stl",
+            "the grain is below the bed; turn gravity.direction round",
+        ),
         (SET, BLOCK / "bed.stl", Path("flat"), "bed.stl"),
         (SET, BLOCK / "absent.stl", Path("flat"), "absent.stl"),
         ([*SET, *BOX[:2]], None, Path("flat"), "neither x nor centre is given"),
@@ -205,6 +249,65 @@ def test_a_series_that_never_moves(tmp_path: Path) -> None:
     assert (motion.probability, motion.error, motion.rate, motion.low) == (0.0, None, 0.0, 0.0)
     # No event in a time T: the rate is below 3/T with 95%, by Poisson's law.
     assert motion.high == pytest.approx(3.0 / 49.0)
+
+
+PULSE = """\
+[load]
+weight = [0, -1]
+centre = [0, 0.5]
+flow_force = [0, 0]
+flow_couple = 0
+[contacts]
+points = [[-0.5, 0], [0.5, 0]]
+normals = [[0, -1], [0, -1]]
+friction = 0.5
+convex = true
+"""
+
+
+def test_a_series_is_taken_from_a_time_on(tmp_path: Path, capsys: Any) -> None:
+    """A push of 0.8 at first and of 0.1 from time 2 on; friction holds 0.5."""
+    case, series = tmp_path / "case.toml", tmp_path / "series.csv"
+    case.write_text(PULSE)
+    rows = [f"{t},{0.8 if t < 2 else 0.1},0,0" for t in (0, 1, 2, 3, 4)]
+    series.write_text("time,force_x,force_y,couple\n" + "\n".join(rows) + "\n")
+    words = ["judge", str(case), "--series", str(series), "--law", "U"]
+    factors = {}
+    for since in (None, "2"):
+        out = tmp_path / f"from_{since}"
+        more = [] if since is None else ["--since", since]
+        assert cli.main([*words, *more, "--out", str(out)]) == 0
+        factors[since] = json.loads((out / "series.json").read_text())["least_safety_factor"]
+    assert factors[None] == pytest.approx(0.5 / 0.8) and factors["2"] == pytest.approx(0.5 / 0.1)
+    said = capsys.readouterr().out
+    assert "rest                100.000% of the time" in said and "from time 2 on" in said
+    assert cli.main([*words, "--since", "5"]) == 2
+    assert "nothing is there from 5 on; the last time is 4" in capsys.readouterr().err
+
+
+def test_motion_past_the_end_is_refused() -> None:
+    times = np.arange(5.0)
+    for ask in (
+        lambda: MotionInTime.of(times, times < 2.0, 9.0),
+        lambda: judge_forces(in_place(), read_forces(FORCES), 1.0, 99.0, "U"),
+    ):
+        assert "the last time is" in message(ask)
+
+
+@pytest.mark.parametrize(
+    ("words", "needs"),
+    [
+        (["--since", "1"], "--since: goes with --forces or --series"),
+        (["--law", "U"], "--law: goes with --forces or --series"),
+        (["--jobs", "1"], "--jobs: goes with --batch"),
+        (["--density", "1"], "--density: goes with --forces"),
+        (["--grain", "a.stl"], "--grain: goes with --forces"),
+        (["--bed", "flat"], "--bed: goes with --forces"),
+    ],
+)
+def test_options_that_nothing_reads_are_refused(words: list[str], needs: str, capsys: Any) -> None:
+    assert cli.main(["judge", str(BLOCK / "case.toml"), *words]) == 2
+    assert needs in capsys.readouterr().err
 
 
 def test_the_command(tmp_path: Path, capsys: Any) -> None:

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from incipient.body.integrator import Tolerances
 from incipient.body.rigidbody import MeanLoad, RigidBody
+from incipient.body.rkf45 import Tolerances
 from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
@@ -512,6 +512,6 @@ def test_corrections_run_out(monkeypatch) -> None:
     args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
     gained = body.angular_momentum(body.motion(wild, *args).end) - body.angular_momentum(wild)
     assert np.linalg.norm(gained) > 1.0
-    monkeypatch.setattr("incipient.body.rigidbody.MOST_CORRECTIONS", 2)
+    monkeypatch.setattr("incipient.body.rigidbody.MAX_ITERATIONS", 2)
     with pytest.raises(ConvergenceError, match="turns too far"):
         body.motion(wild, *args)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from scenes import message
 
+from incipient.effects.plan import make_plan
 from incipient.evaluation.si_units import in_si
 from incipient.results.si import si_lines
 from incipient.scene import Disc, Domain, Flat, Rectangle, Scene, Shear, Sphere, Units, dumps, loads
@@ -151,6 +154,9 @@ def test_nominal_diameters(grain: Any, diameter: float) -> None:
             'units.velocity: is missing, which the flow "uniform" needs; add it',
         ),
         ("units.diameter=-1", "units.diameter: is -1; give a number greater than 0"),
+        ("units.length=mm", "units.length: is given beside diameter; give one of them"),
+        ("units.length=inch", 'units.length: is "inch"; give metres above zero, or "um", "mm"'),
+        ("units.length=-1", "units.length: is -1; give metres above zero"),
         ("units.grain=1", "units.grain: unknown key"),
         ("domain.length=-1", "domain.length: is -1; give a number greater than 0"),
     ],
@@ -163,6 +169,32 @@ def test_wrong_units_are_refused(override: str, said: str) -> None:
 def test_units_need_a_grain() -> None:
     text = QUARTZ.replace('"grain"', '"flow"')
     empty = text.partition("[body]")[0] + "[units]" + text.partition("[units]")[2]
-    assert "units.diameter: is of the grain but there is none; add a section [body]" in message(
+    assert "units: are those of a scene with a grain, and there is none; add" in message(
         lambda: loads(empty)
     )
+
+
+@pytest.mark.parametrize(("length", "metres"), [("mm", 1e-3), ("0.002", 2e-3)])
+def test_a_unit_of_length_makes_files_in_millimetres_what_they_are(
+    length: str, metres: float, tmp_path: Path
+) -> None:
+    """A box of 2 x 1 x 1 in the file: nominal diameter (6 x 2/pi)^(1/3); T0 = 0.5/100 s, gravity g T0^2/L0."""
+    trimesh.creation.box((2.0, 1.0, 1.0)).export(tmp_path / "stone.stl")
+    text = QUARTZ.replace('"sphere"\ndiameter = 2.0', '"mesh"\nfile = "stone.stl"')
+    scene = loads(text.replace("diameter = 1e-3\n", ""), tmp_path, [f"units.length={length}"])
+    found, nominal = in_si(scene), (12.0 / np.pi) ** (1.0 / 3.0)
+    assert scene.scales is not None and found is not None and scene.gravity is not None
+    assert scene.scales.length == pytest.approx(metres)
+    assert found["nominal_diameter"] == pytest.approx(metres * nominal, rel=1e-6)
+    assert scene.gravity.acceleration == pytest.approx(9.81 * 0.005**2 / metres)
+    assert loads(dumps(scene)) == scene
+    said = f"grain: largest diameter 2.44949, nominal {nominal:.6g}; one unit of length is {metres:g} m"
+    assert said in make_plan(scene).text()
+
+
+def test_the_plan_says_what_size_the_file_of_a_grain_has(tmp_path: Path) -> None:
+    trimesh.creation.box((2.0, 1.0, 1.0)).export(tmp_path / "stone.stl")
+    text = QUARTZ.replace('"sphere"\ndiameter = 2.0', '"mesh"\nsize = 22.0\nfile = "stone.stl"')
+    said = make_plan(loads(text, tmp_path)).text()
+    nominal = 22.0 / np.sqrt(6.0) * (12.0 / np.pi) ** (1.0 / 3.0)
+    assert f"largest diameter 22, nominal {nominal:.6g}; by its file 2.44949" in said

@@ -82,7 +82,7 @@ def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
         mesh.geometry.x[:] *= scale
         x = ufl.SpatialCoordinate(mesh)
         still = ufl.as_vector([0.0 * x[0], 0.0 * x[0]])
-        mapped = ReferenceMap(x, still) if scale == 1.0 else None
+        mapped = ReferenceMap.of(x, still) if scale == 1.0 else ReferenceMap.renewed(2)
         place = (3.0 - scale) * x
         v = ufl.as_vector([place[0] ** 2, place[1]])
         size = abs(ufl.JacobianDeterminant(mesh)) ** 0.5

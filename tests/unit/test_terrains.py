@@ -7,6 +7,7 @@ from solids_and_terrains import terrains
 from incipient.errors import SceneError
 from incipient.geometry import HeightMap, Hemispheres, Plane, Ridges, Sphere, rest
 from incipient.geometry.space.beds import LOWEST
+from incipient.scene.terrains import HeightMapBed
 
 
 class TestTerrains:
@@ -107,19 +108,40 @@ class TestTerrains:
         )
         (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
         (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
+        (tmp_path / "hole.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2\n3 -9999\n")
+        np.save(tmp_path / "hole.npy", np.where(np.eye(3) > 0.0, -32768.0, 1.0))
         (tmp_path / "map.png").write_text("no image")
         np.save(tmp_path / "map.npy", np.zeros((3, 3)))
         for name, reason in [
-            ("missing.png", "does not exist"),
+            ("missing.png", "No such file or directory"),
             ("map.asc", "cells without data"),
             ("short.asc", "3 heights instead of 2 x 2"),
             ("bare.asc", "lacks ncols"),
-            ("map.png", "cannot be read as heights"),
+            ("hole.asc", "is -9999 in 1 cells, the first in row 0, column 1: that seems to stand"),
+            ("map.png", "cannot be read"),
             ("map.npy", "give cell"),
         ]:
             with pytest.raises(SceneError, match=reason) as caught:
                 HeightMap.from_file(tmp_path / name)
             assert "\n" not in str(caught.value)
+        with pytest.raises(SceneError, match="is -32768 in 3 cells"):
+            HeightMap.from_file(tmp_path / "hole.npy", (1.0, 1.0))
+        # A relief in thousandths that passes through such a value is data.
+        np.save(tmp_path / "deep.npy", np.arange(-11999.0, 1.0).reshape(100, 120))
+        assert HeightMap.from_file(tmp_path / "deep.npy", (1.0, 1.0)).heights.min() == -11999.0
+
+    def test_offset_is_where_the_first_height_is(self, tmp_path):
+        """The corner of a grid in metres of a map is far from any domain; a cell's middle is half a cell from it."""
+        head = "ncols 3\nnrows 2\nxllcorner 340620\nyllcorner 3917730\ncellsize 2\n"
+        (tmp_path / "map.asc").write_text(head + "1 1 1\n1 1 1\n")
+        asc = {"kind": "height-map", "file": "map.asc"}
+        for given, place in (({}, (340621.0, 3917731.0)), ({"offset": (-1.0, 4.0)}, (-1.0, 4.0))):
+            bed = HeightMapBed.model_validate(
+                {**asc, **given}, context={"directory": str(tmp_path)}
+            )
+            assert bed.offset == place
+            low = [side[0] for side in bed.terrain(0.0).extent]
+            assert tuple(low) == place
 
     @pytest.mark.parametrize(
         ("make", "reason"),

@@ -23,9 +23,9 @@ class Equations:
     dirichlet:     the conditions that hold, of dolfinx
     open:          local pressure nodes where fluid leaves freely; none at all: known up to a constant
     viscosity:     kinematic; None: no stresses, as in the projection onto velocities free of divergence
+    reference_map: of the flow
     rate:          coefficient a0 of the velocity in its rate of change, a constant of dolfinx; None: steady
     carrier:       velocity that convects, less that of the mesh; None: nothing convects
-    reference_map: None for the identity
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     surface:       what a free surface adds; None: there is none
     varying:       whether the viscosity varies in space, and walls resist the flow along them by a law
@@ -38,9 +38,9 @@ class Equations:
     dirichlet: Sequence[Any]
     open: np.ndarray
     viscosity: Any
+    reference_map: ReferenceMap
     rate: Any = None
     carrier: Any = None
-    reference_map: ReferenceMap | None = None
     size: Any = None
     surface: SurfaceLoad | None = None
     varying: bool = False

@@ -88,11 +88,11 @@ class Levels:
         u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.component(
             *(u, w),
+            equations.reference_map,
             equations.viscosity,
             equations.rate,
             equations.block_carrier,
             equations.upwind_size if self.upwind else None,
-            equations.reference_map,
         )
         found = integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order})
         if equations.surface is not None:

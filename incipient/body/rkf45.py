@@ -1,0 +1,237 @@
+"""Ordinary differential equations y' = f(t, y): Runge-Kutta-Fehlberg 4(5) behind the verbs of SUNDIALS' CVODE.
+
+`init` sets the state, `advance` integrates to a time or to the first root of a function, `interpolate` gives
+dense output within the last step, `statistics` counts. The error of a step is held below the tolerances in CVODE's
+norm, the root mean square of error_i / (relative |y_i| + absolute_i); the solution of fifth order is propagated.
+
+Sources: E. Fehlberg, NASA TR R-315 (1969), formula 2; Hairer, Norsett & Wanner, Solving Ordinary Differential
+Equations I, II.4 (first step, safety factors); Gustafsson, ACM TOMS 17 (1991) (proportional-integral control).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats
+from ..errors import ConvergenceError
+
+NODES = np.array([0.0, 1 / 4, 3 / 8, 12 / 13, 1.0, 1 / 2])
+STAGES = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0],
+        [1 / 4, 0.0, 0.0, 0.0, 0.0],
+        [3 / 32, 9 / 32, 0.0, 0.0, 0.0],
+        [1932 / 2197, -7200 / 2197, 7296 / 2197, 0.0, 0.0],
+        [439 / 216, -8.0, 3680 / 513, -845 / 4104, 0.0],
+        [-8 / 27, 2.0, -3544 / 2565, 1859 / 4104, -11 / 40],
+    ]
+)
+FOURTH = np.array([25 / 216, 0.0, 1408 / 2565, 2197 / 4104, -1 / 5, 0.0])
+FIFTH = np.array([16 / 135, 0.0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
+
+SAFETY, LARGEST_CUT, LARGEST_GROWTH, CUT_WITHOUT_ERROR = 0.9, 0.2, 5.0, 0.25
+PROPORTIONAL, INTEGRAL = 0.7 / 5, 0.4 / 5
+MAX_FAILURES = 40  # of one step
+ROUND_OFF = 16 * float(np.finfo(float).eps)
+
+Rate = Callable[[float, Floats], Floats]
+Root = Callable[[float, Floats], float]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Relative tolerance, and absolute tolerance: a number or one for each component of y (n,)."""
+
+    relative: float
+    absolute: float | Floats
+
+    def __post_init__(self) -> None:
+        least = np.min(np.asarray(self.absolute, dtype=float))
+        if not (self.relative >= 0.0 and least >= 0.0 and self.relative + least > 0.0):
+            raise ValueError("tolerances must be zero or more, and not all zero")
+
+    def norm(self, error: Floats, size: Floats) -> float:
+        """The weighted root mean square of an error (n,) in a solution of a size (n,): at most 1 is accepted."""
+        weight = self.relative * size + self.absolute
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(error == 0.0, 0.0, error / weight)
+        return float(np.sqrt(np.mean(ratio**2))) if len(ratio) else 0.0
+
+
+@dataclass
+class Statistics:
+    """Counts since `init`, and the length of the next step."""
+
+    steps: int = 0
+    error_test_failures: int = 0
+    evaluations: int = 0
+    next_step: float = 0.0
+
+
+class Integrator:
+    """Runge-Kutta-Fehlberg 4(5) with error control, dense output and a root.
+
+    Args:
+        rate: f(t, y) -> (n,). A step in which it is not finite is repeated with a quarter of the length.
+        tolerances: bounds of the error of one step.
+        first_step: its length; None: estimated from the rate (one more evaluation).
+        largest_step: bound of the length of all steps.
+        max_steps: the number of steps that one `advance` may take.
+
+    `t` and `y` (n,) are the present time and solution. Raises ValueError for arguments out of range.
+    """
+
+    def __init__(
+        self,
+        rate: Rate,
+        tolerances: Tolerances,
+        *,
+        first_step: float | None = None,
+        largest_step: float = np.inf,
+        max_steps: int = 10_000,
+    ) -> None:
+        if not (largest_step > 0.0 and (first_step is None or first_step > 0.0) and max_steps > 0):
+            raise ValueError("steps and their number are positive")
+        self.rate, self.tolerances, self.first_step = rate, tolerances, first_step
+        self.largest_step, self.max_steps = largest_step, max_steps
+
+    def init(self, t: float, y: ArrayLike) -> None:
+        """Set time and solution (n,) and forget all before. Raises ValueError, ConvergenceError."""
+        self.t, self.y = float(t), np.array(y, dtype=float)
+        if self.y.ndim != 1 or not np.isfinite([self.t, *self.y]).all():
+            raise ValueError("initial time and values must be finite numbers, the values a vector")
+        self.statistics, self._error_before = Statistics(), 1.0
+        self._slope = self._evaluate(self.t, self.y)
+        absolute = np.asarray(self.tolerances.absolute)
+        if self._slope.shape != self.y.shape or absolute.shape not in ((), self.y.shape):
+            raise ValueError("rate and tolerances have as many components as the solution")
+        if not np.isfinite(self._slope).all():
+            raise ConvergenceError(f"the rate of change at the initial time {t:.6g} is not finite")
+        self.statistics.next_step = self.first_step or self._estimated_first_step()
+        self._start = (self.t, self.y, self._slope)
+
+    def advance(self, end: float, root: Root | None = None) -> bool:
+        """Integrate to the time `end`, or to the first fall of `root`(t, y) through zero before it.
+
+        Returns whether a root ended the integration. A root at the present time does not count; two changes
+        of sign within one step are not seen.
+
+        Raises:
+            ConvergenceError: the step becomes too small, or `max_steps` do not suffice; t and y hold the last
+                accepted state.
+        """
+        value = 0.0 if root is None else self._value_ahead(root)
+        for _ in range(self.max_steps):
+            if self.t >= end:
+                return False
+            self._step(end)
+            if root is None:
+                continue
+            before, value = value, root(self.t, self.y)
+            if before > 0.0 >= value:
+                self._go_back_to(root, before)
+                return True
+        if self.t >= end:
+            return False
+        raise ConvergenceError(
+            f"{self.max_steps} steps did not reach t = {end:.6g} from t = {self.t:.6g}; "
+            "allow more steps or larger tolerances"
+        )
+
+    def interpolate(self, t: float) -> Floats:
+        """The solution (n,) at a time within the last step: the step itself, taken to that time."""
+        start, y, slope = self._start
+        if not start <= t <= self.t:
+            raise ValueError(f"{t} is not within the last step, from {start} to {self.t}")
+        return (
+            self.y if t == self.t else y + (t - start) * (FIFTH @ self._slopes(start, y, slope, t))
+        )
+
+    def _evaluate(self, t: float, y: Floats) -> Floats:
+        self.statistics.evaluations += 1
+        return np.asarray(self.rate(t, y), dtype=float)
+
+    def _estimated_first_step(self) -> float:
+        """Hairer, Norsett & Wanner, II.4, for order 5."""
+        size, norm = np.abs(self.y), self.tolerances.norm
+        d0, d1 = norm(size, size), norm(self._slope, size)
+        usable = min(d0, d1) > 1e-5 and np.isfinite(d0 + d1)
+        h = 0.01 * d0 / d1 if usable else 1e-6
+        ahead = self._evaluate(self.t + h, self.y + h * self._slope)
+        largest = max(d1, norm(ahead - self._slope, size) / h)
+        if not np.isfinite(largest):
+            return h
+        longest = max(1e-6, 1e-3 * h) if largest <= 1e-15 else float((0.01 / largest) ** 0.2)
+        return min(100 * h, longest)
+
+    def _slopes(self, t: float, y: Floats, slope: Floats, end: float) -> Floats:
+        """The slopes (6, n) of the stages of a step to `end`; not finite where one of them is not."""
+        slopes = np.full((6, len(y)), np.nan)
+        slopes[0] = slope
+        for i in range(1, 6):
+            h = end - t
+            slopes[i] = self._evaluate(t + NODES[i] * h, y + h * (STAGES[i, :i] @ slopes[:i]))
+            if not np.isfinite(slopes[i]).all():
+                break
+        return slopes
+
+    def _step(self, stop: float) -> None:
+        """Take a step that passes the error test, not beyond `stop`."""
+        statistics = self.statistics
+        for failures in range(MAX_FAILURES):
+            length = min(statistics.next_step, self.largest_step)
+            lands = stop - self.t <= length * (1 + 1e-10)
+            end = stop if lands else self.t + length
+            if not lands and length <= ROUND_OFF * abs(self.t):
+                break
+            slopes = self._slopes(self.t, self.y, self._slope, end)
+            y = self.y + (end - self.t) * (FIFTH @ slopes)
+            difference = (end - self.t) * ((FIFTH - FOURTH) @ slopes)
+            error = self.tolerances.norm(difference, np.maximum(np.abs(self.y), np.abs(y)))
+            slope = self._evaluate(end, y) if error <= 1.0 else slopes[0]
+            if error <= 1.0 and np.isfinite(slope).all():
+                self._accept(end, y, slope, error, lands, failures > 0)
+                return
+            statistics.error_test_failures += 1
+            known = np.isfinite(error) and error > 1.0
+            cut = max(LARGEST_CUT, SAFETY * error**-0.2) if known else CUT_WITHOUT_ERROR
+            statistics.next_step = (end - self.t) * min(cut, SAFETY)
+        raise ConvergenceError(
+            f"the step at t = {self.t:.6g} became too small ({statistics.next_step:.3g}): the solution "
+            "is singular there, or the tolerances cannot be met"
+        )
+
+    def _accept(
+        self, end: float, y: Floats, slope: Floats, error: float, lands: bool, failed: bool
+    ) -> None:
+        h, statistics = end - self.t, self.statistics
+        self._start = (self.t, self.y, self._slope)
+        self.t, self.y, self._slope = end, y, slope
+        growth = SAFETY * max(error, 1e-10) ** -PROPORTIONAL * self._error_before**INTEGRAL
+        following = h * float(np.clip(growth, LARGEST_CUT, 1.0 if failed else LARGEST_GROWTH))
+        # A step cut short to land says nothing against the length that was meant.
+        statistics.next_step = max(following, statistics.next_step) if lands else following
+        statistics.steps += 1
+        self._error_before = max(error, 1e-4)
+
+    def _value_ahead(self, root: Root) -> float:
+        """The root's function just after the present time, so that a root at the start does not count."""
+        h = 8 * ROUND_OFF * max(abs(self.t), min(self.statistics.next_step, self.largest_step))
+        return root(self.t + h, self.y + h * self._slope)
+
+    def _go_back_to(self, root: Root, before: float) -> None:
+        """End the last step where `root`, positive just after its start, vanishes."""
+        from scipy.optimize import brentq  # takes time to import, and most paths meet nothing
+
+        start, tiny = self._start[0], ROUND_OFF * max(abs(self._start[0]), abs(self.t))
+
+        def value(t: float) -> float:
+            return before if t == start else root(t, self.interpolate(t))
+
+        t = float(brentq(value, start, self.t, xtol=tiny))
+        self.y, self.t = self.interpolate(t), t
+        self._slope = self._evaluate(self.t, self.y)
