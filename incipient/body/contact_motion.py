@@ -316,7 +316,9 @@ class ContactMotion:
             seen = self._seen(end)
         return end, seen
 
-    def _as_entered(self, seen: ClosestPoints, before: ClosestPoints, start: _Start) -> ClosestPoints:
+    def _as_entered(
+        self, seen: ClosestPoints, before: ClosestPoints, start: _Start
+    ) -> ClosestPoints:
         """ClosestPoints after a place was corrected, those that were negative before counted as they were."""
         entered = before.only(before.gaps < -self._closed)
         gaps = seen.gaps.copy()
@@ -326,7 +328,12 @@ class ContactMotion:
         return replace(seen, gaps=gaps)
 
     def _next(
-        self, touched: ClosestPoints, local: Floats, seen: ClosestPoints, left: ClosestPoints, start: _Start
+        self,
+        touched: ClosestPoints,
+        local: Floats,
+        seen: ClosestPoints,
+        left: ClosestPoints,
+        start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
         """The contacts of the next round as seen now, and those left out at some time, which come back for good."""
         found = matches(touched, seen, start.apart)
