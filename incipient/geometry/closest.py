@@ -189,9 +189,9 @@ class NearBed:
         """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
         size, d, within = self.grain.size, placement.gdim, WANDERS * max(gap, before)
         for _ in range(SEATINGS):
-            found = self.gaps(placement, within)
-            apart = np.linalg.norm(found.points[:, None] - places[None, :, :d], axis=2)
-            near = found.only(apart.min(axis=1, initial=np.inf) <= within)
+            result = self.gaps(placement, within)
+            apart = np.linalg.norm(result.points[:, None] - places[None, :, :d], axis=2)
+            near = result.only(apart.min(axis=1, initial=np.inf) <= within)
             arms = near.points - np.asarray(placement.centre)
             turns = (
                 np.cross(arms, near.normals)

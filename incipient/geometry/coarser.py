@@ -62,8 +62,8 @@ def coarser_surface(surface: Surface, factor: float) -> Surface:
         return np.asarray(factor * lengths[near].mean(axis=1))
 
     exact = _Scan(unit_one, Triangles(unit_one.corners))
-    found = remeshed(exact, exact.draft(), size)
-    return Surface(low + extent * found.points, found.triangles)
+    result = remeshed(exact, exact.draft(), size)
+    return Surface(low + extent * result.points, result.triangles)
 
 
 def coarser_heights(heights: Floats, copy: int) -> Floats:

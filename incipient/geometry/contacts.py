@@ -1,6 +1,6 @@
 """The contact surface Gamma_c of a grain, and the closest points of grain and bed.
 
-Everything is three-dimensional; contacts in the plane have third components of zero.
+Everything is three-dimensional; contacts in 2-D have third components of zero.
 """
 
 from collections.abc import Sequence
@@ -157,7 +157,7 @@ class ClosestPoints:
         return self.only(keep)
 
     def _tables(self) -> dict[str, np.ndarray]:
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 

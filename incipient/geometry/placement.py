@@ -1,4 +1,4 @@
-"""Where a grain is and how it is turned, in the plane (an angle) and in space (a unit quaternion)."""
+"""Where a grain is and how it is turned, in 2-D (an angle) and in 3-D (a unit quaternion)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
 class Placement:
     """Where a grain is: the position of its centroid and its rotation.
 
-    In the plane `angle` (radians, counter-clockwise); in space `quaternion` (w, x, y, z) of unit length, by
-    default no rotation. Raises SceneError on numbers that are not finite, on a quaternion in the plane, an
-    angle in space, and a quaternion that is not a unit one.
+    In 2-D `angle` (radians, counter-clockwise); in 3-D `quaternion` (w, x, y, z) of unit length, by
+    default no rotation. Raises SceneError on numbers that are not finite, on a quaternion in 2-D, an
+    angle in 3-D, and a quaternion that is not a unit one.
     """
 
     centre: tuple[float, ...]
@@ -50,13 +50,13 @@ class Placement:
             raise SceneError("a placement in space has no angle; give a quaternion (w, x, y, z)")
         if self.quaternion is None:
             return 1.0, 0.0, 0.0, 0.0
-        given = np.array(self.quaternion, dtype=float)
-        length = float(np.linalg.norm(given)) if given.shape == (4,) else np.nan
+        listed = np.array(self.quaternion, dtype=float)
+        length = float(np.linalg.norm(listed)) if listed.shape == (4,) else np.nan
         if not abs(length - 1.0) <= UNIT_TOLERANCE:
             raise SceneError(
                 f"the quaternion {self.quaternion} is not of unit length; normalise it"
             )
-        w, x, y, z = (given / length).tolist()
+        w, x, y, z = (listed / length).tolist()
         return w, x, y, z
 
     @property

@@ -104,7 +104,7 @@ def settle_under(
 ) -> Settled:
     """Where the grain comes to rest from `start` under a dead load, which does not turn with it; else as `settle`.
 
-    `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in space (3,); only their ratio counts.
+    `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
 
     Raises SceneError as `settle` does.
     """
@@ -182,22 +182,22 @@ class _Descent:
             # not again next to an unstable equilibrium that the grain is leaving.
             tried = np.inf if strength >= PROMISING else tried
             if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
-                found = self._at_rest(placement, near)
-                if found is not None and (found.stable or (step == 0 and strength <= BALANCED)):
-                    return self._settled(found, step)
+                result = self._at_rest(placement, near)
+                if result is not None and (result.stable or (step == 0 and strength <= BALANCED)):
+                    return self._settled(result, step)
                 tried = strength
-                if found is None and len(touching) == 1:
-                    found = self._on_pole(placement)
-                    if found is not None and found.stable:
-                        return self._settled(found, step)
-                pushed = None if found is None else self._pushed(found)
+                if result is None and len(touching) == 1:
+                    result = self._on_pole(placement)
+                    if result is not None and result.stable:
+                        return self._settled(result, step)
+                pushed = None if result is None else self._pushed(result)
                 if pushed is not None and self._work(placement, pushed) > 0.0:
                     placement, length, tried = pushed, FIRST_STEP, 0.0
                     continue
             if length < SHORTEST_STEP:
-                found = self._on_pole(placement)
-                if found is not None and found.stable:
-                    return self._settled(found, step)
+                result = self._on_pole(placement)
+                if result is not None and result.stable:
+                    return self._settled(result, step)
                 return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, touching, pull, length)
@@ -323,25 +323,25 @@ class _Descent:
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
         for contacts in (close, self._proximity.locally_least(placement, close)):
             carrying = self._carrying(placement, contacts)
-            found = self._newton(placement, carrying) if len(carrying) else None
-            rest = None if found is None else self._verified(found, placement)
+            result = self._newton(placement, carrying) if len(carrying) else None
+            rest = None if result is None else self._verified(result, placement)
             if rest is not None:
                 return rest
         return None
 
-    def _verified(self, found: Placement, before: Placement) -> _Rest | None:
+    def _verified(self, result: Placement, before: Placement) -> _Rest | None:
         """The equilibrium, if it is one that is not above the placement before; at once where it is unstable."""
-        near = self._proximity.minima(found, 0.01 * self.size)
-        climb = self._work(found, before)
+        near = self._proximity.minima(result, 0.01 * self.size)
+        climb = self._work(result, before)
         if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
             return None
-        touching = self._touching(found, near, CLOSED)
-        pull = float(np.abs(self._pull(found, touching)).max())
+        touching = self._touching(result, near, CLOSED)
+        pull = float(np.abs(self._pull(result, touching)).max())
         if pull > BALANCED:
             return None
-        carrying = self._carrying(found, touching)
+        carrying = self._carrying(result, touching)
         gap = float(np.abs(carrying.gaps).max(initial=0.0)) / self.size
-        return _Rest(found, gap, pull, carrying, self._way_down(found, carrying))
+        return _Rest(result, gap, pull, carrying, self._way_down(result, carrying))
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
@@ -389,8 +389,8 @@ class _Descent:
                 carrying = self._proximity.tracked(placement, carrying)
                 placement = placement.raised(-float(carrying.gaps[0] / carrying.normals[0, -1]))
             carrying = self._proximity.tracked(placement, carrying)
-            if d == 3 and not self.grain.cores:
-                carrying = self._nearer(placement, carrying, body[1:])
+            if isinstance(self.grain, Solid) and not self.grain.cores:
+                carrying = self._nearer(placement, carrying, self.grain.project(body[1:]))
         imbalance = float(np.abs(self._pull(placement, carrying)).max())
         gap = float(np.abs(carrying.gaps).max(initial=0.0))
         if len(carrying) == 0 or gap > CLOSED * self.size or imbalance > ON_POLE:
@@ -398,9 +398,10 @@ class _Descent:
         way_down = self._way_down(placement, carrying)
         return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
 
-    def _nearer(self, placement: Placement, carrying: ClosestPoints, body: Floats) -> ClosestPoints:
-        """A contact of a smooth grain at the wanted place (1, 3) of its surface, if that is as close to the bed."""
-        anchors = self.grain.project(body)
+    def _nearer(
+        self, placement: Placement, carrying: ClosestPoints, anchors: Floats
+    ) -> ClosestPoints:
+        """A contact of a smooth grain at a wanted place (1, 3) of its surface, if that is as close to the bed."""
         points = placement.to_scene(anchors)
         gaps = self.bed.distance(points)
         if np.abs(gaps).max() > CLOSED * self.size:

@@ -1,7 +1,7 @@
 """Forces that contacts can exert on a rigid grain, and the motions that they leave free.
 
 Motions and loads are rows of numbers: first the translation (force), then the rotation (couple) about the
-centre, in units in which a length of `size` is one. In the plane they have 3 components, in space 6.
+centre, in units in which a length of `size` is one. In 2-D they have 3 components, in 3-D 6.
 """
 
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""Grains and beds in the plane."""
+"""Grains and beds in 2-D."""

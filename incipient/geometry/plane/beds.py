@@ -587,8 +587,8 @@ class Curved(Polyline):
     @cached_property
     def feature(self) -> float:
         """The smallest radius of curvature; infinite where the knots are on one line."""
-        found = float(self._radii.min(initial=np.inf))
-        return found if found < LEVEL * np.ptp([x for x, _ in self.knots]) else np.inf
+        result = float(self._radii.min(initial=np.inf))
+        return result if result < LEVEL * np.ptp([x for x, _ in self.knots]) else np.inf
 
     @property
     def crest(self) -> float:

@@ -103,8 +103,8 @@ class PlanarProximity:
         parts = [self._closest(placement, k, place, touching)]
         if touching is None and within is not None:
             parts.append(self._joints(placement, within))
-        found = ClosestPoints.joined(parts)
-        return found if within is None else found.only(found.gaps <= within)
+        result = ClosestPoints.joined(parts)
+        return result if within is None else result.only(result.gaps <= within)
 
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
@@ -149,8 +149,8 @@ class PlanarProximity:
             rows += [i] * len(beside)
             normals += beside
         origin = np.column_stack([k, np.zeros(len(k), dtype=int)])
-        found = ClosestPoints(gaps, points, inward, anchors=body, origin=origin, parameters=s)
-        return replace(found.only(rows), normals=np.reshape(normals, (-1, 2)))
+        result = ClosestPoints(gaps, points, inward, anchors=body, origin=origin, parameters=s)
+        return replace(result.only(rows), normals=np.reshape(normals, (-1, 2)))
 
     def _facing(self, x: float, slack: float) -> list[Floats]:
         """The bed's normals at an abscissa, or at a corner of it within a slack: two in a valley."""
@@ -222,15 +222,15 @@ class PlanarProximity:
         k[~joint], s[~joint] = self._followed(placement, k[~joint], s[~joint])
         kept = []
         for i in range(len(old)):
-            found = (
+            result = (
                 self._joints(placement, np.inf, k[i : i + 1])
                 if joint[i]
                 else self._closest(placement, k[i : i + 1], s[i : i + 1])
             )
-            if not len(found):
-                found = old.only([i])
-            apart = np.abs(found.normals - old.normals[i]).max(axis=1)
-            kept.append(found.only([int(np.argmin(apart))]))
+            if not len(result):
+                result = old.only([i])
+            apart = np.abs(result.normals - old.normals[i]).max(axis=1)
+            kept.append(result.only([int(np.argmin(apart))]))
         return ClosestPoints.joined(kept) if kept else old
 
     def _followed(
@@ -331,7 +331,7 @@ class PlanarProximity:
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""
         patches = self._patches(placement, tolerance)
-        found: list[
+        result: list[
             tuple[Floats, Floats, float]
         ] = [  # of the ends of patches, each with half the length
             (point, normal, 0.5 * float(np.linalg.norm(ends[1] - ends[0])))
@@ -342,17 +342,17 @@ class PlanarProximity:
         for point, normal in zip(near.points, -near.normals, strict=True):
             repeated = any(
                 np.abs(point - at).max() <= tolerance and np.abs(normal - n).max() <= SAME_DIRECTION
-                for at, n, _ in found
+                for at, n, _ in result
             )
             if not repeated and not any(
                 _covers(patch, point, normal, tolerance) for patch in patches
             ):
-                found.append((point, normal, 0.0))
-        if not found:
+                result.append((point, normal, 0.0))
+        if not result:
             raise SceneError(
                 f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x"
             )
-        points, normals, areas = (np.array(column) for column in zip(*found, strict=True))
+        points, normals, areas = (np.array(column) for column in zip(*result, strict=True))
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:

@@ -1,6 +1,6 @@
 """Where the narrow space between a resting grain and its bed is taken to be closed, and what that leaves of both.
 
-In the plane a grain that touches closes the way below it. The space next to a contact is a wedge; where it is narrower
+In 2-D a grain that touches closes the way below it. The space next to a contact is a wedge; where it is narrower
 than some width it is left out, up to a straight line across it on either side of all contacts.
 """
 
@@ -72,7 +72,7 @@ def _sampled(curve: Curve, width: float) -> tuple[Floats, Floats]:
 def _nearest(tables: list[tuple[Floats, Floats]], point: Floats) -> float:
     """The sampled place of an outline, number of the curve and parameter in one, that is nearest to a point."""
     distances = [np.linalg.norm(points - point[:2], axis=1) for _, points in tables]
-    k = int(np.argmin([one.min() for one in distances]))
+    k = int(np.argmin([item.min() for item in distances]))
     return k + float(tables[k][0][np.argmin(distances[k])])
 
 
@@ -128,10 +128,10 @@ def _at(outline: Sequence[Curve], place: float) -> Floats:
 
 def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve, ...]:
     """The curves between two places of an outline."""
-    found = []
+    result = []
     for k in range(int(np.floor(first)), int(np.ceil(last))):
         low, high = max(first - k, 0.0), min(last - k, 1.0)
         if high > low:
             whole = outline[k % len(outline)]
-            found.append(whole if (low, high) == (0.0, 1.0) else part(whole, low, high))
-    return tuple(found)
+            result.append(whole if (low, high) == (0.0, 1.0) else part(whole, low, high))
+    return tuple(result)

@@ -1,4 +1,4 @@
-"""Rigid grains in the plane: a level function f(x), negative inside, and an exact outline.
+"""Rigid grains in 2-D: a level function f(x), negative inside, and an exact outline.
 
 All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
 A `Placement` turns and carries the frame into the scene. Lengths are scene units, angles radians.
@@ -99,7 +99,7 @@ class Chain:
 
 
 class Grain(Shape):
-    """A rigid grain in the plane."""
+    """A rigid grain in 2-D."""
 
     gdim = 2
 
@@ -115,7 +115,7 @@ class Grain(Shape):
 
     @property
     def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density: in the plane only the 33 component."""
+        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
         return np.diag([0.0, 0.0, self.polar_moment])
 
     @abstractmethod
@@ -547,13 +547,13 @@ class Polygon(Grain):
         """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
         side = np.roll(self._corners, -1, axis=0) - self._corners
         outward = unit(-quarter_turned(side))
-        found = []
+        result = []
         for part in self._parts(rows(x)):
             distance = self._nearest(part)
             # Sides that are equally near, to round-off, meet in a corner and share the normal.
             nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
-            found.append(unit(nearest.astype(float) @ outward))
-        return np.concatenate(found)
+            result.append(unit(nearest.astype(float) @ outward))
+        return np.concatenate(result)
 
     def outline(self) -> tuple[Curve, ...]:
         """One line a side."""
@@ -617,12 +617,12 @@ def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
     before, after = corners - along(at - window), along(at + window) - corners
     turn = np.abs(np.arctan2(planar_cross(before, after), (before * after).sum(axis=1)))
     candidates = np.flatnonzero(turn > CORNER)
-    found = np.zeros(n, dtype=bool)
+    result = np.zeros(n, dtype=bool)
     for k in candidates[np.argsort(-turn[candidates], kind="stable")]:
-        apart = np.abs(at[found] - at[k])
+        apart = np.abs(at[result] - at[k])
         if not (np.minimum(apart, whole - apart) < window).any():
-            found[k] = True
-    return found
+            result[k] = True
+    return result
 
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
@@ -686,7 +686,7 @@ class Arcs:
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
     """The parts of the circles (n,) that lie in no other disc; of equal discs the last counts."""
-    found: list[tuple[int, float, float]] = []
+    result: list[tuple[int, float, float]] = []
     number = np.arange(len(radii))
     for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
         away = centres - centre
@@ -701,10 +701,10 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
         for first, last in zip(ends, np.append(ends[1:], ends[:1] + 2.0 * pi), strict=True):
             turn = np.abs((0.5 * (first + last) - middle + pi) % (2.0 * pi) - pi)
             if last > first and (turn >= half).all():
-                found.append((i, first, last))
+                result.append((i, first, last))
         if not len(ends):
-            found.append((i, 0.0, 2.0 * pi))
-    owner, start, end = np.array(found, dtype=float).reshape(-1, 3).T
+            result.append((i, 0.0, 2.0 * pi))
+    owner, start, end = np.array(result, dtype=float).reshape(-1, 3).T
     return Arcs(owner.astype(int), start, end)
 
 

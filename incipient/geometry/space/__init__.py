@@ -1,1 +1,1 @@
-"""Grains and beds in space."""
+"""Grains and beds in 3-D."""

@@ -495,8 +495,8 @@ class Hemispheres(SphereBed):
         around = int(np.ceil(1.2 * reach / self.spacing)) + AROUND
         steps = np.arange(-around, around + 1)
         places = (home + np.stack(np.meshgrid(steps, steps), axis=-1)).reshape(-1, 2)
-        found = np.vstack([self._at(places, layer) for layer in range(self.layers)])
-        return np.asarray(found[np.linalg.norm(found[:, :2] - middle, axis=1) <= reach])
+        result = np.vstack([self._at(places, layer) for layer in range(self.layers)])
+        return np.asarray(result[np.linalg.norm(result[:, :2] - middle, axis=1) <= reach])
 
     def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
         """Numbers from the first one near, centres, radii, no posts."""

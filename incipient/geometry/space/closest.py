@@ -44,7 +44,7 @@ def _cut(core: SphereSwept, spacing: float) -> SphereSwept:
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity:
-    """A grain and a bed in space, prepared for questions about many placements.
+    """A grain and a bed in 3-D, prepared for questions about many placements.
 
     Parts of a core are numbered: its triangles from 0 on; corner i of n is -1 - i, edge j is -1 - n - j.
     """
@@ -89,22 +89,22 @@ class SpatialProximity:
     @cached_property
     def _corners(self) -> tuple[np.ndarray, ...]:
         """Which points of each core are corners of the grain's own core, not of its finer triangles."""
-        found = []
+        result = []
         for fine, coarse in zip(self.cores, self.grain.cores, strict=True):
             scale = 1e-7 * self.size
             own = {tuple(row) for row in np.round(coarse.points / scale).astype(int).tolist()}
             mine = np.round(fine.points / scale).astype(int).tolist()
-            found.append(np.array([tuple(row) in own for row in mine]))
-        return tuple(found)
+            result.append(np.array([tuple(row) in own for row in mine]))
+        return tuple(result)
 
     @cached_property
     def _edges(self) -> tuple[np.ndarray, ...]:
         """The ends of the edges of the grain's own cores, (e, 2 ends, 3) in the body frame."""
-        found = []
+        result = []
         for core in self.grain.cores:
             edges = Surface(core.points, core.triangles).edges
-            found.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
-        return tuple(found)
+            result.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
+        return tuple(result)
 
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
         """All minima whose gap is at most `within` (a length): over the surface, or over each triangle of cores.
@@ -117,8 +117,8 @@ class SpatialProximity:
         if not parts:
             starts, which = self._valleys(placement, pieces, within)
             parts = [self._descended(placement, pieces, starts, which)]
-        found = ClosestPoints.joined(parts)
-        return found.only(found.gaps <= within)
+        result = ClosestPoints.joined(parts)
+        return result.only(result.gaps <= within)
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
         """The minima `old` followed to another placement close by."""
@@ -148,9 +148,9 @@ class SpatialProximity:
             nearest_on_triangles(old.anchors[row], self._spanned(k, triangle))
         )
         feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
-        found = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
-        order = np.lexsort([found.gaps, row])
-        return found.only(order[np.unique(row[order], return_index=True)[1]])
+        result = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
+        order = np.lexsort([result.gaps, row])
+        return result.only(order[np.unique(row[order], return_index=True)[1]])
 
     def _valleys(
         self, placement: Placement, pieces: Pieces, within: float
@@ -358,13 +358,13 @@ class SpatialProximity:
 
     def _is_corner(self, placement: Placement, minima: ClosestPoints) -> np.ndarray:
         """Which minima are corners of the grain, or minima along an edge of it."""
-        found = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
+        result = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
         for k in range(len(self.cores)):
-            mine = found & (minima.origin[:, 0] == k)
+            mine = result & (minima.origin[:, 0] == k)
             corners = placement.to_scene(self._spanned(k, minima.origin[mine, 1]))
             rise = ((corners[:, 1] - corners[:, 0]) * minima.normals[mine]).sum(axis=1)
-            found[mine] = np.abs(rise) <= 1e-6 * self.size
-        return found
+            result[mine] = np.abs(rise) <= 1e-6 * self.size
+        return result
 
     def lowered(self, placement: Placement) -> Placement:
         """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""
@@ -392,11 +392,11 @@ class SpatialProximity:
                 mine = (close.origin[:, 0] == k) & (close.origin[:, 2] == piece)
                 if not mine.any():
                     continue
-                found = _patches(self, placement, core, close.only(mine), tolerance)
-                for patch in found:
+                result = _patches(self, placement, core, close.only(mine), tolerance)
+                for patch in result:
                     slack = max(tolerance, 1e-9 * self.size)
                     loose[mine] &= ~patch.covers(close.points[mine], slack)
-                patches += found
+                patches += result
         points = self.locally_least(placement, close.only(loose), slack=tolerance)
         points = points.only(_extreme(points, 1e-7 * self.size))
         return _contacts(points, patches, tolerance)
@@ -573,7 +573,7 @@ def _patches(
     if not len(triangles):
         return []
     label = connected(len(core.points), triangles)[triangles[:, 0]]
-    return [_patch(corners[label == one], core.radius) for one in np.unique(label)]
+    return [_patch(corners[label == item], core.radius) for item in np.unique(label)]
 
 
 def _lies(close: ClosestPoints, corners: Floats, bound: float) -> np.ndarray:

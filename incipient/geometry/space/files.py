@@ -48,13 +48,13 @@ def _obj(path: Path) -> tuple[Floats, Integers]:
     for number, line in enumerate(lines, 1):
         word, *rest = line.partition("#")[0].split() or [""]
         if word == "v":
-            points.append([decimal(one) for one in rest[:3]])
+            points.append([decimal(item) for item in rest[:3]])
             if len(rest) < 3:
                 raise SceneError(
                     f"{path} line {number} has no vertex of three coordinates; export it again"
                 )
         elif word == "f":
-            around = [_index(path, number, one, len(points)) for one in rest]
+            around = [_index(path, number, item, len(points)) for item in rest]
             triangles += [(around[0], b, c) for b, c in pairwise(around[1:])]
     return np.array(points).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
 

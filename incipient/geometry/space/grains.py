@@ -56,7 +56,7 @@ class SphereSwept:
 
 
 class Solid(Shape):
-    """A rigid grain in space."""
+    """A rigid grain in 3-D."""
 
     gdim = 3
     level_is_distance = False  # whether `level` is the signed distance everywhere
@@ -598,5 +598,5 @@ def _critical_heights(centres: Floats, radii: Floats) -> Floats:
             heights += [
                 *(middle[2] + radius * (np.cos(turn) * ahead[:, 2] + sign * np.sin(turn) * aside))
             ]
-    found = np.array(heights)
-    return found[(found >= low) & (found <= high)]
+    result = np.array(heights)
+    return result[(result >= low) & (result <= high)]

@@ -85,8 +85,8 @@ class HeightMap(SmoothTerrain):
         """
         require_positive("scale", scale)
         points, triangles = triangles_in(path)
-        found = cls.of_triangles(scale * points[triangles], cell, Path(path))
-        return replace(found, origin=(*found.origin[:2], 0.0))
+        result = cls.of_triangles(scale * points[triangles], cell, Path(path))
+        return replace(result, origin=(*result.origin[:2], 0.0))
 
     @classmethod
     def of_triangles(
@@ -151,8 +151,8 @@ class HeightMap(SmoothTerrain):
         along = self.origin[0] + self.cell[0] * np.arange(columns)
         across = self.origin[1] + self.cell[1] * np.arange(rows_)
         inside = np.ix_((across >= y[0]) & (across <= y[1]), (along >= x[0]) & (along <= x[1]))
-        found = self.heights[inside]
-        return float(self.origin[2] + (found if found.size else self.heights).max())
+        result = self.heights[inside]
+        return float(self.origin[2] + (result if result.size else self.heights).max())
 
     @property
     def extent(self) -> Extent:
@@ -184,7 +184,7 @@ class HeightMap(SmoothTerrain):
         outside = (at < 0.0) | (at > count - 1)
         i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
         values = self.heights[j[:, :, None], i[:, None, :]]
-        found = []
+        result = []
         for along_x, along_y in orders:
             u, v = (
                 _weights(t[:, 0], along_x, self.cell[0]),
@@ -192,17 +192,17 @@ class HeightMap(SmoothTerrain):
             )
             total = ((values @ u[..., None])[..., 0] * v).sum(axis=1)
             level = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
-            found.append(np.where(level, 0.0, total))
-        return found
+            result.append(np.where(level, 0.0, total))
+        return result
 
 
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
-    one, zero = np.ones_like(t), np.zeros_like(t)
+    item, zero = np.ones_like(t), np.zeros_like(t)
     powers = (
-        [one, t, t * t, t**3],
-        [zero, one, 2.0 * t, 3.0 * t * t],
-        [zero, zero, 2.0 * one, 6.0 * t],
+        [item, t, t * t, t**3],
+        [zero, item, 2.0 * t, 3.0 * t * t],
+        [zero, zero, 2.0 * item, 6.0 * t],
     )
     return np.asarray(np.column_stack(powers[derivative]) @ KEYS / step**derivative)
 
@@ -218,11 +218,11 @@ def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: floa
     # Most triangles of a scan lie between the places, others are upright.
     for k in np.flatnonzero((left < right) & (near < far) & (np.abs(areas) > slack**2)):
         columns, lines = slice(left[k], right[k]), slice(near[k], far[k])
-        one, a, b, area = corners[k], first[k], second[k], areas[k]
-        x, y = np.meshgrid(along[columns] - one[0, 0], across[lines] - one[0, 1])
+        item, a, b, area = corners[k], first[k], second[k], areas[k]
+        x, y = np.meshgrid(along[columns] - item[0, 0], across[lines] - item[0, 1])
         s, t = (x * b[1] - y * b[0]) / area, (y * a[0] - x * a[1]) / area
         inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9)
-        here = np.where(inside, one[0, 2] + s * a[2] + t * b[2], -np.inf)
+        here = np.where(inside, item[0, 2] + s * a[2] + t * b[2], -np.inf)
         heights[lines, columns] = np.maximum(heights[lines, columns], here)
     return heights
 
@@ -260,13 +260,13 @@ def _read_array(path: Path) -> Raster:
 
 def array_in(path: Path) -> np.ndarray:
     """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many of them."""
-    found = np.load(path, mmap_mode="r", allow_pickle=False)
-    if not isinstance(found, np.ndarray):
+    result = np.load(path, mmap_mode="r", allow_pickle=False)
+    if not isinstance(result, np.ndarray):
         raise SceneError(f"{path} is an archive of arrays; save one array with numpy.save")
-    if found.dtype.kind not in "fiub":
-        raise SceneError(f"{path} holds values of type {found.dtype.name}; save real numbers")
-    require_few(path, *found.shape)
-    return found
+    if result.dtype.kind not in "fiub":
+        raise SceneError(f"{path} holds values of type {result.dtype.name}; save real numbers")
+    require_few(path, *result.shape)
+    return result
 
 
 def require_few(path: Path, *counts: float) -> None:
@@ -312,7 +312,7 @@ def _read_grid(path: Path) -> Raster:
         )
     require_few(path, *counts)
     shape = int(counts[0]), int(counts[1])
-    values = np.array([decimal(one) for one in " ".join(lines).split()])
+    values = np.array([decimal(item) for item in " ".join(lines).split()])
     if values.size != shape[0] * shape[1]:
         raise SceneError(
             f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header"

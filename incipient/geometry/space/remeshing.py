@@ -160,13 +160,13 @@ class Remesher:
 
     def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
         """Points (n, 3) carried onto the surface, those on sharp edges onto these; rounded to the frame's grid."""
-        found = np.empty_like(points)
+        result = np.empty_like(points)
         if self.curves is None:
             on_curve = np.zeros(len(points), dtype=bool)
         else:
-            found[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
-        found[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
-        return np.asarray(np.round(found / GRID) * GRID)
+            result[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
+        result[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
+        return np.asarray(np.round(result / GRID) * GRID)
 
 
 def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
@@ -297,8 +297,8 @@ def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.n
     number = cut.sum(axis=1)
     parts = [triangles[number == 0]]
     # Turned so that the first side, or all but the last one, is cut.
-    one, first = number == 1, np.argmax(cut, axis=1)
-    a, b, c, p = _turned(triangles, middles, one, first)[:4]
+    item, first = number == 1, np.argmax(cut, axis=1)
+    a, b, c, p = _turned(triangles, middles, item, first)[:4]
     parts += [np.column_stack([a, p, c]), np.column_stack([p, b, c])]
     two, whole = number == 2, np.argmin(cut, axis=1)
     a, b, c, p, q = _turned(triangles, middles, two, (whole + 1) % 3)[:5]

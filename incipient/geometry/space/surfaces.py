@@ -253,15 +253,15 @@ def crossed(surface: Surface) -> np.ndarray:
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     # Triangles of like size are looked for together: a large one would make the search for small ones wide.
     kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
-    found = [np.empty(0, dtype=int)]
-    for one in np.unique(kind):
-        mine = np.flatnonzero(kind == one)
+    result = [np.empty(0, dtype=int)]
+    for item in np.unique(kind):
+        mine = np.flatnonzero(kind == item)
         row, triangle = Triangles(corners[mine]).near(ends.mean(axis=1), half)
         triangle = mine[triangle]
         apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
         row, triangle = row[apart], triangle[apart]
-        found.append(triangle[_runs_through(ends[row], corners[triangle])])
-    return np.unique(np.concatenate(found))
+        result.append(triangle[_runs_through(ends[row], corners[triangle])])
+    return np.unique(np.concatenate(result))
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
@@ -314,7 +314,7 @@ class Triangles:
 
     def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
         """The nearest points (n, 3); rows of points and triangles (k,) each that are as near but for a slack."""
-        found, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
+        result, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
         for block in self._blocks(points):
             row, triangle = self.near(block, self._corners.query(block)[0] + slack)
             feet = nearest_on_triangles(block[row], self.corners[triangle])
@@ -322,9 +322,9 @@ class Triangles:
             order = np.lexsort([apart, row])
             best = order[np.unique(row[order], return_index=True)[1]]
             sharing = apart <= apart[best][row] + slack
-            found.append((feet[best], before + row[sharing], triangle[sharing]))
+            result.append((feet[best], before + row[sharing], triangle[sharing]))
             before += len(block)
-        feet, row, triangle = (np.concatenate(column) for column in zip(*found, strict=True))
+        feet, row, triangle = (np.concatenate(column) for column in zip(*result, strict=True))
         return feet, row, triangle
 
     def _blocks(self, points: Floats) -> Iterator[Floats]:
@@ -342,9 +342,9 @@ def _tree(points: Floats) -> "cKDTree":
 
 def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Rows of points (n, d) and indices of a tree's points (k,) each that are within distances (n,)."""
-    found = tree.query_ball_point(points, within)
-    counts = np.fromiter(map(len, found), int, len(found))
-    indices = np.fromiter(chain.from_iterable(found), int, counts.sum())
+    result = tree.query_ball_point(points, within)
+    counts = np.fromiter(map(len, result), int, len(result))
+    indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
     return np.repeat(np.arange(len(points)), counts), indices
 
 
@@ -394,7 +394,7 @@ class NearestOf:
 
     def within(self, x: Floats, distances: Floats) -> list[np.ndarray]:
         """Numbers of the points within distances (n,) of each of others (n, d)."""
-        return [np.array(one, dtype=int) for one in self.tree.query_ball_point(x, distances)]
+        return [np.array(item, dtype=int) for item in self.tree.query_ball_point(x, distances)]
 
     def most_within(self, reach: float) -> int:
         """How many of the points lie within a distance of any one of them, itself included; at least 1."""
@@ -456,7 +456,7 @@ def level_surface(
 
 
 def halved(surface: Surface) -> Surface:
-    """The part of a surface with y >= 0, cut in the plane y = 0, on which the new edge's vertices lie exactly."""
+    """The part of a surface with y >= 0, cut in 2-D y = 0, on which the new edge's vertices lie exactly."""
     points = surface.points.copy()
     sides = np.linalg.norm(points[surface.edges[:, 0]] - points[surface.edges[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)
