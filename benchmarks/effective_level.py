@@ -1,4 +1,4 @@
-"""The tables of `incipient/geometry/plane/effective_level.py`, by boundary elements: prints both, in about a minute.
+"""The tables of `incipient/geometry/plane/beds.py`, by boundary elements: prints both, in about a minute.
 
     python benchmarks/effective_level.py
 

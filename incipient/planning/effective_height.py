@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ..geometry.plane.effective_level import effective_level
+from ..geometry.plane.beds import effective_level
 from ..scene import Domain, OpenChannel, Poiseuille, Shear
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate

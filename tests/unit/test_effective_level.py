@@ -5,7 +5,7 @@ import pytest
 from scenes import CHANNEL, message, scene
 
 from incipient.geometry.plane import beds
-from incipient.geometry.plane.effective_level import effective_level
+from incipient.geometry.plane.beds import effective_level
 from incipient.planning.flow_setup import Setup
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
 from incipient.scene.example import grain_in_pocket
