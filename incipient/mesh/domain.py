@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..errors import MeshError
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from ..parallel import collectively
 from .named_facets import named_facets
 

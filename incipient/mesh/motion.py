@@ -27,7 +27,7 @@ from .. import compat
 from ..arrays import Floats, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from .domain import Domain
 from .straight import barycentric_nodes, straight_cells
 

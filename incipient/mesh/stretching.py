@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from .domain import Domain
 from .motion import MeshMotion, Potentials
 

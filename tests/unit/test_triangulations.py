@@ -10,7 +10,7 @@ import pytest
 from incipient.geometry.coarser import coarser_surface
 from incipient.geometry.space.surfaces import Surface, box, grid, sphere, vector_areas
 from incipient.geometry.space.topology import Topology, summed
-from incipient.meshes.exact import on_level
+from incipient.meshes.surfaces import on_level
 
 BRICK = box(np.array([1.0, 0.8, 0.5]), 0.07)
 

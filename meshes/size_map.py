@@ -1,4 +1,4 @@
-"""Cell sizes at every place of a region in space, and the boxes that give them to gmsh."""
+"""Cell sizes at every point of a 3-D region, and the boxes that give them to gmsh."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from incipient.geometry.space.marching import in_blocks
 from incipient.geometry.space.nearest import Cloud, NearestOf
 from incipient.geometry.space.surfaces import Surface
 
-from .exact import Body, Ground
-from .region import Near, Sizes
-from .solid_region import SolidFrame, SolidRegion
+from .regions import Frame, SolidRegion
+from .sizes import Near, Sizes
+from .surfaces import Body, Ground
 
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
 SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
@@ -32,11 +32,21 @@ class SizeMap:
 
     region: SolidRegion
     sizes: Sizes
-    frame: SolidFrame
+    frame: Frame
     ground: Ground
     bodies: dict[str, Body]
     spots: Floats = field(default_factory=lambda: np.empty((0, 3)))
     at_spots: Floats = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, region: SolidRegion, sizes: Sizes) -> SizeMap:
+        """The sizes of a region, with its curved surfaces: the bed, and the grains by name."""
+        frame = region.frame
+        bodies = {
+            name: Body(placed, frame, region.symmetric, region.fillet)
+            for name, placed in region.holes.items()
+        }
+        return cls(region, sizes, frame, Ground(region, frame), bodies)
 
     def finer_at(self, points: Floats) -> SizeMap:
         """These sizes, but half as large at points (n, 3) of the frame, one of those that are nearer than a cell."""
@@ -110,8 +120,7 @@ class SizeMap:
         return np.asarray(size + near.growth * distance)
 
     def _from_points(self, points: tuple[tuple[float, ...], ...], x: Floats) -> Floats:
-        places = self.frame.local(np.array(points))
-        return np.asarray(np.linalg.norm(x - places[:, None], axis=2).min(axis=0))
+        return _distances(x, self.frame.local(np.array(points))).min(axis=1)
 
     def _between(self, distances: dict[str, Floats], count: int) -> Floats:
         """A part of the width between the two nearest of bed and grains."""
@@ -126,20 +135,19 @@ class SizeMap:
     def _at_spots(self, x: Floats) -> Floats:
         if not len(self.spots):
             return np.full(len(x), np.inf)
-        away = np.linalg.norm(x[:, None] - self.spots, axis=2)
-        return np.asarray((self.at_spots + SPOT_GROWTH * away).min(axis=1))
-
-    def _field(self, x: Floats) -> Floats:
-        """The sizes wanted at the nearest vertices of an earlier mesh."""
-        if self.sizes.field is None:
-            return np.full(len(x), np.inf)
-        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
+        return np.asarray((self.at_spots + SPOT_GROWTH * _distances(x, self.spots)).min(axis=1))
 
     @cached_property
     def _vertices(self) -> NearestOf:
         """The vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
         return NearestOf(self.frame.local(self.sizes.field.points))
+
+    def _field(self, x: Floats) -> Floats:
+        """The sizes wanted at the nearest vertices of an earlier mesh."""
+        if self.sizes.field is None:
+            return np.full(len(x), np.inf)
+        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:
@@ -148,14 +156,20 @@ class SizeMap:
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
 
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """The least and the largest x and y, (2,) each, of the frame."""
+        low, high = (
+            self.frame.local(np.array([*end, self.frame.origin[2]]))[:2]
+            for end in self.region.rectangle
+        )
+        return low, high
+
     def outside(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are beyond the sides or in the bed."""
-        low, high = (
-            self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle
-        )
-        beyond = (x[:, :2] < low).any(axis=1) | (x[:, :2] > high).any(axis=1) | (x[:, 2] > 1.0)
-        beyond |= self.ground.distance(x) < 0.0
-        return np.asarray(beyond)
+        low, high = self.bounds
+        beyond = ((x[:, :2] < low) | (x[:, :2] > high)).any(axis=1) | (x[:, 2] > 1.0)
+        return np.asarray(beyond | (self.ground.distance(x) < 0.0))
 
     def within(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are in a grain."""
@@ -165,6 +179,11 @@ class SizeMap:
             near = np.flatnonzero(np.linalg.norm(body, axis=1) < placed.solid.size)
             inside[near] |= placed.solid.level(body[near]) < 0.0
         return inside
+
+
+def _distances(x: Floats, points: Floats) -> Floats:
+    """The distances (n, k) of points (n, 3) from others (k, 3)."""
+    return np.asarray(np.linalg.norm(x[:, None] - points, axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,14 +215,8 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
 
     Those that would make more than `most` stay as they are.
     """
-    low, high = (
-        np.array([*end, z])
-        for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
-    )
-    low, high = (
-        (low - size.frame.origin) / size.frame.length,
-        (high - size.frame.origin) / size.frame.length,
-    )
+    frame, ends = size.frame, zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
+    low, high = ((np.array([*end, z]) - frame.origin) / frame.length for end, z in ends)
     low[2] = bottom - 0.01
     side = 0.51 * float((high - low).min())
     counts = np.ceil((high - low) / side).astype(int)
