@@ -11,7 +11,6 @@ from .session import complaints_as_errors, gmsh, session
 from .sizes import Sizes
 from .space import meshed_solid_region
 
-
 NO_SIZES = Sizes(1.0)  # of grids
 
 

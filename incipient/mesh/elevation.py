@@ -132,7 +132,7 @@ class RisingDisplacement:
         """
         return elevation + (volume - self.mean(elevation)) / self._extent * self._level
 
-    def unfelt(self, elevation: Floats, closed: bool) -> Floats:
+    def remove_pinned_projection(self, elevation: Floats, closed: bool) -> Floats:
         """(local nodes,) an elevation less the nearest of those that vanish where it is pinned.
 
         In a closed domain these have no volume either.

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
-from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.space.nearest import nearest_on_triangles
+from .cells import cell_facets, local_cells
 from .domain import Domain
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
@@ -54,21 +53,13 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in space four, on all ranks. Collective."""
     mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
-    facets = np.concatenate([domain.facets_of(name) for name in walls])
-    mesh.topology.create_connectivity(of_facets, domain.gdim)
-    mesh.topology.create_connectivity(domain.gdim, of_facets)
-    cell_of = mesh.topology.connectivity(of_facets, domain.gdim)
-    facets_of = mesh.topology.connectivity(domain.gdim, of_facets)
-    places, dofs = space.tabulate_dof_coordinates()[:, : domain.gdim], compat.cell_dofs(space)
-    local = [
-        _in_order(space.dofmap.dof_layout, of_facets, number) for number in range(domain.gdim + 1)
-    ]
-    rows = []
-    for facet in facets:
-        cell = cell_of.links(facet)[0]
-        number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        rows.append(dofs[cell][local[number]])
-    found = places[np.array(rows, dtype=np.int64).reshape(-1, 3 * of_facets)]
+    layout = space.dofmap.dof_layout
+    local = [_in_order(layout, of_facets, number) for number in range(domain.gdim + 1)]
+    every, first = np.unique(cell_facets(mesh, local_cells(mesh))[0], return_index=True)
+    nodes_of_facets = compat.cell_dofs(space)[:, local].reshape(-1, 3 * of_facets)
+    wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    rows = nodes_of_facets[first[np.searchsorted(every, wanted)]]
+    found = space.tabulate_dof_coordinates()[rows, : domain.gdim]
     nodes = np.concatenate(domain.comm.allgather(found))
     if domain.gdim == 3:
         return np.concatenate([nodes[:, piece] for piece in PIECES])
@@ -99,14 +90,3 @@ def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
     on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
     on_wall[compat.nodes_on(corners, facets)] = True
     return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))
-
-
-def nodes_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> Integers:
-    """Local nodes of a scalar space that any rank has in some of its cells. Collective."""
-    function = dolfinx.fem.Function(space)
-    function.x.array[np.unique(compat.cell_dofs(space)[cells])] = 1.0
-    view = compat.vec_view(function)
-    view.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    view.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-    view.destroy()
-    return np.flatnonzero(function.x.array > 0.0)
