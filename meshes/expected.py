@@ -12,7 +12,7 @@ PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
 MOST_COUNTED = (
-    50_000  # boxes from which the number of tetrahedra is told: with more it takes a minute
+    50_000  # boxes from which the number of tetrahedra is estimated: with more it takes a minute
 )
 PARTS = 50  # of a boundary along which sizes grow
 
@@ -33,17 +33,17 @@ def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str
         shape.sides[2]: right[0] - left[0],
         **{name: sum(curve.length for curve in outline) for name, outline in shape.inner.items()},
     }
-    found = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
+    counts = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
     # Points lie on boundaries, whose own sizes are smaller from some distance on.
     beside = min([2.0 * near.size for near in sizes.near if near.boundary], default=sizes.far)
     for near in sizes.near:
         name = near.boundary or "narrow places and corners"
         most = min(beside, sizes.far) if near.points else sizes.far
-        found[name] = found.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
-    found["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
+        counts[name] = counts.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
+    counts["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
     if sizes.field is not None:
-        found["adaptation"] = PER_AREA * _integral_of_field(sizes)
-    return found
+        counts["adaptation"] = PER_AREA * _integral_of_field(sizes)
+    return counts
 
 
 def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
@@ -93,13 +93,13 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     ]
     grown = np.where(about_points, halvings, cubes.growth**halvings)
     count = np.where(cubes.uncut, np.maximum(count, PER_VOLUME * share * BOX**3 * grown), count)
-    found: dict[str, float] = {}
+    counts: dict[str, float] = {}
     for number, name in enumerate(size.names):
-        found[name] = found.get(name, 0.0) + float(count[asking == number].sum())
+        counts[name] = counts.get(name, 0.0) + float(count[asking == number].sum())
     if sizes.layers is not None:
         walls = sum(_expected_triangles(name, size, cubes) for name in sizes.layers.first)
-        found["layers along walls"] = 3.0 * sizes.layers.number * walls
-    return found
+        counts["layers along walls"] = 3.0 * sizes.layers.number * walls
+    return counts
 
 
 def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:

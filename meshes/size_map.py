@@ -224,24 +224,24 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
         -1, 3
     )
     centres = 0.5 * (low + high) + side * (steps + 0.5 - 0.5 * counts)
-    found, total, cut = [], 0, [1]
+    levels, total, cut = [], 0, [1]
     while len(centres):
         corners = centres[:, None] + 0.5 * side * CORNERS
         values = in_blocks(size, corners.reshape(-1, 3)).reshape(-1, 8)
         least = np.minimum(values.min(axis=1), in_blocks(size, centres))
         split = side > BOX * least
         count, small = int(split.sum()), int((~split).sum())
-        found.append(
+        levels.append(
             (centres[~split], np.full(small, side), values[~split], np.zeros(small, dtype=bool))
         )
         total, cut = total + small, [*cut, count]
         if total + 8 * count > most:
-            found.append(
+            levels.append(
                 (centres[split], np.full(count, side), values[split], np.ones(count, dtype=bool))
             )
             break
         centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
         side *= 0.5
     growth = float(np.clip(cut[-1] / max(cut[-2], 1), 1.0, 8.0))
-    at, lengths, values, uncut = (np.concatenate(column) for column in zip(*found, strict=True))
+    at, lengths, values, uncut = (np.concatenate(column) for column in zip(*levels, strict=True))
     return Boxes(at, lengths, values, uncut, growth)

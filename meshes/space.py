@@ -64,7 +64,7 @@ def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
     crossing: list[str] = []
     for attempt in range(ATTEMPTS):
         exact = {bed_name: ground, **size.bodies}
-        surfaces = {name: remeshed(one, one.draft(), size) for name, one in exact.items()}
+        surfaces = {name: remeshed(each, each.draft(), size) for name, each in exact.items()}
         for name in size.bodies:
             points = surfaces[name].points
             if inside := int((ground.distance(points) <= 0.0).sum()):

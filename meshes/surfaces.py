@@ -289,9 +289,9 @@ def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
 
     scale: a length of the level's shape; differences are taken over a small part of it.
     """
-    h, found, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
+    h, points, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
     for _ in range(10):
-        here = found[pending]
+        here = points[pending]
         values = level(here)
         away = np.abs(values) > ON_SURFACE * scale
         pending, here, values = pending[away], here[away], values[away]
@@ -304,5 +304,5 @@ def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
         steepness = np.maximum((slope**2).sum(axis=1), 1e-3)
         move = -(values / steepness)[:, None] * slope
         length = np.linalg.norm(move, axis=1, keepdims=True)
-        found[pending] = here + move * np.minimum(1.0, 0.3 * scale / np.maximum(length, 1e-300))
-    return found
+        points[pending] = here + move * np.minimum(1.0, 0.3 * scale / np.maximum(length, 1e-300))
+    return points

@@ -212,12 +212,10 @@ class Locator:
         if self._element.degree == 1 or not len(points):
             return start, np.ones(len(points), dtype=bool)
         parts = [slice(k, k + PAIRS) for k in range(0, len(points), PAIRS)]
-        found = [
-            self._newton(points[part], self._nodes[cells[part]], start[part]) for part in parts
-        ]
-        return np.concatenate([reference for reference, _ in found]), np.concatenate(
-            [good for _, good in found]
+        reference, good = zip(
+            *(self._newton(points[k], self._nodes[cells[k]], start[k]) for k in parts), strict=True
         )
+        return np.concatenate(reference), np.concatenate(good)
 
     def _newton(
         self, points: Floats, nodes: Floats, start: Floats

@@ -273,9 +273,9 @@ def stretched(x: Floats, centre: Floats, kept: Floats, old: KeptBox, new: KeptBo
     """
     moved = x.copy()
     for axis in range(3):
-        for side, one, other in ((1.0, old.high, new.high), (-1.0, old.low, new.low)):
-            way = side * (other[axis] - one[axis])
-            room = side * (one[axis] - centre[axis]) - kept[axis]
+        for side, end, new_end in ((1.0, old.high, new.high), (-1.0, old.low, new.low)):
+            way = side * (new_end[axis] - end[axis])
+            room = side * (end[axis] - centre[axis]) - kept[axis]
             if abs(way) < 1e-12 * float((old.high - old.low).max()):
                 continue
             if room <= 0.0 or way <= -0.5 * room:  # a shorter way back would fold the cells

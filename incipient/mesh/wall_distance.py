@@ -24,7 +24,7 @@ PIECES, PIECES_OF_EDGE = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)), 8
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
     """Distances (n,) of places (n, gdim) from the next of the named walls of a domain. Collective.
 
-    Curved walls are taken as eight straight pieces a facet, in space as four.
+    Curved walls are taken as eight straight pieces a facet, in 3-D as four.
     """
     pieces = _pieces(domain, walls)
     lengths = np.linalg.norm(pieces[:, 1:] - pieces[:, :1], axis=2).max(axis=1)
@@ -50,7 +50,7 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in space four, on all ranks. Collective."""
+    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
     mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
     layout = space.dofmap.dof_layout
@@ -59,8 +59,8 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     nodes_of_facets = compat.cell_dofs(space)[:, local].reshape(-1, 3 * of_facets)
     wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
     rows = nodes_of_facets[first[np.searchsorted(every, wanted)]]
-    found = space.tabulate_dof_coordinates()[rows, : domain.gdim]
-    nodes = np.concatenate(domain.comm.allgather(found))
+    here = space.tabulate_dof_coordinates()[rows, : domain.gdim]
+    nodes = np.concatenate(domain.comm.allgather(here))
     if domain.gdim == 3:
         return np.concatenate([nodes[:, piece] for piece in PIECES])
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
@@ -69,18 +69,18 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
 
 
 def _in_order(layout: Any, dimension: int, facet: int) -> Integers:
-    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in the plane one."""
+    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in 2-D that of the edge."""
     nodes = layout.entity_closure_dofs(dimension, facet)
-    corners = [one for one in nodes if one <= dimension + 1]
+    corners = [node for node in nodes if node <= dimension + 1]
     if dimension == 1:
-        return np.array([*corners, *(one for one in nodes if one not in corners)])
+        return np.array([*corners, *(node for node in nodes if node not in corners)])
     edge_of = {
         frozenset(
-            one for one in layout.entity_closure_dofs(1, edge) if one <= 3
+            node for node in layout.entity_closure_dofs(1, edge) if node <= 3
         ): layout.entity_dofs(1, edge)[0]
         for edge in range(6)
     }
-    return np.array([*corners, *(edge_of[frozenset(corners) - {one}] for one in corners)])
+    return np.array([*corners, *(edge_of[frozenset(corners) - {node}] for node in corners)])
 
 
 def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
