@@ -89,14 +89,13 @@ shields: setup ## a natural bed and beads in a fluctuating stream beside flumes 
 	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
-turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump and a cylinder, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
+turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_plate.py
 	$(PYTHON) benchmarks/turbulent_stone.py
 	$(PYTHON) benchmarks/turbulent_models.py
 	$(PYTHON) benchmarks/turbulent_hump.py
-	$(PYTHON) benchmarks/turbulent_cylinder.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)

@@ -36,7 +36,6 @@ DIAMETER, VISCOSITY, DENSITY, GRAVITY = (
     2.5,
     9.81,
 )  # of the bead and of water [m, m^2/s, -, m/s^2]
-MEASURED = 0.238  # velocity at which the bead leaves [m/s]
 SCENE = """
 [domain]
 length = 9.0

@@ -71,7 +71,7 @@ def bed(seed: int, tries: int = 8) -> Deposited:
 def free_grains(spheres: Spheres, azimuth: float, friction: float = FRICTION) -> Iterator[Pocket]:
     """The exposed grains of a bed that carry no other, in a flow of a direction [degrees]."""
     surface = Surface.of(spheres)
-    numbers = exposed(spheres, surface, Surveyed(), 0)
+    numbers = exposed(spheres, surface, Surveyed())
     found = pockets(spheres, surface, numbers, FlowPast(azimuth=azimuth, friction=friction))
     return (one for one in found if not one.carries)
 

@@ -128,29 +128,6 @@ class StreamlineUpwind(FlowTerm):
 
 
 @dataclass(frozen=True)
-class UpwindInSteps(FlowTerm):
-    """`terms.upwind_in_steps` of the residual of momentum without its viscous part.
-
-    along:    velocity before the step, along which it acts
-    size:     of cells along that, over the order of the velocity
-    per_step: factor of the newest velocity in its rate
-    """
-
-    carrier: Any
-    along: Any
-    size: Any
-    rate: Any
-    per_step: Any
-    body_force: Any = None
-
-    def in_cells(self, of: Unknowns) -> Any:
-        """delta r . (c . grad w)."""
-        x = of.reference_map
-        strong = terms.momentum(of.v, of.p, self.carrier, None, self.rate, self.body_force, x)
-        return terms.upwind_in_steps(strong, self.along, of.w, self.size, self.per_step)
-
-
-@dataclass(frozen=True)
 class BodyForce(FlowTerm):
     """A force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)."""
 
@@ -165,20 +142,23 @@ class BodyForce(FlowTerm):
 class OpenBoundary(FlowTerm):
     """A boundary through which fluid leaves freely; `measure` is its.
 
-    carrier: what carries momentum, where fluid that comes back is to bring none; None: it brings what it has
+    carrier: velocity that carries momentum, where the momentum of returning fluid is prescribed; None: it is free
+    stream:  velocity whose momentum returning fluid brings; None: it brings none
     """
 
     viscosity: Any
     measure: Any
     carrier: Any = None
+    stream: Any = None
 
     def on_boundary(self, of: Unknowns) -> Any:
         """`terms.open_boundary`, and `terms.entering_boundary`."""
         n = ufl.FacetNormal(of.w.ufl_domain())
         found = terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map)
         if self.carrier is not None:
+            brought = of.v if self.stream is None else of.v - self.stream
             found += terms.entering_boundary(
-                of.v, self.carrier, of.w, surface_vector(n, of.reference_map)
+                brought, self.carrier, of.w, surface_vector(n, of.reference_map)
             )
         return found * self.measure
 

@@ -48,14 +48,11 @@ class Closure:
     distance: of a place from the next wall (UFL), above zero
     least:    k at which no more of it is destroyed: far below any that matters
     added:    what K holds beside k, K = ln(k + added), so that it has no fronts where k vanishes; terms are those of k
-    least_share: of k in what K holds, below which F_1 takes k for that share. Where there is no k next to a wall F_1
-              would else follow the last digits of K, and jump
     """
 
     distance: Any
     least: Any = 0
     added: Any = None
-    least_share: float = LEAST_SHARE
 
     def eddy_viscosity(self, logarithms: Any, stream: Stream) -> Any:
         """nu_t = k/max(omega, S F_2/a_1)."""
@@ -96,7 +93,7 @@ class Closure:
         k, w = logarithms
         d = self.distance
         cross = ufl.max_value(d**2 * ufl.inner(ufl.grad(k), ufl.grad(w)), LEAST_CROSS)
-        cross /= self._share(k, self.least_share)
+        cross /= self._share(k, LEAST_SHARE)
         found = ufl.min_value(
             ufl.max_value(self._turbulent(k, w), self._viscous(w, viscosity)), 2 / cross
         )

@@ -101,16 +101,6 @@ def streamline_upwind(
     )
 
 
-def upwind_in_steps(strong: Any, along: Any, w: Any, size: Any, per_step: Any) -> Any:
-    """delta r . (c . grad w) as `streamline_upwind`, in a step in time: delta = (per_step^2 + (2 |c|/size)^2)^(-1/2).
-
-    c (`along`) is known, so that the term is linear where r is; steps far shorter than the time in which a cell is
-    passed need no upwinding. Source: Shakib, Hughes & Johan (1991), Comput. Methods Appl. Mech. Engrg. 89, 141.
-    """
-    delta = 1 / ufl.sqrt(per_step**2 + 4 * ufl.inner(along, along) / size**2)
-    return delta * ufl.inner(strong, ufl.dot(ufl.grad(w), along))
-
-
 def momentum(
     v: Any,
     p: Any,

@@ -3,6 +3,8 @@
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from decimal import Decimal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +32,17 @@ def decimal(text: str) -> float:
     if "_" in text or not text.isascii():
         raise ValueError(f'"{text[:40]}" is no plain number')
     return float(text)
+
+
+def number(cell: Any) -> float:
+    """The number in a cell of a table, NaN for an empty cell; ValueError for times, truth values and bytes."""
+    if cell is None or cell == "":
+        return float("nan")
+    if isinstance(cell, str):
+        return decimal(cell)
+    if isinstance(cell, bool) or not isinstance(cell, int | float | Decimal):
+        raise ValueError(f"{type(cell).__name__} is no number")
+    return float(cell)
 
 
 def rows(x: ArrayLike) -> Floats:
@@ -91,3 +104,14 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
         others = np.delete(times, i)
         found += np.prod((time - others) / (one - others)) * value
     return found
+
+
+def percentile(values: ArrayLike, share: float) -> Floats:
+    """The least of values (n, ...) that at least `share` percent of them do not exceed, (...); some may be infinite."""
+    numbers = np.asarray(values, dtype=float)
+    return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
+
+
+def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
+    """Those percentiles that so many values tell: with more than a whole value on their smaller side."""
+    return [share for share in shares if count * min(share, 100 - share) > 100]

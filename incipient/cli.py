@@ -10,14 +10,16 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from .commands import options
-from .errors import IncipientError, SceneError
+from .errors import IncipientError, OutputError, SceneError, shortened
+from .input_files import cause_of
 from .installed import required
-from .interrupt import nobody_reads
+from .interrupt import nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
@@ -31,6 +33,7 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
+    open_streams()
     start_alone_quickly()
     # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
     atexit.register(gc.freeze)
@@ -41,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except BrokenPipeError:
         return UNREAD if nobody_reads() else DEFECT
+    except OSError as error:
+        return _unwritten(error) if output_is_lost(error) else DEFECT
 
 
 class _Parser(argparse.ArgumentParser):
@@ -181,33 +186,61 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         given = _parser().parse_args(arguments)
         _listen(given.log_level)
         signal.signal(signal.SIGTERM, _as_interrupt)
-        with required():
+        with _system_errors_reported(), required():
             code = int(given.command(given, comm))
         meeting.failed(False)
         return code
     except IncipientError as error:
         failed = meeting.failed(True, TO_COME)
         if not failed:  # others are elsewhere, and may wait for this one
-            print(f"incipient: on rank {comm.rank} alone: {error}", file=sys.stderr)
+            say(f"incipient: on rank {comm.rank} alone: {error}")
             return _leave(comm, error.exit_code)
         # Mostly raised on all ranks alike: the first of them speaks for all, and all leave in an orderly way.
         if comm.rank == failed.index(True):
-            print(f"incipient: {error}", file=sys.stderr, flush=True)
+            say(f"incipient: {error}")
         return error.exit_code
     except KeyboardInterrupt:
         if comm.rank == 0:
-            print(
-                "incipient: interrupted; what was computed so far is kept",
-                file=sys.stderr,
-                flush=True,
-            )
+            say("incipient: interrupted; what was computed so far is kept")
         return _leave(comm, INTERRUPTED)
     except Exception as error:
         if isinstance(error, BrokenPipeError) and nobody_reads():
             return _leave(comm, UNREAD)
-        print(f"incipient: a defect of the program, on rank {comm.rank}:", file=sys.stderr)
-        traceback.print_exc()
+        if output_is_lost(error):
+            return _leave(comm, _unwritten(error))
+        words = traceback.format_exc().rstrip()
+        say(f"incipient: a defect of the program, on rank {comm.rank}:\n{words}")
         return _leave(comm, DEFECT)
+
+
+def _unwritten(error: Exception) -> int:
+    """Say that the standard output cannot be written; the exit code."""
+    why = getattr(error, "strerror", error)
+    say(f"incipient: the standard output cannot be written ({why}); results in files are whole")
+    return OutputError.exit_code
+
+
+@contextmanager
+def _system_errors_reported() -> Iterator[None]:
+    """Let a file that cannot be opened or written, or a shortage of memory, be one line. Not collective.
+
+    Raises:
+        OutputError: naming the file, or what else is short.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except MemoryError as error:
+        why = shortened(error) or "no more can be had"
+        remedy = "ask for less at once, or give the program more"
+        raise OutputError(f"the memory is too small ({why}); {remedy}") from error
+    except OSError as error:
+        if not error.errno or error.filename is None:  # of a library, or of the standard output
+            raise
+        remedy = "give another name or directory, or make room"
+        name = shortened(error.filename, 300)
+        raise OutputError(f"{name}: {cause_of(error)}; {remedy}") from error
 
 
 def _listen(level: str) -> None:

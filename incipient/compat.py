@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from . import form_cache
-from .installed import required, versions_without_setuptools
+from .installed import arguments_of_text, required, versions_without_setuptools
 from .interrupt import handlers_kept
 
 # isort: off
@@ -30,7 +30,7 @@ from .interrupt import handlers_kept
 from mpi4py import MPI
 import h5py  # noqa: F401
 
-with versions_without_setuptools(), handlers_kept():
+with versions_without_setuptools(), arguments_of_text(), handlers_kept():
     import basix
     import dolfinx
     import ufl
@@ -165,6 +165,7 @@ def _compiled(
             dolfinx.__version__,
             sys.implementation.cache_tag,
             chosen,
+            form_cache.WHOLE,
         )
         name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
         root = Path(chosen["cache_dir"]) / "incipient"

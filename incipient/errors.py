@@ -25,6 +25,10 @@ class ConvergenceError(IncipientError):
     exit_code = 4
 
 
+class UnsolvedError(ConvergenceError):
+    """The linear system of a state was not solved; that of another state, or of a shorter time step, may be."""
+
+
 class OutputError(IncipientError):
     """A result could not be written (disk full, no permission) or read back."""
 

@@ -12,7 +12,7 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -23,6 +23,11 @@ import numpy as np
 
 from .errors import OutputError
 
+MARK = ".incipient"  # of a directory: size and name of the files there that this program wrote, one a line
+MARK_HEAD = (
+    "Files in this directory that incipient has written and may replace, with their sizes:\n"
+)
+AWAY = "choose another directory, or move it away"
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another directory",
     errno.EDQUOT: "free some of your quota or choose another directory",
@@ -77,33 +82,115 @@ def part_of(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
+def owned(directory: Path) -> set[str]:
+    """Names of the files in a directory that this program has written and nobody has changed, as its `MARK` says."""
+    there = set()
+    for name, size in _marked(directory).items():
+        with suppress(OSError):
+            if (directory / name).lstat().st_size == size or size is None:
+                there.add(name)
+    return there
+
+
+def _marked(directory: Path) -> dict[str, int | None]:
+    """Sizes by name that the `MARK` of a directory holds; None of files that grow. Raises OutputError."""
+    mark = directory / MARK
+    if not mark.is_file():
+        return {}
+    with reported(mark):
+        lines = os.fsdecode(mark.read_bytes()).splitlines()[1:]
+    pairs = (line.partition(" ") for line in lines)
+    return {name: int(size) if size.isdecimal() else None for size, _, name in pairs}
+
+
+def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = None) -> None:
+    """Record in the `MARK` of a directory that files are this program's, which may replace them.
+
+    `sizes` in bytes are those of files that do not grow, else None. Raises OutputError, which names the mark or what is
+    `wanted`.
+    """
+    mark, known = directory / MARK, _marked(directory)
+    lines = [
+        f"{'-' if size is None else size} {name}\n"
+        for name, size in sorted(sizes.items())
+        if "\n" not in name and known.get(name, -1) != size
+    ]
+    if not lines:
+        return
+    _refuse_link(mark)
+    # Not into a pipe either, which a directory of somebody else may hold.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
+    with reported(wanted or mark), os.fdopen(os.open(mark, flags, 0o666), "ab", 0) as stream:
+        head = "" if mark.stat().st_size else MARK_HEAD
+        _write_fully(stream, os.fsencode("".join([head, *lines])))
+
+
+def require_own(path: Path, whose: Collection[str] | None = None) -> None:
+    """Refuse to write a file that is a link or that this program did not write.
+
+    Args:
+        whose: names of this program's files in the directory; default: those that are `owned`.
+
+    Raises:
+        OutputError: naming the file.
+    """
+    with reported(path):
+        _refuse_link(path)
+        if path.is_file() and path.name not in (owned(path.parent) if whose is None else whose):
+            raise OutputError(
+                f"{path}: was not written by incipient, or has been changed since; {AWAY}"
+            )
+
+
+def _refuse_link(path: Path) -> None:
+    if path.is_symlink():
+        raise OutputError(f"{path}: is a link, and nothing is written through links; {AWAY}")
+
+
+def require_ending(path: Path, ending: str) -> None:
+    """Refuse another name for a file of a kind, which might be that of a result to be read; raises OutputError."""
+    if path.suffix.lower() != ending:
+        raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
+
+
+def claim(path: Path) -> None:
+    """Make a file this program's before it is written; raises OutputError as `require_own`."""
+    require_own(path)
+    own(path.parent, {path.name: None}, path)
+
+
 def write_text_atomically(path: Path, text: str) -> None:
     """Write a text file (UTF-8) so that a reader finds the old content or the new, never a part.
 
     A failure leaves the old file as it was.
 
     Raises:
-        OutputError: when it cannot be written.
+        OutputError: when it cannot be written, or is not this program's (see `require_own`).
     """
-    write_bytes_atomically(path, text.encode())
+    write_bytes_atomically(path, text.encode(errors="backslashreplace"))
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
     """Write content of any kind as `write_text_atomically` writes text."""
-    with replaced(path, part_of(path)) as part:
-        part.unlink(missing_ok=True)
-        with part.open("xb") as stream:  # never through a link
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+    with replaced(path, part_of(path)) as part, part.open("xb") as stream:
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())  # some file systems tell of a full disk only here
 
 
 @contextmanager
 def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
-    """A file to write, which takes the place of `path` if nothing goes wrong; errors as of `reported`."""
+    """A file to write, which takes the place of `path` if nothing goes wrong.
+
+    Raises:
+        OutputError: as of `require_own` and `reported`.
+    """
+    require_own(path)
     with reported(path, also):
+        part.unlink(missing_ok=True)  # of a writer that was killed, or a link
         try:
             yield part
+            own(path.parent, {path.name: part.stat().st_size}, path)
             part.replace(path)
         finally:
             with suppress(OSError):
@@ -177,6 +264,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         OutputError: when it cannot be written, or when the file has other columns.
     """
     header, line = _csv_line(row.keys()), _csv_line(row.values())
+    claim(path)
     with reported(path), path.open("a+b", buffering=0) as stream:
         end = stream.seek(0, os.SEEK_END)
         stream.seek(0)
@@ -225,6 +313,7 @@ def insert_before_end(path: Path, text: str, end: str) -> None:
         OutputError: when it cannot be written.
     """
     closing = end.encode()
+    own(path.parent, {path.name: None}, path)
     with reported(path), path.open("r+b", buffering=0) as stream:
         place = stream.seek(-len(closing), os.SEEK_END)
         try:

@@ -8,6 +8,8 @@ the form; a lock, which the kernel frees with its process, keeps others from com
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import json
 import os
 import shutil
@@ -21,7 +23,7 @@ from .errors import OutputError
 from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
-WHOLE = "whole.json"  # the sizes of the files of a folder, written last
+WHOLE = "checksums.json"  # checksums of the files of a folder, written last
 FULL = 2**20  # bytes free on a disk that counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
@@ -37,9 +39,10 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
         build: gets a folder, compiles into it or loads from it, and is collective itself.
 
     Raises:
-        OutputError: the folder cannot be written, or its disk is full.
+        OutputError: a rank cannot write to the folder, or its disk is full.
     """
-    if from_first(comm, lambda: _is_whole(root / name)):
+    root, name = from_first(comm, lambda: (root, name))  # ranks may have their own environments
+    if all(comm.allgather(_is_whole(root / name))):
         loaded: list[T] = []
         with suppress(Exception):
             loaded.append(build(root / name))
@@ -50,6 +53,8 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
     with _locked(root / "locks" / name[:2], comm.rank == 0):
         folder = from_first(comm, lambda: _begun(root, name))
         try:
+            with collectively(comm):  # a rank that fails within `build` leaves the others waiting
+                _require_writable(folder)
             with collectively(comm), _space_reported(root):
                 made = build(folder)
         except BaseException:
@@ -76,23 +81,50 @@ def _begun(root: Path, name: str) -> Path:
         ) from error
 
 
+def _require_writable(folder: Path) -> None:
+    """Refuse a folder that this rank, which may be on another machine, can neither find nor make."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        why = f"compiled forms cannot be kept ({error.strerror})"
+        raise OutputError(f"{folder.parent}: {why}; {REMEDY}") from error
+
+
 def _finish(folder: Path, final: Path) -> None:
     """Give a folder its name. Where that fails the form is compiled again the next time."""
     with suppress(OSError):
-        sizes = {path.name: path.stat().st_size for path in folder.iterdir()}
-        (folder / WHOLE).write_text(json.dumps(sizes))
+        paths = [path for path in folder.iterdir() if path.is_file()]
+        (folder / WHOLE).write_text(json.dumps({path.name: _checksum(path) for path in paths}))
+        # A name must not be on the disk before what it names: a power cut would leave zeros in its place.
+        for path in (*paths, folder / WHOLE, folder):
+            _to_disk(path)
         folder.rename(final)
+        _to_disk(final.parent)
     if folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_whole(folder: Path) -> bool:
-    """Whether all files of a form are there, as long as they were."""
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
     try:
-        sizes = json.loads((folder / WHOLE).read_text())
-        return all((folder / name).stat().st_size == size for name, size in sizes.items())
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether all files of a form are there, as they were."""
+    try:
+        checksums = json.loads((folder / WHOLE).read_text())
+        return all(_checksum(folder / name) == known for name, known in checksums.items())
     except (OSError, ValueError, AttributeError):
         return False
+
+
+def _checksum(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
 
 
 @contextmanager

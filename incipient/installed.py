@@ -116,6 +116,17 @@ def required() -> Iterator[None]:
 
 
 @contextmanager
+def arguments_of_text() -> Iterator[None]:
+    """Let dolfinx and PETSc, which read the command line, take names of files that are not UTF-8. Not collective."""
+    before = sys.argv
+    sys.argv = [os.fsencode(argument).decode(errors="replace") for argument in before]
+    try:
+        yield
+    finally:
+        sys.argv = before
+
+
+@contextmanager
 def versions_without_setuptools() -> Iterator[None]:
     """Let ufl and ffcx of 2022 ask for their own versions without setuptools, whose import takes 80 ms.
 

@@ -2,24 +2,45 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import select
 import signal
+import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ParamSpec, Self, TypeVar
 
 from .errors import Interrupted
 from .parallel import Comm
 
+P = ParamSpec("P")
+T = TypeVar("T")
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
 SAME_WISH = 2.0
-_ONE_AT_A_TIME = threading.RLock()  # of threads that start libraries
+_STARTING = threading.RLock()  # of threads that start libraries
+_COMPUTING = (
+    threading.RLock()
+)  # of threads that compute; another one, since these start libraries as well
+UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 NOTICE = b"stopping after this step; once more to stop at once\n"
+
+
+def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
+    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process."""
+
+    @wraps(compute)
+    def alone(*arguments: P.args, **options: P.kwargs) -> T:
+        with _COMPUTING:
+            return compute(*arguments, **options)
+
+    return alone
 
 
 class Interruption:
@@ -59,11 +80,12 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold after the block, in which libraries in C are started.
+    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold in the block, in which libraries in C are started.
 
-    PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system,
-    which ends the process. Signals wait until the handlers are back. Off the main thread, where gmsh's own try to take
-    an interrupt would be an error, handlers stay as they are. Not collective.
+    PETSc takes a reader or a terminal that has gone for a crash, and gmsh gives interrupts back to the system, which
+    ends the process without a word: from Python while it is imported, from version 4.15 on all signals in C. The former
+    is kept from being done. After the latter handlers come back, and on this thread signals wait for them.
+    Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -74,7 +96,8 @@ def handlers_kept() -> Iterator[None]:
     }
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
-        yield
+        with _handlers_left_alone():
+            yield
     finally:
         for number, handler in before.items():
             if handler is not None:  # put in by the program around this one, not by Python
@@ -84,15 +107,16 @@ def handlers_kept() -> Iterator[None]:
 
 @contextmanager
 def _handlers_left_alone() -> Iterator[None]:
-    """Let `signal.signal` do nothing off the main thread, where it would raise a ValueError."""
-    with _ONE_AT_A_TIME:
-        real = signal.signal
+    """Let `signal.signal` do nothing on this thread, nor on others off the main one, where it would be an error."""
+    with _STARTING:
+        real, starting = signal.signal, threading.current_thread()
 
-        def only_on_the_main_thread(number: int, handler: Any) -> Any:
-            on_main = threading.current_thread() is threading.main_thread()
-            return real(number, handler) if on_main else signal.getsignal(number)
+        def on_the_main_thread(number: int, handler: Any) -> Any:
+            here = threading.current_thread()
+            takes = here is threading.main_thread() and here is not starting
+            return real(number, handler) if takes else signal.getsignal(number)
 
-        signal.signal = only_on_the_main_thread  # type: ignore[assignment]
+        signal.signal = on_the_main_thread  # type: ignore[assignment]
         try:
             yield
         finally:
@@ -119,6 +143,44 @@ def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
         ) from interrupt
 
 
+def open_streams() -> None:
+    """Open what is closed of the standard streams, before a file that is opened gets its number, as the null device."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(
+                os.open(os.devnull, os.O_RDWR), True
+            )  # the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w" if number else "r"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files need not be UTF-8
+
+
+def say(text: str) -> None:
+    """Print to the standard error, if that can be written."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        _let_go(2)
+
+
+def output_is_lost(error: Exception) -> bool:
+    """Whether an error says that the standard output cannot be written; what is still printed then goes nowhere.
+
+    It names no file. Errors of files are reported by who writes them.
+    """
+    if not isinstance(error, OSError) or error.filename is not None or error.errno not in UNWRITTEN:
+        return False
+    _let_go(1)
+    return True
+
+
+def _let_go(stream: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+
+
 def nobody_reads() -> bool:
     """Whether who read this process's output has gone, as `head` goes; what is still printed then goes nowhere."""
     output = 1
@@ -126,5 +188,5 @@ def nobody_reads() -> bool:
     watched.register(output, 0)
     if not any(event & select.POLLERR for _, event in watched.poll(0)):
         return False
-    os.dup2(os.open(os.devnull, os.O_WRONLY), output)
+    _let_go(output)
     return True

@@ -126,7 +126,6 @@ PARTS = {
         "end_to_end/test_turbulent_accuracy.py",
         "end_to_end/test_turbulent_channels.py",
         "unit/test_developed_duct.py",
-        "unit/test_grain_in_stream.py",
         "unit/test_turbulence.py",
         "unit/test_turbulence_on_moving_meshes.py",
     ),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from ..planning.order import order_of
+from ..planning.boundary_layer import is_resolved
+from ..planning.flow_setup import Setup, order_of
 from ..scene import Scene, Surface, Time
 from ..scene.expression import Expression
+from ..scene.gust_checks import FEWEST_STEPS as FEWEST_IN_GUST
 from .waves import LONGER_STEP
 
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
@@ -26,6 +29,9 @@ FARTHER = 1.5  # how much larger the domain of the domain's term is
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
 LONGEST_STEP = 4.0
+SLIGHTLY_LONGER = (
+    2.0**0.5
+)  # steps that are longer by less tell little: then steps are compared with shorter ones
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
 
 
@@ -38,9 +44,10 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
 
-    With wall layers, where k and epsilon keep their order, and for elements of the highest order these are compared
-    with such on a coarser mesh, or where there is neither grain nor wall layers, and the mesh may be as coarse as it
-    gets, with those of one order less. Adaptive steps err more each.
+    With wall layers, where k and epsilon keep their order, for elements of the highest order, and where no cell
+    resolves the boundary layer of a grain, these are compared with such on a coarser mesh. Where there is neither grain
+    nor wall layers, and the mesh may be as coarse as it gets, the highest order is compared with one order less.
+    Adaptive steps err more each.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -55,17 +62,35 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 
 def on_another_mesh(scene: Scene) -> bool:
-    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
-    return scene.is_averaged or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
+    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective.
+
+    A boundary layer that no cell resolves is as thin for elements of a higher order on the same cells.
+    """
+    if scene.is_averaged or scene.body is None:
+        return scene.is_averaged
+    return order_of(scene).number == HIGHEST_ORDER or not is_resolved(Setup(scene))
 
 
 def ratio_of_steps(scene: Scene) -> float:
-    """How much longer the steps of runs to compare with are. Not collective."""
+    """How much longer the steps of runs to compare with are; shorter where longer ones miss a gust or the end.
+
+    Not collective.
+    """
     assert scene.time is not None
-    steps = scene.time.end / scene.time.step
-    if scene.time.tolerance is not None:
-        return min(LONGER_STEP, steps)
-    return float(min(np.clip(steps / FEWEST_STEPS, LONGER_STEP, LONGEST_STEP), steps))
+    time = scene.time
+    longest = min(time.end, _longest_in_gust(scene)) / time.step
+    if longest < SLIGHTLY_LONGER:
+        return 1.0 / LONGER_STEP
+    if time.tolerance is not None:
+        return min(LONGER_STEP, longest)
+    steps = time.end / time.step
+    return float(min(np.clip(steps / FEWEST_STEPS, LONGER_STEP, LONGEST_STEP), longest))
+
+
+def _longest_in_gust(scene: Scene) -> float:
+    """The longest step that a scene accepts for its gust; infinite without one."""
+    gust = getattr(scene.flow, "gust", None)
+    return math.inf if gust is None or gust.shape == "points" else gust.duration / FEWEST_IN_GUST
 
 
 def order_in_time(scene: Scene) -> int:
@@ -89,11 +114,13 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     if domain.width is not None and scene.sides != "wall" and not across:
         changes["width"] = factor * domain.width
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
-    if scene.top == "stream":
+    # Without a bed the flow is endless downwards as well, and a top without shear is no surface of a channel. Shear is
+    # not, it begins at the bottom.
+    endless = scene.bed is None and scene.flow.kind in ("uniform", "expression")
+    if scene.top == "stream" or (endless and scene.top == "slip"):
         changes["height"] = factor * domain.height
-    # Without a bed the flow is endless downwards, too. Shear is not, it begins there.
-    if scene.bed is None and scene.top == "stream" and scene.flow.kind in ("uniform", "expression"):
-        origin[up] -= 0.5 * (factor - 1.0) * domain.height
+        if endless:
+            origin[up] -= 0.5 * (factor - 1.0) * domain.height
     larger = changed(scene, domain={**changes, "origin": tuple(origin)})
     if scene.fluid.scale == "grain":
         return larger
@@ -119,7 +146,9 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         # Without weight no step is judged.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
     longer = MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
-    return changed(scene, numerics=numerics, time=_longer_steps(scene.time, longer), **sections)
+    return changed(
+        scene, numerics=numerics, time=_longer_steps(scene, scene.time, longer), **sections
+    )
 
 
 def is_coarse(scene: Scene) -> bool:
@@ -129,9 +158,10 @@ def is_coarse(scene: Scene) -> bool:
     )
 
 
-def _longer_steps(time: Time, longer: float) -> dict[str, float]:
+def _longer_steps(scene: Scene, time: Time, longer: float) -> dict[str, float]:
     """The steps of runs in time for terms of the model."""
-    found = {"step": min(longer * time.step, max(time.step, time.end / FEWEST_STEPS))}
+    most = min(time.end / FEWEST_STEPS, _longest_in_gust(scene))
+    found = {"step": min(longer * time.step, max(time.step, most))}
     if time.tolerance is not None:
         found["tolerance"] = max(
             min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..planning.flow_setup import Setup
-from ..planning.order import order_of
+from ..planning.boundary_layer import is_resolved
+from ..planning.flow_setup import Setup, order_of
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
 from ..scene import Scene
@@ -24,7 +24,6 @@ from .coarse_runs import (
 )
 from .kept_runs import Solve
 from .waves import (
-    LONGER_STEP,
     OF_FEW_STEPS,
     doubt_of_stream,
     enlarged,
@@ -48,7 +47,7 @@ TO_THE_WALL = 1.5
 # Past grains and forms in space larger cells than these hardly have a steady flow, and tell nothing of finer ones: they
 # are far from resolving the walls (measured on a sphere by tests/end_to_end/test_sand_in_space.py).
 COARSEST_IN_SPACE = 3.2
-OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
+AT_CORNERS = 2.0  # the order of velocities in a driven box (docs/space.md)
 UNSETTLED = (
     "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
@@ -97,7 +96,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     little by chance: each is taken to err by as much as force or couple do, unless it vanishes by symmetry. So is u* at
     the outflow and in the mean, each by as much as the other one.
 
-    A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
+    A dual solution would be needed of flow and turbulence together. No order is supposed above one: turbulence is
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
     differ by is not believed to fall at an order above two.
 
@@ -138,10 +137,11 @@ def _by_two_meshes(
     return near.at_least(far)
 
 
-def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The term of the velocities on the centrelines of a lid-driven box: by runs on two coarser meshes.
+def without_grain(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of velocities on centrelines, or of laminar separation along a bed: by runs on two coarser meshes.
 
-    Whatever the velocity's order they are taken to converge at order 2: at the ends of the lid the flow is singular.
+    Whatever the velocity's order they are taken to converge at order 2: at the ends of the lid, and at corners of the
+    bed, the flow is singular.
     Two meshes may agree by chance: what the coarser two differ by, fallen at that order, is not gone below.
 
     Raises:
@@ -150,7 +150,7 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
     most = Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
     if scene.numerics.mesh_size > most:
         raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
-    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, OF_DRIVEN_BOXES, OF_DRIVEN_BOXES)
+    return _by_two_meshes(on_coarser_mesh(scene), computed, solve, AT_CORNERS, AT_CORNERS)
 
 
 def _require_coarser(scene: Scene) -> None:
@@ -180,11 +180,7 @@ def by_coarser_runs(
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = (
-            _slowest(scene.resolves_walls)
-            if scene.is_averaged
-            else order_in_space(order_of(scene).number)
-        )
+        order = _order_of_mesh(scene)
         how = f"these on a mesh for elements of order {order_of(beside).number}"
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
@@ -202,12 +198,18 @@ def shares(scene: Scene) -> tuple[float, float]:
 
     The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
     """
-    ratio, order = ratio_of_steps(scene), order_of(scene).number
-    in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
-    in_space = _slowest(scene.resolves_walls) if scene.is_averaged else order_in_space(order)
-    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
+    in_time, in_space = ratio_of_steps(scene) ** order_in_time(scene), _order_of_mesh(scene)
+    return 1.0 / abs(in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(
         scene
     ) else 1.0
+
+
+def _order_of_mesh(scene: Scene) -> float:
+    """The order at which errors of a flow in time fall on finer meshes: one less in unresolved boundary layers."""
+    if scene.is_averaged:
+        return _slowest(scene.resolves_walls)
+    order = order_of(scene).number
+    return order_in_space(order) if is_resolved(Setup(scene)) else order
 
 
 def order_in_space(velocity: int) -> int:

@@ -5,7 +5,8 @@ Each source of error is a term of its own:
 - discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand, with
   turbulence by the same run on two coarser meshes; flow in time, or a moving grain, by the same run in longer steps,
   and by one in elements of one order more, with turbulence on a coarser mesh, as well: what is the step's, and the
-  mesh's; steady velocities in a lid-driven box by the same run on two coarser meshes;
+  mesh's; steady velocities in a lid-driven box, and separation of laminar flow along a bed, by the same run on two
+  coarser meshes;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change. Where the space next to contacts is closed, a
   coarse run in which it is closed four times as widely shows what that changes;
@@ -42,7 +43,7 @@ from .discretisation import (
     by_coarser_mesh,
     by_coarser_runs,
     by_dual,
-    on_centrelines,
+    without_grain,
 )
 from .kept_runs import KeptRuns, Solve
 from .model_terms import (
@@ -100,8 +101,12 @@ def error_terms(
         found.add("discretisation", partial(by_coarser_mesh, scene, computed))
         if is_coarse(scene):
             run.accounts.known.loads[coarse(scene).model_dump_json()] = computed
-    elif scene.time is None and scene.has_centrelines:
-        found.add("discretisation", partial(on_centrelines, scene, _computed(run, force, couple)))
+    elif scene.time is None and (scene.has_centrelines or scene.has_separation):
+        computed = _computed(run, force, couple)
+        if computed.separated is not None and not len(computed.separated):
+            found.left_out["separation"] = "none along the bed"
+        else:
+            found.add("discretisation", partial(without_grain, scene, computed))
     elif scene.time is None:
         of_mesh = partial(_dual, improve=improve) if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))
@@ -167,7 +172,8 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     found = centrelines(run.scene.domain, run.fluid) if run.scene.has_centrelines else None
     lines = centreline_velocities(found)
     size = 1.0 if grain is None else grain.size
-    loads = Loads.at_the_end(force, couple, place, run.elevations, run.wall_report(), size)
+    walls, upstream = run.wall_report(), run.separated()
+    loads = Loads.at_the_end(force, couple, place, run.elevations, walls, size, upstream)
     return replace(loads, centreline=lines)
 
 
@@ -280,8 +286,8 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
             by_coarser_runs(scene, nothing, note)
         elif scene.is_averaged:
             by_coarser_mesh(scene, nothing, note)
-        elif scene.has_centrelines:
-            on_centrelines(scene, nothing, note)
+        elif scene.has_centrelines or scene.has_separation:
+            without_grain(scene, nothing, note)
     for estimate in of_the_model(scene).values():
         estimate(note)
     if (wider := on_more_bed(scene)) is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
-from ..errors import IncipientError
+from ..errors import ConvergenceError, IncipientError, MeshError
 from ..results.errorbars import Loads
 from ..scene import Scene
 
+REMEDY = re.compile(r"; |: use ")  # where the advice of a message begins
 Solve = Callable[[Scene], Loads]
 
 
@@ -31,5 +33,10 @@ class KeptRuns:
         if key not in self._known:
             if reason := self._spent():
                 raise Spent(reason)
-            self._known[key] = self._run(scene)
+            try:
+                self._known[key] = self._run(scene)
+            except (ConvergenceError, MeshError) as error:
+                # Its advice is for the scene of the coarse run, not for that of the user.
+                why = REMEDY.split(str(error))[0]
+                raise type(error)(f"{why}, in a run to compare with") from error
         return self._known[key]

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import IncipientError
+from ..errors import ConvergenceError, IncipientError
 from ..planning.flow_setup import Setup
 from ..planning.meshed_bed import resolved_bed
 from ..results.errorbars import Loads, Term
@@ -26,6 +26,12 @@ DECAY_OVER_FORMS = (
 )
 SLOWEST_DECAY = (
     0.75  # part of it that is believed where loads fall off more slowly (make calibration)
+)
+# The slowest decay that the three distances are taken to tell; a still slower one is that of their meshes.
+SLOWEST_SEEN = 1.0 / 3.0
+NO_LIMIT = (
+    "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
+    "larger domain, or a flow that does not depend on its size"
 )
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
@@ -122,7 +128,7 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
-    if scene.is_averaged and scene.body is None:
+    if (scene.is_averaged and scene.body is None) or scene.has_separation:
         return "does not apply: how long the channel is, and what enters, belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
@@ -159,27 +165,38 @@ def of_domain(
             term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
         )
     values = [np.concatenate([one.force, one.couple]) for one in (here, far, farthest)]
-    change, left = _to_endless(values, decay)
+    noise = _noise(here, computed)
+    change, left = _to_endless(values, decay, float(np.linalg.norm(noise[:3])))
     times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
     how = f"coarse runs with sides {times}, decay with distance to the power {decay:.2g} or slower"
-    return replace(term, how=how).corrected(change, left + _noise(here, computed))
+    return replace(term, how=how).corrected(change, left + noise)
 
 
-def _to_endless(values: list[Floats], decay: float) -> tuple[Floats, Floats]:
+def _to_endless(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
     """The change of loads (6,) to endless sides, from those with three distances, and how far that may be off.
 
     The power of the decay is that seen in the forces, between a part of the expected one and that. Doubt is what the
-    expected power would give, what the two nearer distances give, and what sides change in their own influence: as much
-    as in the load.
+    expected power would give, what the two nearer distances give, what a slower decay that is seen would give, and what
+    sides change in their own influence: as much as in the load.
+
+    Raises:
+        ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
     """
     near, far = (float(np.linalg.norm((two - one)[:3])) for one, two in pairwise(values))
+    if far > max(near, noise):
+        raise ConvergenceError(NO_LIMIT.format(near, far))
     seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
-    powers = (min(max(seen, SLOWEST_DECAY * decay), decay), decay)
-    by_seen, by_decay = (1.0 / (1.0 - FARTHER**-power) for power in powers)
+    powers = (
+        min(max(seen, SLOWEST_DECAY * decay), decay),
+        decay,
+        min(max(seen, SLOWEST_SEEN), decay),
+    )
+    by_seen, by_decay, by_slower = (1.0 / (1.0 - FARTHER**-power) for power in powers)
     change = values[1] + by_seen * (values[2] - values[1]) - values[0]
     others = (
         values[1] + by_decay * (values[2] - values[1]) - values[0],
         by_seen * (values[1] - values[0]),
+        values[1] + by_slower * (values[2] - values[1]) - values[0],
     )
     share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
     return change, np.max([np.abs(one - change) for one in others], axis=0) + share * np.abs(change)

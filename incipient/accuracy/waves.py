@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..planning.flow_setup import Setup
+from ..planning.flow_setup import Setup, order_of
 from ..planning.open_channel import LEVEL
-from ..planning.order import order_of
 from ..results.errorbars import Loads, Term
 from ..scene import Scene
 

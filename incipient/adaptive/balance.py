@@ -21,8 +21,8 @@ from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, order_i
 from ..accuracy.discretisation import order_in_space
 from ..accuracy.waves import is_stream
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
+from ..planning.flow_setup import order_of
 from ..planning.open_channel import LEVEL
-from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE

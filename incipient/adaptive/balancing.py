@@ -15,7 +15,7 @@ from ..accuracy.discretisation import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError
-from ..planning.order import order_of
+from ..planning.flow_setup import order_of
 from ..results.adaptation import Trial
 from ..results.errorbars import Term
 from ..results.result import Result

@@ -24,8 +24,8 @@ from ..accuracy.model_terms import has_no_far_sides, is_corrected
 from ..arrays import Floats
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
+from ..planning.flow_setup import has_inertia, order_of
 from ..planning.layout import coarse_sizes
-from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
@@ -95,7 +95,7 @@ class Refinement(AccuracySearch):
     _solved_run: Run | None = None  # it, once it is tried
 
     def _first(self, part: float = 1.0) -> Attempt:
-        factor = part * coarsest(self.scene.gdim, self.scene.fluid.inertia)
+        factor = part * coarsest(self.scene.gdim, has_inertia(self.scene))
         sizing = partial(coarse_sizes, factor, None)
         return Attempt(self._set_up(self.scene, order_of(self.scene).number), sizing)
 
@@ -300,7 +300,7 @@ class Refinement(AccuracySearch):
 
     @property
     def _highest(self) -> int:
-        return highest_order(self.scene.gdim, self.scene.fluid.inertia)
+        return highest_order(self.scene.gdim, has_inertia(self.scene))
 
     def _for_verdict(self, attempt: Attempt, error: float, shares: Shares) -> Attempt:
         """A mesh on which the error is expected to be `FOR_VERDICT` times that on this one."""

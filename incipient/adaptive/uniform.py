@@ -13,8 +13,7 @@ from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
 from ..accuracy.discretisation import COARSEST_IN_SPACE, by_coarser_mesh
 from ..accuracy.goal import LoadsOnMesh, relative
 from ..errors import ConvergenceError, MeshError
-from ..planning.flow_setup import Setup
-from ..planning.order import order_of
+from ..planning.flow_setup import Setup, order_of
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads
 from ..results.loads import Couples, Forces

@@ -28,6 +28,8 @@ OPTIONS_OF = {
     "law": ("forces", "series"),
     **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
 }
+OF_CASE = ("judgement.json", "judgement.png")
+OF_SERIES = ("series.csv", "series.json", "series.png")
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
@@ -75,7 +77,7 @@ def _judge_batch(options: argparse.Namespace) -> None:
     usual = path.parent if options.out is BESIDE else Path("results") / f"{path.stem}_verdicts"
     directory = options.out if isinstance(options.out, Path) else usual
     name = VERDICTS.replace(".csv", ".parquet") if path.suffix == ".parquet" else VERDICTS
-    refuse_foreign(directory, (name, SUMMARY))
+    refuse_foreign(directory, (name, SUMMARY), [path])
     with telling(0) as voice:
         found = judge_table(open_table(path, options.overrides), directory, jobs, voice)
     print(found.text())
@@ -90,7 +92,7 @@ def _judge_series(case: Case, options: argparse.Namespace) -> None:
         print(FlowThreshold.of(options.law, found.times, found.batch, start, None).text())
     if options.out is not None:
         directory = options.series.parent if options.out is BESIDE else options.out
-        refuse_foreign(directory, ("series.csv", "series.json"))
+        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
         save_series(found, directory)
         print(f"numbers             {directory}/: series.csv, series.json", flush=True)
         draw_and_tell(directory)
@@ -115,7 +117,9 @@ def _judge_forces(options: argparse.Namespace) -> None:
     if options.out is not None:
         beside = (options.case or options.forces).parent
         directory = beside if options.out is BESIDE else options.out
-        refuse_foreign(directory, ("judgement.json", "series.csv", "series.json"))
+        refuse_foreign(
+            directory, (*OF_CASE, *OF_SERIES), filter(None, (options.case, options.grain))
+        )
         save(found.judgement, directory)
         save_series(found.series, directory)
         print(
@@ -126,7 +130,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
 
 def _keep(judgement: dict[str, Any], directory: Path) -> None:
     """Write a judgement and its picture, and say where they are."""
-    refuse_foreign(directory, ("judgement.json",))
+    refuse_foreign(directory, OF_CASE)
     save(judgement, directory)
     print(f"numbers             {directory / 'judgement.json'}", flush=True)
     draw_and_tell(directory)

@@ -9,8 +9,8 @@ from ..errors import SceneError
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
-from ..survey.orientations import POSES, Poses, survey_poses
-from ..survey.procedure import GRAINS, RECORD, RunMeans, load_request
+from ..survey.orientations import POSES, SUMMARY, Poses, survey_poses
+from ..survey.procedure import FILES, GRAINS, RunMeans, load_request
 from ..survey.procedure import survey as find
 from ..sweep.live import watching
 from .drawing import draw_and_tell
@@ -25,7 +25,8 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
     asked = load_request(options.bed, options.overrides)
     with collectively(comm):
         if comm.rank == 0:
-            refuse_foreign(directory, (RECORD,))
+            named = (getattr(asked.bed, key, None) for key in ("file", "heights", "labels"))
+            refuse_foreign(directory, FILES, [options.bed.parent / name for name in named if name])
     with telling(comm.rank) as voice, watching(comm) as watcher:
         found = find(asked, options.bed.parent, directory, comm, means, voice, watcher)
     if comm.rank == 0:
@@ -52,6 +53,9 @@ def _poses(options: argparse.Namespace, directory: Path, means: RunMeans, comm: 
             "--runs: is for a bed of grains; leave it out with --orientations and --seeds"
         )
     asked = Poses(options.orientations or 1, options.seeds or 1)
+    with collectively(comm):
+        if comm.rank == 0:
+            refuse_foreign(directory, (POSES, SUMMARY), [options.bed])
     with telling(comm.rank) as voice, watching(comm) as watcher:
         found = survey_poses(
             options.bed, options.overrides, asked, directory, comm, means, voice, watcher

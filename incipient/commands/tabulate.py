@@ -59,7 +59,7 @@ def _print(file: Path) -> None:
         said = tables.in_words(row) if row["status"] in ("done", "failed", "damaged") else ""
         time = "" if row["wall"] is None else f"{row['wall']:.1f}"
         shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
-    Console(width=None if sys.stdout.isatty() else WIDE, markup=False).print(shown)
+    Console(width=None if sys.stdout.isatty() else WIDE, markup=False, emoji=False).print(shown)
     if is_large:
         counted = ", ".join(f"{number} {status}" for status, number in counts.items())
         print(

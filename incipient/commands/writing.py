@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .. import scene as scenes
 from ..errors import SceneError
-from ..files import write_text_atomically
+from ..files import reported
 from ..parallel import Comm, collectively
 
 
@@ -21,9 +21,11 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
         )
     with collectively(comm):
         if comm.rank == 0:
-            if path.exists():
-                raise SceneError(f"{path}: exists already; choose another name")
-            write_text_atomically(path, scenes.example(options.space))
+            with reported(path):
+                try:
+                    path.open("x", encoding="utf-8").write(scenes.example(options.space))
+                except FileExistsError:
+                    raise SceneError(f"{path}: exists already; choose another name") from None
             print(f"{path}: edit it, then: incipient run {path}")
     return 0
 

@@ -12,7 +12,7 @@ from ..accuracy.errorbars import coarse_scenes
 from ..effects.plan import make_plan
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
-from ..planning.order import order_of
+from ..planning.flow_setup import order_of
 from ..planning.plan import Plan
 from ..scene import Scene, load
 from ..scene.example import grain_on_bed

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from ..errors import SceneError
-from ..planning.order import order_of
+from ..planning.flow_setup import order_of
 from ..scene import Scene
 from .measurement import Variant
 from .solvers import SolverOptions

@@ -20,9 +20,8 @@ from ..adaptive import balance
 from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarsest, highest_order, next_order
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
-from ..planning.flow_setup import Setup
+from ..planning.flow_setup import Setup, has_inertia, order_of
 from ..planning.layout import coarse_sizes
-from ..planning.order import order_of
 from ..planning.plan import Estimate
 from ..results.adaptation import Trial
 from ..scene import Scene
@@ -85,7 +84,7 @@ class KnownLaws:
         step = calibration.step_of_flow(of.step, velocity, length)
         at, found = (of.order, of.mesh_size, step), {}
         for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
-            if self.own or goal in self._shared:
+            if goal in self._reported:
                 known = [
                     error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors
                 ]
@@ -96,12 +95,18 @@ class KnownLaws:
         return found
 
     @property
-    def _shared(self) -> tuple[str, ...]:
-        """Goals that the scene may have in common with others."""
-        body = self.scene.body
-        if body is None:
-            return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
-        return ("place", "angle") if body.moves else ("force", "couple", "safety factor")
+    def _reported(self) -> tuple[str, ...]:
+        """Goals that the run of the scene reports; of studies of other scenes those that both have in common."""
+        scene = self.scene
+        if self.own:
+            goals = dict.fromkeys(goal for one in self.findings for goal in one.errors)
+            return tuple(goal for goal in goals if goal != "kinetic energy")
+        if scene.body is None:
+            on_lines = ("minimum of v1", "maximum of v2", "minimum of v2")
+            return (*on_lines * scene.has_centrelines, *[OF_WALLS] * scene.is_averaged)
+        judged = scene.rests and scene.contact is not None and scene.mass is not None
+        loads = ("force", "couple", *["safety factor"] * judged)
+        return ("place", "angle") if scene.moves else loads
 
     def cheaper(self) -> list[str]:
         """Solver options that the last of the studies found to be cheaper than the scene's, in words."""
@@ -258,7 +263,7 @@ def first_mesh(scene: Scene) -> Estimate:
     setup = Setup(scene if steady else balance.first(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    factor = coarsest(scene.gdim, scene.fluid.inertia)
+    factor = coarsest(scene.gdim, has_inertia(scene))
     sized = coarse_sizes(factor, None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
 
@@ -277,7 +282,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, scene.fluid.inertia)
+    factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, has_inertia(scene))
     first = _Run(balance.first(scene) if time else _sized(scene, factor), unknowns)
     error = known.errors(first.variant).get(scene.accuracy_of)
     if error is None:
@@ -319,7 +324,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     if excess <= 1.0:
         return [first]
     before, gdim = order_of(first.scene).number, first.scene.gdim
-    order, left = next_order(before, excess, gdim, highest_order(gdim, first.scene.fluid.inertia))
+    order, left = next_order(before, excess, gdim, highest_order(gdim, has_inertia(first.scene)))
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
     unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]

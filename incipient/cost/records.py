@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..files import append_row, csv_text, reported, write_text_atomically
+from ..input_files import reading
 from .measurement import Counts, MeasuredRun, Variant
 
 Key = tuple[int, str, str, str]
@@ -51,18 +52,14 @@ def known_runs(columns: Sequence[str], directory: Path) -> dict[Key, MeasuredRun
     path = directory / TABLE
     if not path.exists():
         return {}
-    with reported(path):
+    with reported(path), reading(path, "delete it to begin anew", error=OutputError):
         text = path.read_bytes()
         whole = text.rfind(b"\n") + 1
         if whole < len(text):
             os.truncate(path, whole)
-    try:
+    with reading(path, "delete it to begin anew", error=OutputError):
         rows = csv.DictReader(text[:whole].decode().splitlines())
         runs = [_run_of(columns, row) for row in rows]
-    except (KeyError, ValueError, TypeError) as error:
-        raise OutputError(
-            f"{path}: cannot be understood ({error}); delete it to begin anew"
-        ) from error
     return {run.variant.key: run for run in runs}
 
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import reported
-from ..output.ownership import refuse_foreign
+from ..output.ownership import OTHERS, SCENE, place_scene, refuse_foreign
 from ..planning import expense
-from ..scene import Scene, load, save
+from ..scene import Scene, load
+from ..scene.file import dumps
 from . import calibration, frontier
 from .calibration import Calibration, Findings
 from .comparison import Compared, compared
@@ -219,8 +220,8 @@ def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, 
 
 def prepare(scene: Scene, directory: Path) -> None:
     """Make the directory of a scene's ladder, or check that it is; raises OutputError."""
-    stored = directory / "scene.toml"
-    refuse_foreign(directory, (TABLE, stored.name))
+    stored = directory / SCENE
+    refuse_foreign(directory, {*OTHERS["cost"], SCENE})
     if (directory / TABLE).exists() and stored.exists():
         if load(stored) != scene:
             remedy = "choose another --out or delete it"
@@ -229,7 +230,7 @@ def prepare(scene: Scene, directory: Path) -> None:
     with reported(directory):
         directory.mkdir(parents=True, exist_ok=True)
         (directory / TABLE).unlink(missing_ok=True)
-    save(scene, stored)
+    place_scene(directory, dumps(scene), OTHERS["cost"])
 
 
 def findings(study: Study) -> Calibration:

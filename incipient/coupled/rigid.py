@@ -1,10 +1,12 @@
-"""A rigid body in a fluid, with the exact derivative of the traction by the body's velocity.
+"""A rigid body in a fluid, with the derivative of the traction with respect to the body's velocity.
 
 A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
-and passing forces and velocities back and forth diverges. The iteration here knows the exact derivative of
-the traction by the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
+and passing forces and velocities back and forth diverges. The iteration here uses the derivative of the traction
+with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
 space) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
-which the fluid has a solver anyway. With A_u beside the mass, bodies without mass are no exception.
+which the fluid has a solver anyway. What the displaced mesh adds to A R is a one-sided finite difference, and
+Broyden's updates correct A_u from one iteration to the next. With A_u beside the mass, bodies without mass are no
+exception.
 Along a law of the wall the flow is not held: the wall's velocity is in what the wall exerts, friction and what nothing
 crosses it by. The flow's answer is that to the change of this load, and A_u what the load then differs by.
 """

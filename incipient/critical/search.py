@@ -50,6 +50,9 @@ WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6
 APART = 1.03  # a flow is tried only so far from one that could not be solved
+ROCKS_IN_ALL = "the grain rocks from rest to rest in all computed flows"
+ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow was found"
+NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
 
 
 @dataclass(frozen=True)
@@ -163,26 +166,37 @@ class CriticalSearch:
         Every flow solved says by the load of what shape, growing from nothing, the grain leaves. How that goes with
         the flow is taken from the last two.
         """
-        rocking, factor, power = self.rocks(slow), slow, 1.0
+        rocking, factor, power, held_to = self.rocks(slow), slow, 1.0, 0.0
         if rocking is None or rocking.critical == 0.0:
             return None
-        largest = max(LARGEST / self._reynolds, MOST_FASTER)
-        while np.isfinite(rocking.critical) and len(self.trials) < MOST_FLOWS:
+        largest, reason = max(LARGEST / self._reynolds, MOST_FASTER), ROCKS_IN_ALL
+        while True:
+            held_to = max(held_to, factor) if rocking.critical >= 1.0 else held_to
+            if np.isinf(rocking.critical):
+                break
             goal = factor * rocking.critical ** (1.0 / power)
             if not self.run.plan.has(EffectName.INERTIA) or self._is_near(goal):
                 return replace(self._ended(goal, goal, ""), rocking=rocking)
             following = min(goal, self._after(slow) if factor == slow else GROWTH * factor)
-            if following > largest or not self._try(following):
+            if following > largest:
                 break
-            before, at = rocking.critical, factor
-            rocking, factor = self.rocks(following), following
-            if rocking is None or rocking.critical == 0.0:
+            if len(self.trials) >= MOST_FLOWS:
+                reason = NOT_WITHIN
                 break
-            power = float(
-                np.clip(np.log(before / rocking.critical) / np.log(factor / at), 1.0, 3.0)
-            )
-        reason = "the grain rocks from rest to rest in all flows looked at"
-        return replace(self._ended(np.inf, factor, reason), rocking=rocking)
+            beyond_all = min((one for one in self.unsolved if one > factor), default=np.inf)
+            if following > beyond_all / APART or not self._try(following):
+                following = max(self._states)  # that on the way to the one that was not found
+                if following <= factor:
+                    reason = ROCKS_BELOW
+                    break
+            beyond = self.rocks(following)
+            if beyond is None or beyond.critical == 0.0:
+                reason = f"the grain rocks, but not in the flow {following:.3g} times the scene's"
+                break
+            change = np.log(rocking.critical / beyond.critical) / np.log(following / factor)
+            power = float(np.clip(change, 1.0, 3.0))
+            rocking, factor = beyond, following
+        return replace(self._ended(np.inf, held_to, reason), rocking=rocking)
 
     def rocks(self, factor: float) -> Rocking | None:
         """Rests of the grain as the load of a solved flow grows; its critical factor is noted in the trial."""
@@ -229,9 +243,9 @@ class CriticalSearch:
                 raise ConvergenceError(
                     f"no threshold near {factor:.4g} times the flow of the scene"
                 )
-            if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
+            if self._is_near(new):
                 return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
-            factor = new
+            factor = self._next_near(factor, new)
 
     def _rocks_near(self, factor: float) -> Found:
         """The flow near a factor in which a grain that rocks leaves its pocket; loads go as the square of the speed."""
@@ -242,9 +256,18 @@ class CriticalSearch:
                     f"no threshold near {factor:.4g} times the flow of the scene"
                 )
             new = factor * rocking.critical**0.5
-            if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
+            if self._is_near(new):
                 return replace(self._ended(new, new, ""), rocking=rocking)
-            factor = new
+            factor = self._next_near(factor, new)
+
+    def _next_near(self, factor: float, new: float) -> float:
+        """The factor to try next. Raises ConvergenceError after MOST_FLOWS flows."""
+        if len(self.trials) >= MOST_FLOWS:
+            raise ConvergenceError(
+                f"the threshold near {new:.4g} times the flow of the scene: {NOT_WITHIN}, the last two at "
+                f"{factor:.4g} and {new:.4g}; use a smaller numerics.mesh_size"
+            )
+        return new
 
     def load_at(self, factor: float) -> Load:
         """The load in the flow at a factor, found at once or else from one half as fast. Raises ConvergenceError."""
@@ -276,7 +299,7 @@ class CriticalSearch:
             if isinstance(following, Found):
                 return following
             self._try(following)
-        return self._ended(np.inf, self._sure, f"not found within {MOST_FLOWS} flows")
+        return self._ended(np.inf, self._sure, NOT_WITHIN)
 
     def _after(self, slow: float) -> float:
         """The flow after the slowest one; of mean flows the one in which a load that goes with its square moves it."""

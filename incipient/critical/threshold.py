@@ -129,7 +129,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
     critical = _judged(run, found, load)
     assert scene.grain is not None
     walls = run.wall_report()
-    stress, size = found.factor * run.setup.bed_stress(found.factor), scene.grain.size
+    stress, size = run.setup.bed_stress(found.factor), scene.grain.size
     threshold = Threshold(
         factor=found.factor,
         held_to=found.held_to,

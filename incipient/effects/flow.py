@@ -31,6 +31,15 @@ class FlowEffect(Effect):
         )
         for place, start in enumerate(("minimum of v1", "maximum of v", "minimum of v"))
         for name in ([start] if place == 0 else [f"{start}2", f"{start}3"])
+    ) + tuple(
+        OutputQuantity(
+            *(f"separated.0.{end}", f"x at which the flow along the bed {does}", "length", column),
+            error=f"error_bars.separated.{end}",
+            heading="other numbers",
+        )
+        for end, (does, column) in enumerate(
+            (("separates", "separation"), ("reattaches", "reattachment"))
+        )
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:

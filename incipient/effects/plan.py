@@ -14,7 +14,7 @@ from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.linear import Method, method_of
-from ..planning.numbers import grain_size, numbers_of
+from ..planning.numbers import grain_size
 from ..planning.plan import Plan
 from ..planning.scene_geometry import Geometry
 from ..planning.stabilisation import stabilisation_of
@@ -36,7 +36,7 @@ def make_plan(scene: Scene) -> Plan:
 def plan_of(setup: Setup) -> Plan:
     """The plan of a scene whose parts are at hand, as of `make_plan`. Not collective."""
     scene = setup.scene
-    numbers = numbers_of(setup)
+    numbers = setup.numbers
     effects = known.decisions(setup, numbers)
     present = {effect.name for effect in effects if effect.present}
     inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present

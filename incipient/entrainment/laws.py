@@ -165,6 +165,10 @@ class Measured:
         """The level that is exceeded with a probability; raises SceneError beyond what the series can tell."""
         _require_told(probability, self.told, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
+        if (
+            self.exceeded(low) <= probability
+        ):  # the series stays at its lowest value for the rest of the time
+            return low
         return float(
             brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10)
         )

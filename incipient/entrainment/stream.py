@@ -42,15 +42,15 @@ class Stream:
 
     def shields(self, strength: float) -> float:
         """Shields number of the mean flow."""
-        return strength * self._stresses(strength) / self.setup.stress_unit
+        return self._stresses(strength) / self.setup.stress_unit
 
     def shear_velocity(self, strength: float) -> float:
         """Shear velocity of the mean flow."""
-        return math.sqrt(strength * self._stresses(strength))
+        return math.sqrt(self._stresses(strength))
 
     @cached_property
     def _stresses(self) -> Callable[[float], float]:
-        """The stress on the bed over the strength; a datum that depends on it is found once for each."""
+        """The stress on the bed by strength; a datum that depends on it is computed once for each."""
         return cache(self.setup.bed_stress)
 
     def intensity(self, strength: float) -> float:

@@ -34,7 +34,7 @@ def in_si(
         if getattr(units, name) is not None:
             found[name] = factor * getattr(units, name)
     if scene.flow.kind in WITH_BED_STRESS:
-        found["bed_stress"] = factor * scales.stress * Setup(scene).bed_stress(factor)
+        found["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
         found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
     if force is not None and couple is not None:
         found |= {

@@ -53,9 +53,13 @@ class Friction:
 
 @dataclass(frozen=True)
 class Open:
-    """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0."""
+    """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0.
+
+    velocity: of the stream whose momentum returning fluid brings, as that of `Prescribed`; None: its own
+    """
 
     boundary: str
+    velocity: Velocity | None = None
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ class Constraints:
     ):
         self.space, self._domain = space, domain
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
+        self._returns = any(isinstance(c, Open) and c.velocity is not None for c in conditions)
         self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
         self._values = dolfinx.fem.Function(space.velocity)
         self.points = space.velocity_points()
@@ -66,6 +67,11 @@ class Constraints:
     def closed(self) -> bool:
         """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
         return not self.open and self.surface is None
+
+    @property
+    def stream(self) -> Any:
+        """The velocity whose momentum fluid brings that returns through an open end; None: its own."""
+        return self._values if self._returns else None
 
     @property
     def rubbing(self) -> tuple[str, ...]:
@@ -120,7 +126,7 @@ class Constraints:
         self._prescribed = [
             (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
             for c in conditions
-            if isinstance(c, Prescribed)
+            if isinstance(c, Prescribed | Open) and c.velocity is not None
         ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:

@@ -22,7 +22,7 @@ from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
-from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel, UnsolvedError
+from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -182,18 +182,10 @@ class Fluid(FlowEquations):
         watch: Callable[[int, float], Any],
         remember: bool,
     ) -> newton.NewtonReport:
-        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`).
-
-        A linear system that is not solved fails the step, like corrections that do not converge.
-        """
+        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
         known = self._contraction if remember else None
         before = self.solver.statistics.factorisations
-        try:
-            report = newton.solve_by_chords(
-                self, tolerance, max_iterations, watch, self._aged, known
-            )
-        except UnsolvedError:
-            report = newton.NewtonReport(False, (), np.inf)
+        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
         self._aged = not report.converged or report.iterations > PATIENCE
@@ -299,8 +291,8 @@ class Fluid(FlowEquations):
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
-        carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the Jacobian was
-        assembled at the present state. Off these boundaries the latter has no meaning.
+        carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
+        the present state. Off these boundaries the latter has no meaning.
         """
         self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
         whole, near = self.kept("actions", self._actions)

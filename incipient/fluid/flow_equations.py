@@ -24,7 +24,6 @@ from .space import (
     geometry_function,
     geometry_rows,
     set_geometry_function,
-    size_along,
     taylor_hood,
 )
 
@@ -153,11 +152,7 @@ class FlowEquations:
         if model.inertia and model.stabilisation:
             yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
         upwind = model.inertia and model.upwind and upwind
-        if upwind and model.unsteady and self.domain.gdim == 2:
-            before = self._past()[0]
-            size = size_along(self.domain.mesh, before) / model.order
-            yield forms.UpwindInSteps(carrier, before, size, rate, self.rate[0], force)
-        elif upwind:
+        if upwind:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
             viscous = model.viscosity is None and not model.exact
@@ -169,10 +164,10 @@ class FlowEquations:
         if self.constraints.crossings:
             # In the plane flow past a grain on sand is not found with it (tests/end_to_end/test_rough_beds.py).
             in_space = self.domain.gdim == 3 and model.viscosity is not None
-            returning = carrier if in_space else None
-            yield forms.OpenBoundary(
-                viscosity, self.domain.measure(*self.constraints.crossings), returning
-            )
+            stream = self.constraints.stream
+            returning = carrier if in_space or stream is not None else None
+            measure = self.domain.measure(*self.constraints.crossings)
+            yield forms.OpenBoundary(viscosity, measure, returning, stream)
         if self.walls is not None:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:

@@ -42,9 +42,7 @@ class FlowModel:
                    straight; its reference is renewed
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs;
-                   in time in the plane by `forms.terms.upwind_in_steps`, as thin cells along a wall that is no plane
-                   need
+    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
     exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     convected:     whether blocks of preconditioners hold convection in time, too

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..errors import UnsolvedError
+
 WORST_CONTRACTION = 0.3
 # Residual, relative to the right-hand side, to which iterations solve for a correction that is still far off.
 ROUGHEST = 1e-3
@@ -71,13 +73,15 @@ class Contraction:
 class NewtonReport:
     """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left.
 
-    `contraction` is that of the factors at hand, for the next solve with them.
+    `contraction` is that of the factors at hand, for the next solve with them. `failure` says why the linear system of
+    the correction after those was not solved; empty where it was.
     """
 
     converged: bool
     corrections: tuple[float, ...]
     error: float
     contraction: Contraction = Contraction()
+    failure: str = ""
 
     @property
     def iterations(self) -> int:
@@ -95,8 +99,8 @@ def solve(
     """Iterate until the error left, estimated as d r/(1 - r) with r = d/d_previous, is below `tolerance`.
 
     With `iterative`, linear systems are solved no better than that pays, and what they leave counts as well. Gives up
-    when corrections have grown three times in a row by half or more, or are not finite, and reports
-    `converged=False`: the caller decides what to do. Collective.
+    when corrections have grown three times in a row by half or more, are not finite, or when a linear system is not
+    solved, and reports `converged=False`: the caller decides what to do. Collective.
     """
     sizes: list[float] = []
     error = np.inf
@@ -105,7 +109,10 @@ def solve(
         slow = (
             bool(sizes) and sizes[-1] > 0.05
         )  # the state changes so much that old factors would not help
-        sizes.append(system.correction(rtol=rtol, fresh=slow))
+        try:
+            sizes.append(system.correction(rtol=rtol, fresh=slow))
+        except UnsolvedError as unsolved:
+            return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
             return NewtonReport(False, tuple(sizes), np.inf)
@@ -137,7 +144,10 @@ def solve_by_chords(
     for iteration in range(max_iterations):
         if fresh:
             kept, known = [], None
-        kept.append(system.chord_correction(fresh))
+        try:
+            kept.append(system.chord_correction(fresh))
+        except UnsolvedError as unsolved:
+            return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
         sizes.append(kept[-1])
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
+from ..errors import IncipientError
 from ..forms.terms import continuity, inertia
 from .flow import Fluid
 
@@ -44,9 +45,11 @@ class Projection:
     def __enter__(self) -> Projection:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        for held in (self._solver, self._matrix, self._vector, self._view):
-            held.destroy()
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self.fluid.domain.comm.size == 1:
+            for held in (self._solver, self._matrix, self._vector, self._view):
+                held.destroy()
 
     def apply(self) -> float:
         """Project the velocity of the fluid's state; returns the relative change ||v - v*|| / ||v*|| in L2.

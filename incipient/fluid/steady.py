@@ -121,8 +121,9 @@ def approach(
     extrapolated from the two solutions before. From the solution at a share `reached` all the rest is tried first.
 
     Raises:
-        ConvergenceError: the step became smaller than `smallest_step`, or a factorisation failed; the fluid then
-            holds the last converged state at its Reynolds number, or the start if there is none.
+        ConvergenceError: the step became smaller than `smallest_step`, the first linear system was not solved, or the
+            memory is too small for a factorisation; the fluid then holds the last converged state at its Reynolds
+            number, or the start if there is none.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid, reached)
@@ -150,13 +151,23 @@ def approach(
             reached, stride = share, stride * growth
         else:
             path.restore()
+            if report.failure and not report.corrections and not reached:
+                raise ConvergenceError(report.failure)
             stride = 0.5 * (share - reached)
             if stride < smallest_step:
                 raise ConvergenceError(
-                    f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number: it may be unsteady "
-                    "(add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
+                    f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number, {_how(report, share)}: "
+                    "it may be unsteady (add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
                 )
         share = min(1.0, reached + stride)
+
+
+def _how(report: NewtonReport, share: float) -> str:
+    """How Newton's method failed at a share of the Reynolds number."""
+    number, at = report.iterations, f"at {100 * share:.3g}%"
+    if report.failure:
+        return f"{at} the linear system of correction {number + 1} is not solved"
+    return f"{at} correction {number} is still {report.corrections[-1]:.2g} of the flow"
 
 
 class _Path:

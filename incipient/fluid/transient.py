@@ -15,6 +15,8 @@ from .newton import NewtonReport
 from .tolerance import ShareOfError
 
 MOST_REJECTED = 11  # attempts at one step: ten halvings
+# Shortest step of a run over its first one: a flow that diverges would else halve step after step without end.
+SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 # Part of a first step whose flow is not found from the state before it: Newton's method finds the flow of such a part,
 # set off at once and nothing else, and from there that of the whole step.
@@ -126,6 +128,7 @@ class Transient:
             -np.inf
         )  # when the present mesh began: states up to then come from another one
         self._length_kept: float | None = None
+        self._shortest = 0.0
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
@@ -136,7 +139,8 @@ class Transient:
         (Grigorieff 1983, Numer. Math. 42, 359).
 
         Raises:
-            ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.
+            ConvergenceError: a step failed even after ten halvings, or `SHORTEST` of the first; the fluid holds the
+                last good state.
         """
         start = self.fluid.time
         new = not self._past and self._length_kept is None
@@ -144,13 +148,16 @@ class Transient:
             self._length_kept or (first if new else 1.0) * step,
             None,
         )
-        if self.accuracy is not None and not self._past:
-            self.next_length *= np.sqrt(self.accuracy)
+        self._shortest = SHORTEST * first * step
+        if self.accuracy is not None:
+            self._shortest *= np.sqrt(self.accuracy)
+            self.next_length *= 1.0 if self._past else np.sqrt(self.accuracy)
         while end - self.fluid.time > 1e-9 * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
-            # Shorter than that the next one fails by name soon, where the mesh folds over and steps grow ever shorter.
-            longer = np.clip(GROWTH * self.next_length, 0.5**MOST_REJECTED * step, step)
-            self.next_length = float(longer) if self.accuracy is None else self._next_length(taken)
+            length = min(GROWTH * self.next_length, step)
+            if self.accuracy is not None:
+                length = self._next_length(taken)
+            self.next_length = max(length, self._shortest)
             yield taken
 
     def advance(self, length: float) -> TimeStep:
@@ -212,7 +219,8 @@ class Transient:
         for rejected in range(MOST_REJECTED):
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
-            allowed = self._allowed(length, report.converged and not self._too_large(error))
+            good = report.converged and not self._too_large(error)
+            allowed = self._allowed(length, good)
             if allowed >= length:
                 allowance, self.last_error = self._tolerance(), self._credible(error)
                 self._count += 1
@@ -222,11 +230,13 @@ class Transient:
             self._restore()
             if not report.converged:
                 self.next_length = allowed
+            if not good and allowed < self._shortest:
+                break
             length = allowed
         why = "" if self.interface is None else self.interface.complaint()
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or self._remedy())
+            + (why or report.failure or self._remedy())
         )
 
     def _remedy(self) -> str:

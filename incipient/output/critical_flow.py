@@ -7,13 +7,16 @@ from pathlib import Path
 from ..critical.outcome import Threshold
 from ..critical.threshold import find_threshold
 from ..files import make_directory, write_json
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from .lock import locked
-from .ownership import CHECKPOINT, SCENE, make_room
+from .ownership import OTHERS, place_scene
 
 
+@one_at_a_time
 def threshold(
     scene: Scene,
     directory: Path | str | None = None,
@@ -49,12 +52,10 @@ def threshold(
 def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) -> None:
     """Write threshold.json and the resolved scene into a directory, made if need be. Collective; raises OutputError.
 
-    A run there that can be resumed makes room: it could not with another scene.
+    Results of another scene there move to a numbered neighbour.
     """
     with collectively(comm):
         if comm.rank == 0:
             make_directory(path)
-            if (path / CHECKPOINT).exists():
-                make_room(path, overwrite=False)
-            save(scene, path / SCENE)
+            place_scene(path, dumps(scene), OTHERS["threshold"])
             write_json(path / "threshold.json", threshold.to_dict())

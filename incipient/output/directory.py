@@ -11,15 +11,17 @@ from ..files import append_row, cut, cut_after, make_directory, part_of, reporte
 from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from ..simulation.recorder import Recorder
 from .ownership import (
     CHECKPOINT,
     CONTACTS,
+    FILES,
     RESULT,
-    SCENE,
     keep_complete_result,
     make_room,
+    place_scene,
     remove_pictures,
 )
 
@@ -56,7 +58,7 @@ class ResultDirectory(Recorder):
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._make_ready()
-                save(scene, self.path / SCENE)
+                place_scene(self.path, dumps(scene), FILES)
         self._overwrite = True  # what is there from now on is this run's own
         if not scene.output.fields:
             return

@@ -16,15 +16,18 @@ from ..entrainment.lasting import WeakestGusts
 from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
+from ..input_files import reading
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..planning.flow_setup import Setup
 from ..progress import Silent
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
 from .lock import locked
-from .ownership import SCENE
+from .ownership import OTHERS, place_scene
 
 COLUMNS = (
     "strength",
@@ -39,6 +42,7 @@ COLUMNS = (
 )
 
 
+@one_at_a_time
 def entrainment(
     scene: Scene,
     directory: Path | str | None = None,
@@ -74,7 +78,7 @@ def entrainment(
         found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
         with collectively(comm):
             if comm.rank == 0:
-                save(scene, path / SCENE)
+                place_scene(path, dumps(scene), OTHERS["entrainment"])
                 write_json(path / "entrainment.json", {**found.to_dict(), "data": measured})
                 write_text_atomically(
                     path / "entrainment.csv", csv_text(COLUMNS, map(_row, found.curve))
@@ -92,10 +96,8 @@ def _row(one: OfStrength) -> dict[str, Any]:
 def _stored(path: Path) -> dict[str, Any]:
     """What a gusts.json holds; raises SceneError without one."""
     remedy = "give the directory that incipient gust has written"
-    try:
-        stored = json.loads(path.read_text())
-    except (OSError, ValueError):
-        raise SceneError(f"--gusts: {path} cannot be read; {remedy}") from None
+    with reading(path, remedy, name=f"--gusts: {path}"):
+        stored = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(stored, dict) or not {"points", "static"} <= stored.keys():
         raise SceneError(f"--gusts: {path} holds no gusts; {remedy}")
     return stored

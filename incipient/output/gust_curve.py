@@ -9,11 +9,13 @@ from typing import Any
 
 from ..critical.gusts import CriticalGust, GustSearch, require_durations
 from ..files import csv_text, write_json, write_text_atomically
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
-from ..scene import Scene, save
+from ..scene import Scene
+from ..scene.file import dumps
 from .lock import locked
-from .ownership import SCENE
+from .ownership import OTHERS, place_scene
 
 COLUMNS = ("duration", "strength", "error", "held", "leaves", "impulse", "runs")
 
@@ -40,6 +42,7 @@ class GustCurve:
         return "\n".join([*lines, *(one.line() for one in self.points)])
 
 
+@one_at_a_time
 def gusts(
     scene: Scene,
     durations: Sequence[float],
@@ -85,7 +88,7 @@ def gusts(
 def _write(path: Path, curve: GustCurve, comm: Comm) -> None:
     with collectively(comm):
         if comm.rank == 0:
-            save(curve.scene, path / SCENE)
+            place_scene(path, dumps(curve.scene), OTHERS["gusts"])
             write_json(path / "gusts.json", curve.to_dict())
             text = csv_text(COLUMNS, (one.to_dict() for one in curve.points))
             write_text_atomically(path / "gusts.csv", text)

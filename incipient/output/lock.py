@@ -19,6 +19,7 @@ from ..parallel import Comm, collectively
 from .ownership import refuse_foreign
 
 LOCK = "lock.json"
+MOST = 2**16  # bytes of a lock that are read
 TURNS = 10  # how often a lock that vanishes while it is looked at is tried again
 
 
@@ -47,9 +48,12 @@ class Holder:
     def read(cls, text: bytes) -> Holder | None:
         """The holder that a lock names, None if it names none."""
         try:
-            return cls(**json.loads(text))
-        except (ValueError, TypeError):
+            holder = cls(**json.loads(text))
+        except (ValueError, TypeError, RecursionError):
             return None
+        known = isinstance(holder.host, str) and holder.host.split() and type(holder.process) is int
+        began = holder.began is None or isinstance(holder.began, str)
+        return holder if known and began and isinstance(holder.since, str) else None
 
     def is_gone(self) -> bool:
         """Whether the process has certainly ended; of another machine that is not known here."""
@@ -120,12 +124,14 @@ def _taken_over(path: Path, mine: Holder) -> bool:
 
     Two that find the same old lock are on one machine, where a lock on the file keeps them apart.
     """
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise OutputError(f"{path}: is no lock but a link, pipe or directory; remove it")
     with suppress(FileNotFoundError), reported(path), path.open("r+b", buffering=0) as stream:
         with suppress(OSError):
             fcntl.flock(stream, fcntl.LOCK_EX)
         if not _is_still_there(path, stream):
             return False
-        holder = Holder.read(stream.read())
+        holder = Holder.read(stream.read(MOST))
         if holder is None or not holder.is_gone():
             raise OutputError(_busy(path, holder))
         stream.seek(0)
@@ -156,7 +162,7 @@ def _busy(path: Path, holder: Holder | None) -> str:
 def _give_back(path: Path, mine: Holder) -> None:
     """Remove the lock if it is still this process's."""
     with suppress(OSError):
-        if Holder.read(path.read_bytes()) == mine:
+        if path.is_file() and Holder.read(path.read_bytes()) == mine:
             path.unlink()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, world
 from ..progress import Silent
 from ..results.result import Result
@@ -15,6 +16,7 @@ from .directory import ResultDirectory
 from .lock import locked
 
 
+@one_at_a_time
 def run(
     scene: Scene,
     directory: Path | str | None = None,

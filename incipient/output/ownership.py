@@ -1,4 +1,4 @@
-"""Which files of a directory are those of runs, by their contents, and how they make room for others.
+"""Which files of a directory are results of incipient, and how they make room for others.
 
 No other file is replaced or removed. Nothing here is collective.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 import tomli_w
 
 from ..errors import OutputError
-from ..files import numbered, reported
+from ..files import MARK, numbered, own, owned, reported, require_own, write_text_atomically
 
 log = logging.getLogger("incipient")
 
@@ -26,7 +26,7 @@ SERIES = tuple(
     for name in ("fields", "surface")
     for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
 )
-DATA = (RESULT, "history.csv", CONTACTS, *SERIES, "threshold.json")
+DATA = (RESULT, "history.csv", CONTACTS, *SERIES)
 DRAWN = (
     *("flow", "pressure", "vorticity", "traction", "verdict"),
     *("profiles", "mesh", "trajectory", "walls", "elevation"),
@@ -36,24 +36,15 @@ PICTURES = (
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
     "report.html",
 )
-FILES = {*DATA, *PICTURES, "threshold.png", CHECKPOINT}
-REMEDY = "choose another directory, or move it away"
-# What the first lines, or the first keys, of a file of this name are.
-KEYS: dict[str, Collection[str]] = {
-    "result.json": ("schema_version", "status", "scene", "plan"),
-    "threshold.json": ("schema_version", "trials", "contacts"),
-    "judgement.json": ("verdict", "probabilities"),
-    "series.json": ("samples", "shares", "events"),
-    "batch.json": ("cases", "failed", "modes"),
-    "survey.json": ("request", "exposed", "mobile"),
+FILES = {*DATA, *PICTURES, CHECKPOINT}
+# Results of the other commands that leave their scene beside them.
+OTHERS = {
+    "threshold": {"threshold.json", "threshold.png"},
+    "gusts": {"gusts.json", "gusts.csv", "gusts.png"},
+    "entrainment": {"entrainment.json", "entrainment.csv", "entrainment.png"},
+    "cost": {"cost.json", "cost.csv", "cost.md", "cost.png"},
 }
-HEADS = {
-    "history.csv": "time,step,newton,",
-    "contacts.csv": "time,contact,x,y,",
-    "cost.csv": "order,mesh_size",
-    "series.csv": "time,safety_factor,mode",
-    "verdicts.csv": "row,name,safety_factor",
-}
+RESULTS = FILES.union(*OTHERS.values())
 SECTIONS = (
     "domain",
     "fluid",
@@ -69,15 +60,29 @@ def make_room(directory: Path, overwrite: bool) -> None:
 
     Only files that runs write are touched; the scene stays, and a copy of it goes along. Raises OutputError.
     """
-    # Files that runs write, or have put aside.
-    found = [path for path in directory.iterdir() if re.sub(r"\.\d+$", "", path.name) in FILES]
+    found = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
         _remove(found)
     else:
-        neighbour = _move(found, directory)
-        log.warning(
-            "%s: the earlier run there, which can be resumed, is now in %s", directory, neighbour
-        )
+        _move(found, directory, "the earlier run there, which can be resumed,")
+
+
+def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None:
+    """Write the scene that results belong to; those of another scene move to a numbered neighbour first.
+
+    `names` are of results that stay, since they are about to be replaced. Raises OutputError.
+    """
+    path = directory / SCENE
+    others = _there(directory, RESULTS - {*names})
+    if others and path.exists() and path.read_bytes() != text.encode():
+        _move(others, directory, "what is there of another scene")
+    write_text_atomically(path, text)
+    own(directory, {SCENE: None})  # whoever changes a number in it may resume the run
+
+
+def _there(directory: Path, names: Collection[str]) -> list[Path]:
+    """The files of these names in a directory, also those that were put aside."""
+    return [path for path in directory.iterdir() if re.sub(r"\.\d+$", "", path.name) in names]
 
 
 def remove_pictures(directory: Path) -> None:
@@ -90,7 +95,7 @@ def keep_complete_result(directory: Path) -> None:
     path = directory / RESULT
     try:
         complete = json.loads(path.read_text())["status"] == "complete"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return
     if complete:
         put_aside(path)
@@ -101,6 +106,7 @@ def put_aside(path: Path) -> Path:
     aside = numbered(path)
     with reported(aside):
         path.rename(aside)
+    own(aside.parent, {aside.name: None})
     return aside
 
 
@@ -110,8 +116,8 @@ def _remove(paths: list[Path]) -> None:
             path.unlink(missing_ok=True)
 
 
-def _move(paths: list[Path], directory: Path) -> Path:
-    """Move files, the checkpoint last, and a copy of the scene to a new directory beside theirs."""
+def _move(paths: list[Path], directory: Path, what: str) -> None:
+    """Move files, the checkpoint last, and a copy of the scene to a new directory beside theirs, and say so."""
     neighbour = numbered(directory.resolve())
     with reported(neighbour):
         neighbour.mkdir()
@@ -119,49 +125,51 @@ def _move(paths: list[Path], directory: Path) -> Path:
             shutil.copy2(directory / SCENE, neighbour)
         for path in sorted(paths, key=lambda path: path.name == CHECKPOINT):
             shutil.move(path, neighbour)
-    return neighbour
+    own(neighbour, dict.fromkeys([SCENE, *(path.name for path in paths)]))
+    log.warning("%s: %s is now in %s", directory, what, neighbour)
 
 
-def refuse_foreign(directory: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a directory in which a file has a name that a run writes but was not written by one, or is a link.
+def refuse_foreign(
+    directory: Path, names: Iterable[str] = (), sources: Iterable[Path] = ()
+) -> None:
+    """Refuse a directory in which a file to be written is a link, not incipient's, or one that is read.
 
-    `names` are those of the files to be written; none: those of a run. Raises OutputError, which names the file.
+    Args:
+        names: of the files to be written; none: those of all commands with a scene.
+        sources: files that are read.
+
+    Raises:
+        OutputError: naming the file.
     """
-    wanted = set(names) or {*FILES, SCENE}
-    for path in sorted(directory.iterdir()) if directory.is_dir() else ():
+    if not directory.is_dir():
+        return
+    adopt(directory)
+    wanted, mine = set(names) or {*RESULTS, SCENE}, owned(directory)
+    if not _is_written_scene(directory / SCENE):  # but a copy of the user's, or edited since
+        mine -= {SCENE}
+    for path in sorted(directory.iterdir()):
         name = re.sub(r"(\.\d+|\.part)$", "", path.name)
         if name not in wanted:
             continue
-        if path.is_symlink():
-            raise OutputError(f"{path}: is a link, and nothing is written through links; {REMEDY}")
-        if path.suffix != ".part" and path.exists() and not _is_own(path, name):
-            raise OutputError(
-                f"{path}: is not of an incipient run, which would replace it; {REMEDY}"
-            )
+        require_own(path, {path.name} if name in mine or path.suffix == ".part" else ())
+        if any(source.exists() and path.samefile(source) for source in sources):
+            raise OutputError(f"{path}: is read and would be replaced; choose another directory")
 
 
-def _is_own(path: Path, name: str) -> bool:
-    """Whether a run wrote a file, by what it holds; fields and pictures by the scene beside them."""
-    try:
-        if name in KEYS:
-            held = json.loads(path.read_bytes())
-            return isinstance(held, dict) and set(KEYS[name]) <= held.keys()
-        if name in HEADS:
-            with path.open(encoding="utf-8") as stream:
-                return stream.readline(4096).startswith(HEADS[name])
-        if name == "verdicts.parquet":
-            return _is_own(path.with_name("batch.json"), "batch.json")
-        if name == "report.html":
-            return b"incipient" in path.read_bytes()
-        return path.is_file() and _is_written_scene(path.with_name(SCENE))
-    except (OSError, ValueError):
-        return False
+def adopt(directory: Path) -> None:
+    """Take the files of a run that an earlier version of the program has left without a mark; raises OutputError."""
+    if not (directory / MARK).exists() and _is_written_scene(directory / SCENE):
+        there = {path.name for path in directory.iterdir()}
+        own(directory, dict.fromkeys(there & {*RESULTS, SCENE}))
 
 
 def _is_written_scene(path: Path) -> bool:
     """Whether a file is a scene as runs write it before anything else: complete, and without a word of anybody's."""
-    text = path.read_text(encoding="utf-8")
-    held = tomllib.loads(text)
+    try:
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        held = tomllib.loads(text)
+    except (OSError, ValueError):
+        return False
     return (
         all(isinstance(held.get(name), dict) for name in SECTIONS) and tomli_w.dumps(held) == text
     )

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, world
-from ..planning.order import order_of, with_order
+from ..planning.flow_setup import order_of
+from ..planning.order import with_order
 from ..progress import Silent
 from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint
@@ -41,6 +43,7 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
 MAY_BECOME = {"body.on_contact": "repel"}
 
 
+@one_at_a_time
 def resume(
     directory: Path | str,
     overrides: Sequence[str] = (),

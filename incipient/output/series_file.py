@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OutputError
-from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
+from ..files import cause_of, claim, ends_with, insert_before_end, reported, write_text_atomically
 from ..parallel import Alone, Comm, collectively, from_first
-from ..tables.hdf5 import WriteAhead, complete, journal_of, reserve, write_rows
+from ..tables.hdf5 import WriteAhead, complete, completed, journal_of, reserve, write_rows
 from ..tables.rows import Rows
 from .ownership import put_aside
 from .vtkhdf import write_vtkhdf
@@ -109,6 +109,7 @@ class SeriesFile:
         import h5py
 
         self._forget_vtk()
+        claim(self._hdf5)
         with reported(self._xdmf):
             self._xdmf.unlink(missing_ok=True)
             journal_of(self._hdf5).unlink(missing_ok=True)
@@ -307,9 +308,11 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
     if not path.is_file():
         raise Unreadable(f"{path}: no such file; run the scene with output.fields = true")
     try:
-        with suppress(PermissionError):
+        if mode != "r":  # who only reads leaves the files of others as they are
             complete(path)
-        with h5py.File(path, mode, locking=False) as file:
+        source = completed(path) if mode == "r" else path
+        options = {} if isinstance(source, WriteAhead) else {"locking": False}
+        with h5py.File(source, mode, **options) as file:
             yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:
         raise Unreadable(

@@ -64,7 +64,16 @@ def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") ->
     }
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     command = [sys.executable, "-P", "-m", module, *arguments]
-    child = subprocess.run(command, capture_output=True, text=True, env=surroundings, check=False)
+    # Names of files need not be UTF-8.
+    surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
+    child = subprocess.run(
+        command,
+        capture_output=True,
+        encoding="utf-8",
+        errors="surrogateescape",
+        env=surroundings,
+        check=False,
+    )
     paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
     if child.returncode:
         lines = child.stderr.strip().splitlines() or [

@@ -10,6 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
+from ..output.ownership import adopt
 from . import style
 from .charts import cost, entrainment, gusts, survey
 from .flow import cells, elevation, fields, walls
@@ -46,6 +47,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
             written; all others have been drawn then.
     """
+    adopt(directory)
     drawing = _DrawnPictures(announce)
     others = [source for name in _OTHERS if (source := directory / name).exists()]
     if (directory / "result.json").exists() or not others:

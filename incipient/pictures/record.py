@@ -14,12 +14,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..errors import OutputError
+from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
 from ..scene import Scene
 from . import style
 from .flow.mesh import QuadraticMesh
 from .flow.streamlines import Sampled, sample
 from .verdict.outlines import grain_outline
+
+REMEDY = "give the directory of a finished run, or run the scene again"
 
 
 @dataclass(frozen=True)
@@ -181,11 +184,5 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:
-    try:
+    with reading(path, REMEDY, error=OutputError):
         return parse(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise OutputError(
-            f"{path}: no such file; is this the directory of a finished run?"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error

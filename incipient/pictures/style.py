@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from ..files import reported
+from ..files import part_of, replaced
 
 DOTS_PER_INCH = 180
 INK = "#22252a"
@@ -72,10 +74,21 @@ def applied() -> Iterator[None]:
         yield
 
 
+def show_as_written(figure: Figure) -> None:
+    """Let matplotlib take no text for mathematics but the labels of logarithmic axes: a title may hold a $."""
+    powers: set[Text] = set()
+    for axis in figure.findobj(Axis):
+        labels = axis.get_ticklabels(which="both")  # those of all axes are made here
+        powers.update(labels if axis.get_scale() == "log" else ())
+    for text in figure.findobj(Text):
+        text.set_parse_math(text in powers)
+
+
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture. Raises OutputError: it cannot be written."""
-    with reported(path):
-        figure.savefig(path, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    """Write a picture as PNG. Raises OutputError: it cannot be written, or would replace a file of somebody else."""
+    show_as_written(figure)
+    with replaced(path, part_of(path)) as part:
+        figure.savefig(part, format="png", dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
 
 def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:

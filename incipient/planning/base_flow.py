@@ -87,6 +87,11 @@ class BaseFlow:
         """What multiplies the flow in time; None: nothing does."""
         return getattr(self.flow, "gust", None)
 
+    @property
+    def changes(self) -> bool:
+        """Whether it changes in time."""
+        return self.gust is not None or getattr(self.flow, "unsteady", False)
+
     def factor(self, t: float) -> float:
         """What the flow is multiplied by at a time."""
         return 1.0 if self.gust is None else self.gust.factor(t)
@@ -124,19 +129,19 @@ class BaseFlow:
         return points
 
     def bed_stress(self) -> float:
-        """Shear stress at the datum, with fluid density one.
+        """Shear stress at the datum of the flow `speed` times this one, with fluid density one.
 
         It is that of the profile, the same over the whole bed; between walls, in the middle; of a flow given by
         formulas, at the inflow. In a log-law flow it is u*^2, of which the viscosity is but a part where the bed is
         rough. Not collective.
         """
         if isinstance(self.flow, LogLaw):
-            return float(self.flow.shear_velocity**2)
+            return float((self.speed * self.flow.shear_velocity) ** 2)
         step = 1e-6 * self.domain.height
         heights = self.datum + step * np.array([0.0, 1.0, 2.0])
         u = self.velocity(self.column(self.domain.entrance, heights), 0.0)[0]
         gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
-        return float(self.viscosity * abs(gradient))
+        return float(self.speed * self.viscosity * abs(gradient))
 
     def _from(self, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
         """The flow at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""

@@ -1,12 +1,16 @@
-"""Cells at a grain in space, which follow its boundary layer."""
+"""Cells at a grain and its boundary layer, which those in space follow."""
+
+import math
 
 import numpy as np
 
 from .flow_setup import Setup
-from .numbers import speed_past_grain
+from .numbers import numbers_of, speed_past_grain, time_of_change
 
-# Cells at the grain's surface over its size, for mesh_size = 1 (docs/space.md), by the order of the velocity.
-GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}
+# Cells at the grain's surface over its size, for mesh_size = 1 (docs/numerics.md, docs/space.md), by the order of the
+# velocity.
+GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}
+GRAIN_CELL_IN_SPACE = {2: 0.15, 3: 0.22, 4: 0.3}
 # The boundary layer of a held grain thins as Re^-1/2: from this Reynolds number on cells at the grain do, to this part.
 LAYERED, THINNEST = 50.0, 0.2
 
@@ -28,6 +32,32 @@ def is_convected(setup: Setup, reynolds: float | None) -> bool:
     scene, grain = setup.scene, setup.geometry.grain
     if scene.time is None or grain is None or not reynolds or scene.gdim == 2:
         return False
-    cell = scene.numerics.mesh_size * thinner(setup) * GRAIN_CELL[setup.order.number] * grain.size
-    viscosity = setup.base_flow.viscosity
+    cell, viscosity = _cell(setup) * grain.size, setup.base_flow.viscosity
     return reynolds * viscosity / grain.size / cell > 1.5 / scene.time.step + viscosity / cell**2
+
+
+def is_resolved(setup: Setup) -> bool:
+    """Whether a cell at the grain, of second order, is within the boundary layer of a flow in time. Not collective.
+
+    The layer has the thickness sqrt(nu t): t is the time since the start or, where they are shorter, the times in which
+    the flow changes or passes the grain. Of higher orders as many nodes are within it.
+    """
+    scene, grain, viscosity = setup.scene, setup.geometry.grain, setup.base_flow.viscosity
+    if scene.time is None or grain is None:
+        return True
+    reynolds, change = numbers_of(setup).grain_reynolds, time_of_change(setup.base_flow, scene.time)
+    times = [scene.time.end]
+    if change is not None:
+        times.append(change)
+    if reynolds and not setup.base_flow.creeping:
+        times.append(grain.size**2 / (viscosity * reynolds))
+    between_nodes = _cell(setup) * grain.size / setup.order.number
+    return 2.0 * between_nodes <= math.sqrt(viscosity * min(times))
+
+
+def _cell(setup: Setup) -> float:
+    """Size of the cells at the grain over its own."""
+    scene, order = setup.scene, setup.order.number
+    if scene.gdim == 2:
+        return scene.numerics.mesh_size * GRAIN_CELL[order]
+    return scene.numerics.mesh_size * thinner(setup) * GRAIN_CELL_IN_SPACE[order]

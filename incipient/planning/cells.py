@@ -25,8 +25,6 @@ FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the
 # Behind a corner that sticks out: how far its shear layer reaches, and the cells in it, over the height by which the
 # bed falls; their growth away from it; points along it; sine of the turn from which on a corner is one.
 LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
-# Likewise of the wake of a grain in a uniform stream, over the grain's size, from its centre on.
-WAKE, WAKE_CELL, WAKE_GROWTH, WAKE_POINTS = 5.0, 0.12, 0.12, 41
 
 
 @dataclass(frozen=True)
@@ -126,10 +124,3 @@ def lee(corner: Point, drop: float) -> Near:
     shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
     points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
     return Near(LEE_CELL * drop, LEE_GROWTH, points=points)
-
-
-def wake(size: float, centre: Point) -> Near:
-    """Cells in the wake of a grain of a size in a uniform stream."""
-    shares = np.linspace(0.0, 1.0, WAKE_POINTS).tolist()
-    points = tuple((centre[0] + WAKE * size * s, centre[1]) for s in shares)
-    return Near(WAKE_CELL * size, WAKE_GROWTH, points=points)

@@ -42,7 +42,8 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
     elif setup.scene.domain.kind == "channel":
         enters = setup.resolved_walls.velocity if setup.resolves_walls else base_flow.entering
         yield AROUND, Prescribed(left, enters)
-        yield FREE, Open(right)
+        # A flow that reverses enters through this end, and without its momentum energy comes from nowhere.
+        yield FREE, Open(right, base_flow.velocity if base_flow.changes else None)
     else:
         yield from ((WALL, no_slip(name)) for name in (left, right))
 

@@ -11,7 +11,10 @@ from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
 from .clearance import Surroundings, surroundings_of
-from .order import VelocityOrder, order_of
+from .effects import Decision
+from .inertia import inertia_of
+from .numbers import Numbers, numbers_of
+from .order import VelocityOrder, velocity_order
 from .scene_geometry import Geometry
 from .sides import SideNames, side_names
 from .wall_law import WallLaw
@@ -63,7 +66,17 @@ class Setup:
     @cached_property
     def order(self) -> VelocityOrder:
         """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
-        return order_of(self.scene)
+        return velocity_order(self)
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """The scene's dimensionless numbers."""
+        return numbers_of(self)
+
+    @cached_property
+    def inertia(self) -> Decision:
+        """Whether the flow has inertia, and why."""
+        return inertia_of(self, self.numbers)
 
     @cached_property
     def sides(self) -> SideNames:
@@ -177,20 +190,30 @@ class Setup:
         return self.scene.bed is not None and self.scene.flow.kind in WITH_BED_STRESS
 
     def bed_stress(self, speed: float = 1.0) -> float:
-        """Shear stress of the base flow at its datum, scene units with fluid density one.
+        """Shear stress at the datum of a base flow `speed` times the scene's, in scene units with fluid density one.
 
-        With the k-epsilon model it is as the law of the wall estimates it, with k-omega that of what enters. In a flow
-        faster by `speed` it is that times this, in units of the scene.
+        The k-epsilon model takes it from the law of the wall, k-omega SST from the inflow. Not collective.
         """
+        if not 0.0 < speed < float("inf"):
+            return speed
         if not self.is_averaged:
             return self.base_flow_at(speed).bed_stress()
-        speed = speed if 0.0 < speed < float("inf") else 1.0
         faster = self if speed == 1.0 else self.faster(speed)
         if self.resolves_walls:
-            return speed * faster.resolved_walls.bed_stress
-        return float(speed * faster.walls.bed_shear_velocity**2)
+            return speed**2 * faster.resolved_walls.bed_stress
+        return float(speed**2 * faster.walls.bed_shear_velocity**2)
 
     @property
     def wall_cell(self) -> float:
         """The length that the cells at the walls of a mean flow are made for."""
         return self.resolved_walls.unit if self.resolves_walls else self.walls.distance
+
+
+def order_of(scene: Scene) -> VelocityOrder:
+    """The order of the velocity in a scene. Not collective."""
+    return Setup(scene).order
+
+
+def has_inertia(scene: Scene) -> bool:
+    """Whether the flow of a scene has inertia. Not collective."""
+    return Setup(scene).inertia.present

@@ -1,7 +1,9 @@
 """The region that gmsh meshes, from the geometry of a scene: where everything is, and how finely it is meshed."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,14 +11,14 @@ from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion, graded_ends
 from . import meshing_in_space as in_space
-from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating, wake
+from .boundary_layer import GRAIN_CELL
+from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
 from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
-GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
@@ -26,6 +28,9 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
 # At corners of a bed with layers of thin cells: cells along the walls, over the first layer's thickness.
 BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25
+# At an inflow given by formulas: which part of the discharge a cell's interpolation may miss, of a reattachment length
+# behind a step at Re 800 eight times as much; the least cell over the usual one; parts of a cell; instants.
+MISSED, FINEST, UNEVEN, INFLOW_SAMPLES = 1e-4, 1e-3, 0.382, 9
 # Along the bed below the mean profile of a log-law flow, in thicknesses of its layer next to the bed.
 PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that in the middle
@@ -155,8 +160,8 @@ def _finer(
         )
         near.extend(setup.resolved_walls.cells(*placed))
         near.extend(_at_bed_corners(setup))
-        if setup.resolved_walls.around_grain:
-            near.append(wake(*placed))
+    if setup.base_flow.flow.kind == "expression":
+        near.extend(_at_inflow(setup, order))
     if setup.base_flow.flow.kind == "lid":
         domain = geometry.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
@@ -201,6 +206,34 @@ def _at_bed_corners(setup: Setup) -> Iterator[Near]:
     if sharp := corners(bed[:-1], bed[1:]):
         yield Near(BED_CORNER_CELL * walls.first, BED_CORNER_GROWTH, points=sharp)
     yield from (lee(corner, drop) for corner, drop in separating(bed) if drop > walls.along)
+
+
+def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
+    """Cells at the inflow where a formula for the velocity changes within one of the usual size, as at a kink."""
+    domain, scene = setup.geometry.domain, setup.scene
+    low, high = setup.ceiling - setup.base_flow.depth, setup.ceiling
+    times = np.linspace(0.0, scene.time.end, INFLOW_SAMPLES) if scene.time is not None else [0.0]
+
+    def velocities(heights: np.ndarray) -> np.ndarray:
+        """Velocities (times, 2, n) at heights (n,)."""
+        points = setup.base_flow.column((domain.left, low), heights)
+        return np.array([setup.base_flow.entering(points, float(t)) for t in times])
+
+    size = FAR_CELL[order] * domain.height
+    nodes, places = np.linspace(0.0, 1.0, order + 1), (np.arange(50) + 0.5) / 50
+    shapes = np.linalg.solve(np.vander(nodes).T, np.vander(places, order + 1).T)
+    whole = np.abs(velocities(low + (high - low) * places)).mean(axis=2).max() * (high - low)
+    waiting = list(pairwise(np.linspace(low, high, max(2, math.ceil((high - low) / size)) + 1)))
+    while waiting:
+        start, end = waiting.pop()
+        length = end - start
+        missed = velocities(start + length * places) - velocities(start + length * nodes) @ shapes
+        if length < size:
+            yield Near(length, GROWTH, points=((domain.left, 0.5 * (start + end)),))
+        if np.abs(missed).mean(axis=2).max() * length > MISSED * whole and length > FINEST * size:
+            # Not in halves, at whose ends a kink would hide.
+            middle = start + UNEVEN * length
+            waiting += [(start, middle), (middle, end)]
 
 
 def _box(setup: Setup, cell: float) -> Grid:

@@ -9,7 +9,7 @@ from ..geometry.placement import Placement
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
-from .boundary_layer import GRAIN_CELL, thinner
+from .boundary_layer import GRAIN_CELL_IN_SPACE, thinner
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
 from .meshed_bed import resolved_bed
@@ -151,7 +151,7 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
     grain = geometry.grain
     if grain is None:
         return []
-    size = layer * GRAIN_CELL[order] * grain.size
+    size = layer * GRAIN_CELL_IN_SPACE[order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
     near = [Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body")]
     if stance.gap < 4.0 * size and stance.gap_ends is not None and stance.placement is not None:

@@ -1,7 +1,10 @@
 """The dimensionless numbers of a scene, by which effects are decided."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +13,9 @@ from ..scene.expression import expressions
 from ..scene.model import Time
 from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
-from .flow_setup import Setup
+
+if TYPE_CHECKING:
+    from .flow_setup import Setup
 
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
@@ -191,9 +196,8 @@ def wall_distance(setup: Setup) -> float:
 
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
     """Largest speed of the base flow over its largest rate of change; None where it does not change."""
-    flow, domain = base_flow.flow, base_flow.domain
-    changes = base_flow.gust is not None or (flow.kind == "expression" and flow.unsteady)
-    if time is None or not changes:
+    domain = base_flow.domain
+    if time is None or not base_flow.changes:
         return None
     times = _times(base_flow, time, 4 * SAMPLES)
     points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))

@@ -1,8 +1,14 @@
 """The order of the velocity where the scene leaves it open: what the program's own measurements recommend."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ..scene import Scene
+
+if TYPE_CHECKING:
+    from .flow_setup import Setup
 
 
 @dataclass(frozen=True)
@@ -13,14 +19,15 @@ class VelocityOrder:
     reason: str = ""
 
 
-def order_of(scene: Scene) -> VelocityOrder:
+def velocity_order(setup: Setup) -> VelocityOrder:
     """The scene's own order, or the one to take (docs/numerics.md says by which measurements). Not collective."""
+    scene = setup.scene
     asked, steady = scene.numerics.order, scene.time is None
     if asked != "auto":
         return VelocityOrder(asked)
     if scene.gdim == 3:
-        creeps = steady and (not scene.fluid.inertia or scene.effects.inertia is False)
-        if scene.numerics.accuracy is None and scene.body is not None and creeps:
+        past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
+        if past_grain and not setup.inertia.present:
             why = "in creeping flow in space its error is far below that of order 2, from which it is computed"
             return VelocityOrder(3, why)
         if steady and scene.is_empty_box and scene.flow.kind != "still":

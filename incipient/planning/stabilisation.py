@@ -5,9 +5,7 @@ from everything, k the order of the velocity, nu the viscosity. Below the bound 
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
 Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
 where cells are coarse. Flow in time in space by the k-omega model is upwinded as well: a steady one then stays as it
-is. In time, where a stream meets a grain whose boundary layer is resolved, grad-div would do harm:
-there "on" is upwinding, too, without which the velocity of a fast flow goes up and down from node to node along the
-wall.
+is.
 """
 
 from dataclasses import dataclass
@@ -52,9 +50,6 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
         return Stabilisation(
             True, f"streamline upwinding of {flow} in space; {found}", number, True
         )
-    if asked == "on" and _goes_around_grain(setup):
-        found = f"streamline upwinding in cells stretched along a grain; {found}"
-        return Stabilisation(True, found, number, True)
     if asked == "auto" and _stretches_cells(setup):
         return Stabilisation(False, f"cells are stretched along walls; {found}", number)
     if asked != "auto":
@@ -72,13 +67,6 @@ def _stretches_cells(setup: Setup) -> bool:
         return False
     walls = setup.resolved_walls
     return setup.base_flow.flow.kind == "uniform" or walls.layer_over_forms or walls.plane
-
-
-def _goes_around_grain(setup: Setup) -> bool:
-    """Whether a boundary layer begins where a stream meets a grain, in time."""
-    return (
-        setup.scene.time is not None and setup.resolves_walls and setup.resolved_walls.around_grain
-    )
 
 
 def upwinds(setup: Setup) -> bool:

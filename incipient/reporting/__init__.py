@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import OutputError, SceneError
-from ..files import write_text_atomically
+from ..files import require_ending, require_own, write_text_atomically
 from ..pictures.apart import draw_apart
 from . import entrainment, gusts, judgement, run, study, survey, sweep, threshold
 from .citation import closing
@@ -40,6 +40,9 @@ def write(path: Path, target: Path | None = None) -> Path:
         SceneError: there is no such directory or file, or no result in it.
         OutputError: a result is damaged or incomplete, or the page cannot be written.
     """
+    if target is not None:
+        require_ending(target, ".html")
+        require_own(target)
     if path.is_file():
         page, usual = of_sweep(path), path.with_name(f"{path.stem}_{NAME}")
     else:

@@ -18,6 +18,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from PIL import Image
 
+from ..errors import OutputError
+
 WIDEST, QUALITY = 1400, 88  # of a picture on the page: pixels; of its compression, per cent
 LONG = 30  # letters: a text that needs a wide column
 LOST = 1e-9  # of a vector: a component below it is round-off
@@ -87,14 +89,19 @@ class Picture:
 
     @property
     def uri(self) -> str:
-        """The picture itself, as WebP, made smaller where it is very wide."""
+        """The picture itself, as WebP, made smaller where it is very wide; raises OutputError for what is none."""
         stream = io.BytesIO()
-        with Image.open(self.path) as image:
-            shown = image.convert("RGB")
-            if shown.width > WIDEST:
-                size = WIDEST, round(shown.height * WIDEST / shown.width)
-                shown = shown.resize(size, Image.Resampling.LANCZOS)
-            shown.save(stream, "WEBP", quality=QUALITY)
+        try:
+            with Image.open(self.path) as image:
+                shown = image.convert("RGB")
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            raise OutputError(
+                f"{self.path}: cannot be read as a picture; remove it, and it is drawn again"
+            ) from error
+        if shown.width > WIDEST:
+            size = WIDEST, round(shown.height * WIDEST / shown.width)
+            shown = shown.resize(size, Image.Resampling.LANCZOS)
+        shown.save(stream, "WEBP", quality=QUALITY)
         return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 

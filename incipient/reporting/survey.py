@@ -19,7 +19,7 @@ def part(record: Path) -> PagePart:
         statements.append(
             f"{emulator['runs']} full runs. The drag of a run is foretold by four fifths of them with an error of "
             f"{emulator['error']:.1%}, by a bar of {emulator['bar']:.1%}; {emulator['to_halve']} more runs would halve "
-            "the mean bar."
+            f"the mean bar. Bars hold with a probability of {emulator.get('level', 0.95):.0%}."
         )
     pivots = [(one["percentile"], one["pivot"], one["kirchner"]) for one in stored["pivots"]]
     others = {one["percentile"]: one["shields"] for one in stored["constant_drag"]}

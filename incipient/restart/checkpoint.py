@@ -21,7 +21,7 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, part_of, reported, sync
+from ..files import cause_of, claim, part_of, reported, sync
 from ..parallel import Comm, collectively, from_first
 from ..tables.hdf5 import reserve, write_rows
 from ..tables.rows import Rows, block
@@ -91,7 +91,7 @@ class StoredFlow:
 
 @dataclass(frozen=True, eq=False)
 class StoredValues:
-    """States of ln k and ln epsilon (n, states, 2) at their nodes (n, 3), the present one first."""
+    """States (n, states, 2) of the logarithms of k and epsilon or omega at nodes (n, 3), the present one first."""
 
     points: Rows
     logarithms: Rows
@@ -175,7 +175,9 @@ def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
     checksums = _checksums(comm, tables)
 
     def made() -> dict[str, int]:
+        claim(path)
         with reported(path, (RuntimeError,)):
+            part.unlink(missing_ok=True)
             return _made(part, checkpoint, checksums)
 
     try:

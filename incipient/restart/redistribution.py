@@ -67,7 +67,7 @@ def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
 
 
 def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
-    """States (local unknowns,) of ln k and ln epsilon on their space, this rank's blocks of them. Collective."""
+    """States (local unknowns,) of both logarithms of turbulence on their space, this rank's blocks. Collective."""
     values = np.stack([state.reshape(-1, 2) for state in states], axis=1)
     return StoredValues(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
 
@@ -138,7 +138,7 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
 
 
 def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
-    """The states (local unknowns,) of ln k and ln epsilon on a space of theirs. Collective.
+    """The states (local unknowns,) of both logarithms on a space of theirs. Collective.
 
     Raises:
         OutputError: on all ranks, when a node of the space is not where a stored one is.

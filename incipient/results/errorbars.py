@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # Force and couple where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
+MOST_SPANS = 4  # along which the flow runs upstream, listed in words
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Loads:
     elevations: Elevations | None = None  # of a free surface
     # (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     shear: Floats | None = None
-    # (n, 2) x at which a mean flow along the bed separates and reattaches, of each place, the longest first
+    # (n, 2) x at which the flow along the bed separates and reattaches, of each place, the longest first
     separated: Floats | None = None
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
@@ -50,11 +51,16 @@ class Loads:
         elevations: Elevations | None,
         walls: WallReport | None = None,
         size: float = 1.0,
+        upstream: Sequence[Sequence[float]] | None = None,
     ) -> Loads:
-        """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls."""
+        """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls.
+
+        upstream: intervals of x in which laminar flow along the bed runs upstream
+        """
         of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
-        separated = None if walls is None else _longest_first(walls.backward)
+        upstream = upstream if walls is None else walls.backward
+        separated = None if upstream is None else longest_first(upstream)
         found = cls(of_force, of_couple, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
         return replace(found, unsteady=found.part(spread, size)) if spread else found
@@ -340,7 +346,7 @@ def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
     return np.sum(found, axis=0) if found else None
 
 
-def _longest_first(spans: Sequence[Sequence[float]]) -> Floats:
+def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
     """Intervals (n, 2), the longest first."""
     return np.array(sorted(spans, key=lambda span: span[0] - span[1]), dtype=float).reshape(-1, 2)
 

@@ -7,7 +7,11 @@ from dataclasses import dataclass, field
 from ..arrays import Floats
 from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
-SEPARATIONS = "separation_above", "separation_below"  # columns of the history
+# Change of the shear stress from cell to cell along a smooth bed, over the stress, beyond which the cell is too long;
+# and the share of the stress's whole change that may lie in such cells. Behind the crest of a bump the stress was 40%
+# off with a share of 0.36 and 12% with 0.16, compared with cells of a quarter the length
+# (tests/end_to_end/test_resolved_along_walls.py).
+LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
 BOUNDED = (
     0.5  # thickness of the thickest cell over that asked for, below which others have decided it
 )
@@ -24,8 +28,7 @@ class ResolvedWallReport(WallReport):
     first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
     each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
     stress in the mean along all walls
-    separates: angles from the front of a grain in a uniform stream, in degrees, at which the flow leaves it above and
-    below; u* and friction then are those in the mean along the grain
+    coarse_along: share of the stress's change along a smooth bed that lies in cells too long for it
     """
 
     mesh_size: float = 1.0
@@ -33,8 +36,8 @@ class ResolvedWallReport(WallReport):
     on_sand: float = 0.0
     excess: float = 1.0
     first_cell: float | None = None
-    separates: tuple[float, ...] = ()
     each: dict[str, float] = field(default_factory=dict)
+    coarse_along: float = 0.0
 
     @property
     def model(self) -> str:
@@ -43,8 +46,8 @@ class ResolvedWallReport(WallReport):
 
     @property
     def applicable(self) -> bool:
-        """Whether the cells at nearly all walls are thin enough."""
-        return self.outside <= MOST_OUTSIDE
+        """Whether the cells at nearly all walls are thin enough, and those along a smooth bed short enough."""
+        return self.outside <= MOST_OUTSIDE and self.coarse_along <= MOST_COARSE
 
     @property
     def by_cells(self) -> bool:
@@ -68,20 +71,14 @@ class ResolvedWallReport(WallReport):
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
+        if self.coarse_along > MOST_COARSE and self.outside <= MOST_OUTSIDE:
+            return f"set numerics.mesh_size = {0.5 * self.mesh_size:.2g}"
         if self.first_cell is not None:
             made, found = self.first_cell, self.largest / self.mesh_size
             if found < BOUNDED * made:
                 made = found  # which other cells have bounded
             return f"set {FIRST_CELL} = {0.9 / self.excess * made:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
-
-    def _separation(self) -> dict[str, float]:
-        """Columns of where the flow separates: around a grain in a stream angles in place of x."""
-        return (
-            dict(zip(SEPARATIONS, self.separates, strict=True))
-            if self.separates
-            else super()._separation()
-        )
 
     def _of_model(self) -> str:
         return ""
@@ -90,13 +87,7 @@ class ResolvedWallReport(WallReport):
         if self.each:
             told = ", ".join(f"{name} {found:.5g}" for name, found in self.each.items())
             return f"{super()._friction(errors)}, in the mean along all walls ({told})"
-        if not self.separates:
-            return super()._friction(errors)
-        above, below = self.separates
-        return (
-            f"u* {self.shear_velocity:.5g} in the mean along the grain, which the flow leaves {above:.3g} degrees from "
-            f"its front above and {below:.3g} below"
-        )
+        return super()._friction(errors)
 
     def _judged(self) -> list[str]:
         told = ""
@@ -110,4 +101,9 @@ class ResolvedWallReport(WallReport):
         if self.applicable:
             return [f"{told}: walls are resolved; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
+        if self.coarse_along > MOST_COARSE:
+            bounds = (
+                f"{100 * self.coarse_along:.2g}% of the change of the shear stress along the bed lie in cells in which "
+                f"it changes by more than {100 * LARGEST_CHANGE:g}%, at most {100 * MOST_COARSE:g}% may"
+            )
         return [f"NOT RESOLVED: {told}, {bounds}; {self.remedy}", ""]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +18,20 @@ from ..scene import Scene
 from .adaptation import Adaptation
 from .cost_of_effects import cost_lines
 from .elevations import Elevations
-from .errorbars import ErrorBars, Loads, centreline_velocities
+from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .quantity import OutputQuantity
 from .si import si_lines
 from .steady import Steadied
-from .trajectory import number_words, trajectory_lines
+from .trajectory import number_words, place_words, trajectory_lines
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
 SCHEMA_VERSION = 1
+ROUNDING = 1e-12  # of the length of an interval, below which its start is zero in words
 # What result.json has under the name and in the form that the result has it.
 AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
@@ -63,6 +65,8 @@ class Result:
     without_error_bars:     why error bars that are wanted are not there
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
     elevations:             those at the stations in the course of the run, which history.csv has
+    separated:              intervals of x in which laminar flow along the bed runs upstream, between separation and
+                            reattachment; None where that is not looked at
     turbulence:             at the walls of a turbulent flow, None without turbulence
     steady:                 whether a flow became steady that was to, None where that is not asked
     si:                     flow and loads in SI units (`results.si`), None without [units]
@@ -88,6 +92,7 @@ class Result:
     surface: dict[str, Any] | None = None
     si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
+    separated: tuple[tuple[float, float], ...] | None = None
     turbulence: WallReport | None = None
     steady: Steadied | None = None
     omitted: tuple[Omission, ...] = ()
@@ -176,7 +181,7 @@ class Result:
             place = np.array([*path["place"], *turned])
         size = 1.0 if self.grain is None else self.grain["size"]
         found = Loads.at_the_end(
-            self.force, self.couple, place, self.elevations, self.turbulence, size
+            self.force, self.couple, place, self.elevations, self.turbulence, size, self.separated
         )
         return replace(found, centreline=centreline_velocities(self.centrelines))
 
@@ -197,6 +202,7 @@ class Result:
         stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
         stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
         stored["turbulence"] = None if self.turbulence is None else self.turbulence.to_dict()
+        stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
         stored["omitted"] = [omission.to_dict() for omission in self.omitted]
         if self.gap is not None:
             stored["gap"]["resolved"] = self.gap.resolved
@@ -247,6 +253,8 @@ def _lines(result: Result) -> list[str]:
         lines += trajectory_lines(result.trajectory)
     if result.surface is not None:
         lines += _levels(result.surface, result.error_bars)
+    if result.separated is not None:
+        lines.append(_separation(result.separated, result.error_bars))
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f}{_within(result)} at {extreme.position:.4f}")
     lines += [
@@ -286,6 +294,18 @@ def _within(result: Result) -> str:
     """The error bar of a velocity on the centrelines, where it is known."""
     error = None if result.error_bars is None else result.error_bars.centreline
     return "" if error is None else f", within {float(error.max()):.1e},"
+
+
+def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
+    """Where the flow along the bed separates and reattaches, of the longest place with the errors."""
+    errors = None if bars is None else bars.separated
+    found = []
+    for start, end in longest_first(spans)[:MOST_SPANS]:
+        start = start if abs(start) > ROUNDING * (end - start) else 0.0
+        found.append(f"x = {place_words(start)} to {place_words(end)}")
+    if found and errors is not None:
+        found[0] += " (within {:.1e} and {:.1e})".format(*errors)
+    return f"{'separation':<20}{', '.join(found) or 'none along the bed'}"
 
 
 def _without_rest(settled: Any) -> str:

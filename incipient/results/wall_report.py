@@ -9,13 +9,13 @@ import numpy as np
 
 from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
+from .errorbars import MOST_SPANS
 from .trajectory import place_words
 
 REATTACHES = (
     "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 )
 FIRST_CELL = "turbulence.first_cell"
-MOST_SPANS = 4  # along which the flow runs upstream, listed in words
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
 

@@ -12,12 +12,12 @@ import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
-from ..files import write_text_atomically
+from ..files import own, write_text_atomically
+from ..input_files import read_text
 from ..parallel import Comm, from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
-from .points import file_text
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
@@ -57,15 +57,7 @@ def loads(
 def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
     """What a TOML file describes, a scene or another model; as `load`."""
     path, kind = Path(path), model.__name__.lower()
-    try:
-        text = file_text(path)
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the name of a {kind} file"
-        ) from None
-    except UnicodeDecodeError as error:
-        why = f"is not UTF-8 text at byte {error.start}"
-        raise SceneError(f"{path}: {why}; save it as UTF-8") from None
+    text = read_text(path, f"give the name of a {kind} file")
     return parse(model, text, path.parent, overrides, str(path))
 
 
@@ -101,7 +93,9 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    write_text_atomically(Path(path), dumps(scene))
+    path = Path(path)
+    own(path.parent, {path.name: None}, path)  # who calls this has named the file
+    write_text_atomically(path, dumps(scene))
 
 
 def example(in_space: bool = False) -> str:
@@ -145,6 +139,8 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
 
 def _override(data: dict[str, Any], override: str) -> Key:
     """Put the value of one override into the data; the key it went to."""
+    if override != (readable := override.encode(errors="replace").decode()):
+        raise _wrong(readable, "is not UTF-8 text; write it in a terminal that is set to UTF-8")
     path, equals, text = override.partition("=")
     key = tuple(part.strip() for part in path.split("."))
     if not equals or not all(key):

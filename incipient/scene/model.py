@@ -195,10 +195,29 @@ class SceneSections(Section):
         return self.flow.kind == "lid" and self.body is None
 
     @property
+    def has_separation(self) -> bool:
+        """Whether x of laminar separation and reattachment along the bed are of interest: in 2-D, without a grain."""
+        flows = self.flow.kind not in ("still", "lid") and not (
+            self.has_surface or self.is_averaged
+        )
+        return self.gdim == 2 and self.bed is not None and self.body is None and flows
+
+    @property
     def has_error_bars(self) -> bool:
         """Whether the result is to have error bars: where they are wanted and there is something to have them."""
         of = self.body is not None or self.has_surface or self.is_averaged
-        return self.numerics.error_bars and (of or (self.has_centrelines and self.time is None))
+        steady = self.time is None and (self.has_centrelines or self.has_separation)
+        return self.numerics.error_bars and (of or steady)
+
+    @property
+    def no_error_bars(self) -> str:
+        """Why a result is without error bars that are wanted; empty: none are wanted, or it has them."""
+        if not self.numerics.error_bars or self.has_error_bars:
+            return ""
+        return (
+            "not estimated: laminar flow without a grain has them in steady flow only, of separation and reattachment "
+            "along a bed in 2-D and of velocities on the centrelines of a driven box"
+        )
 
     @property
     def top(self) -> Top:

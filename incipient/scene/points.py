@@ -1,7 +1,6 @@
-"""Files that a scene names in place of what stands in them, points x, y above all; their size is limited."""
+"""Files that a scene names in place of what stands in them, points x, y above all."""
 
 import csv
-import errno
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,23 +9,11 @@ from typing import Any
 from pydantic import Field, ValidationError, ValidationInfo
 
 from ..arrays import Point, decimal
-from .messages import Problem, counted, refusal
+from ..errors import SceneError
+from ..input_files import read_text
+from .messages import Problem, counted, refusal, split
 
-LARGEST_FILE = 16  # MiB
 MOST_POINTS = 100_000
-
-
-def file_text(path: Path) -> str:
-    """The text of a file in UTF-8, its line ends made uniform; no more is read than a file may hold.
-
-    A pipe is read to its end. Raises OSError if it cannot be read or is larger than LARGEST_FILE, UnicodeDecodeError if
-    it is no text.
-    """
-    with path.open("rb") as stream:
-        data = stream.read((LARGEST_FILE << 20) + 1)
-    if len(data) > LARGEST_FILE << 20:
-        raise OSError(errno.EFBIG, f"it is larger than {LARGEST_FILE} MiB")
-    return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def read_points(path: Path, fewest: int, section: str) -> list[Point]:
@@ -45,20 +32,12 @@ def read_numbers(
 
     Raises ValidationError about the key `file` of a section where there are not `fewest` to `most` rows.
     """
-    if path.exists() and not (
-        path.is_file() or path.is_dir()
-    ):  # one would wait for a pipe for ever
-        raise about_file(
-            section, f"{path} is a pipe or a device", f"give the name of a CSV file of {names}"
-        )
     try:
-        lines = file_text(path).splitlines()
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        why = (isinstance(error, OSError) and error.strerror) or "not UTF-8 text"
-        remedy = f"give the name of a CSV file of {names}"
-        raise about_file(section, f"{path} cannot be read ({why})", remedy) from None
+        text = read_text(path, f"give the name of a CSV file of {names}", str(path))
+    except SceneError as error:
+        raise about_file(section, *split(str(error))) from None
     try:
-        rows = list(enumerate(csv.reader(lines), 1))
+        rows = list(enumerate(csv.reader(text.splitlines()), 1))
     except csv.Error as error:
         raise about_file(
             section, f"{path} is no table ({error})", f"write the numbers {names} a line"

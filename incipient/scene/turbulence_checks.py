@@ -44,8 +44,12 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             )
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
-            motion = scene.body.motion if scene.moves else ""
-            yield from _of_grain_in_stream(scene.bed is not None, motion, scene.domain)
+            why = "is not simulated with turbulence past a grain: loads were the mesh's more than the model's"
+            yield problem(
+                "flow.kind",
+                f'"uniform" {why}',
+                f"use {either(FLOWS)}, or forces of another program (incipient judge --forces)",
+            )
         else:
             yield from _of_plate(scene.bed, scene.domain)
             if time is not None:
@@ -81,19 +85,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("effects.unsteadiness", why, "leave [time] out")
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
-
-
-def _of_grain_in_stream(on_bed: bool, motion: str, domain: Domain) -> Iterator[Problem]:
-    """What a grain in a uniform stream is not simulated with; an empty `motion`: it is held."""
-    if on_bed:
-        why = f"below a grain in a uniform turbulent stream {_NOT_TO_THE_WALL}"
-        yield problem("bed", why, f"leave it out, or use flow.kind = {either(FLOWS)}")
-    if motion:
-        why = f'"{motion}" in a uniform turbulent stream {_NOT_TO_THE_WALL}'
-        yield problem("body.motion", why, f'use "fixed", or flow.kind = {either(FLOWS)}')
-    if domain.width is not None:
-        why = f"a grain in a uniform turbulent stream in space {_NOT_TO_THE_WALL}"
-        yield problem("domain.width", why, "leave it out")
 
 
 def _of_stream(asked: Turbulence | None) -> Iterator[Problem]:

@@ -63,6 +63,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             cells = cells_between(run.domain.mesh, *layout.gap_ends)
             gap = Gap(layout.gap, cells, layout.closing is not None)
         lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
+        separated = run.separated()
         measured = _measured(run)
     return Result(
         title=scene.title,
@@ -76,12 +77,15 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         contacts=_contacts(contacts),
         verdict=verdict,
         centrelines=lines,
+        separated=separated,
         steady=None if run.steadiness is None else run.steadiness.told(),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
         status=status,
         error=error,
-        without_error_bars=TO_COME if status == "complete" and scene.has_error_bars else "",
+        without_error_bars=TO_COME
+        if status == "complete" and scene.has_error_bars
+        else scene.no_error_bars,
         **reported,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
@@ -133,7 +137,7 @@ def _error_bars(
 ) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not run.scene.has_error_bars:
-        return None, ""
+        return None, run.scene.no_error_bars
     from ..accuracy.errorbars import error_bars
 
     with run.stage("error bars"):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -19,16 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, decimal
+from ..arrays import Floats, decimal, number
 from ..contact.batch import CHUNK, Cases
 from ..errors import SceneError, shortened
-from ..tables.parquet import pyarrow
+from ..input_files import reading
+from ..tables.parquet import file_of_numbers
 from .judge_case import ROUNDING
 
 CONTACT = re.compile(r"(contact|normal)_([1-9][0-9]{0,2})_([xyz])")
 LONGEST_CELL = 10_000  # letters
+KINDS = "give the name of a CSV or Parquet file"
 BOM = b"\xef\xbb\xbf"
-Row = list[Any]  # its cells: text of CSV, values of Parquet
+Row = list[Any] | str  # its cells, text of CSV, values of Parquet; or why it cannot be read
 
 
 @dataclass(frozen=True)
@@ -143,14 +146,27 @@ class Columns:
             mass,
             self._inertia(value),
         )
-        names = [str(row[self.names.index("name")]) for row in rows] if "name" in self.names else []
-        return Cases(*given), names, problems
+        return Cases(*given), self._row_names(rows, problems), problems
+
+    def _row_names(self, rows: Sequence[Row], problems: dict[int, str]) -> list[str]:
+        """The names of rows, empty where there is none; a row whose name is too long fails."""
+        if "name" not in self.names:
+            return []
+        place = self.names.index("name")
+        names = ["" if isinstance(row, str) else str((row[place:] or [""])[0]) for row in rows]
+        for row, name in enumerate(names):
+            if len(name) > LONGEST_CELL:
+                problems.setdefault(row, f"name has {len(name)} letters; shorten it")
+        return [name[:LONGEST_CELL] for name in names]
 
     def _table(self, rows: Sequence[Row]) -> tuple[Floats, dict[int, str]]:
         """The numbers (n, columns), NaN where a cell is empty or none, and what is wrong with some rows."""
         table, problems = np.full((len(rows), len(self.names)), np.nan), dict[int, str]()
         text = self.names.index("name") if "name" in self.names else None
         for place, row in enumerate(rows):
+            if isinstance(row, str):
+                problems[place] = row
+                continue
             if len(row) != len(self.names):
                 problems[place] = (
                     f"has {len(row)} cells for {len(self.names)} columns; give one for each"
@@ -158,20 +174,16 @@ class Columns:
                 continue
             if text is not None:
                 row = [*row[:text], "", *row[text + 1 :]]
+            letters = "".join(cell for cell in row if isinstance(cell, str))
             try:
+                if "_" in letters or not letters.isascii():  # which Python's float may take
+                    raise ValueError
                 table[place] = [np.nan if cell == "" else float(cell) for cell in row]
-            except (TypeError, ValueError):
-                pass
-            else:
-                if "_" not in "".join(
-                    cell for cell in row if isinstance(cell, str)
-                ):  # Python takes 1_2 for 12
-                    continue
-            table[place] = np.nan
-            name, cell = next(
-                one for one in zip(self.names, row, strict=True) if not _is_number(one[1])
-            )
-            problems[place] = f'{name} is "{shortened(cell, 30)}"; give a number'
+            except (TypeError, ValueError, OverflowError):
+                name, cell = next(
+                    cell for cell in zip(self.names, row, strict=True) if not _is_number(cell[1])
+                )
+                problems[place] = f'{name} is "{shortened(cell, 30)}"; give a number'
         return table, problems
 
     def _inertia(self, value: Mapping[str, Floats]) -> Floats:
@@ -193,8 +205,8 @@ class Columns:
 
 def _is_number(cell: Any) -> bool:
     try:
-        decimal(str(cell) or "0")
-    except ValueError:
+        number(cell)
+    except (ValueError, OverflowError):
         return False
     return True
 
@@ -226,10 +238,19 @@ class Table:
     def chunk(self, number: int) -> list[Row]:
         """The rows of a chunk; raises SceneError where the file cannot be read any more."""
         if self.path.suffix == ".parquet":
-            return _parquet_rows(self.path, number * self.size, (number + 1) * self.size)
-        with _reading(self.path), self.path.open("rb") as stream:
-            stream.seek(self.starts[number])
-            return [_cells(line) for line in islice(filter(bytes.strip, stream), self.size)]
+            rows = _parquet_rows(self.path, number * self.size, (number + 1) * self.size)
+        else:
+            with reading(self.path, KINDS), self.path.open("rb") as stream:
+                stream.seek(self.starts[number])
+                rows = [_cells(line) for line in islice(filter(bytes.strip, stream), self.size)]
+        if len(rows) != self.rows_of(number):
+            why = f"has {len(rows)} rows in chunk {number + 1} instead of {self.rows_of(number)}"
+            raise SceneError(f"{self.path}: {why}; it was changed meanwhile, call again")
+        return rows
+
+    def rows_of(self, number: int) -> int:
+        """How many rows a chunk has."""
+        return min(self.size, self.rows - number * self.size)
 
 
 def open_table(path: Path, settings: Sequence[str]) -> Table:
@@ -244,17 +265,20 @@ def open_table(path: Path, settings: Sequence[str]) -> Table:
     """
     constant = dict(_setting(one) for one in settings)
     if path.suffix == ".parquet":
-        file = _parquet(path)
+        file = file_of_numbers(path, ("name",))
         columns = Columns(tuple(file.schema_arrow.names), constant)
         return Table(path, columns, file.metadata.num_rows, CHUNK, ())
     starts, place, rows = list[int](), 0, 0
     names: tuple[str, ...] | None = None
-    with _reading(path), path.open("rb") as stream:
+    with reading(path, KINDS), path.open("rb") as stream:
         for line in stream:
             if not line.strip():
                 pass
             elif names is None:
-                names = tuple(name.strip() for name in _cells(line.removeprefix(BOM)))
+                cells = _cells(line.removeprefix(BOM))
+                if isinstance(cells, str):
+                    raise SceneError(f"{path}: the row of names {cells}")
+                names = tuple(name.strip() for name in cells)
             else:
                 if rows % CHUNK == 0:
                     starts.append(place)
@@ -265,70 +289,55 @@ def open_table(path: Path, settings: Sequence[str]) -> Table:
 
 def _setting(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
-    try:
-        return name.strip(), decimal(value.strip())
-    except ValueError:
-        raise SceneError(
-            f"--set {shortened(text)}: is no number; with --batch give COLUMN=NUMBER"
-        ) from None
+    with suppress(ValueError):
+        if np.isfinite(found := decimal(value.strip())):
+            return name.strip(), found
+    why = "is no finite number"
+    raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
 
 
-class _reading:
-    """Turns what goes wrong while a file is read into one line."""
-
-    def __init__(self, path: Path):
-        self._path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError):
-            why = f"cannot be read ({error.strerror})"
-            raise SceneError(
-                f"{self._path}: {why}; give the name of a CSV or Parquet file"
-            ) from None
-
-
-def _cells(line: bytes) -> list[str]:
-    """The cells of a line; one that is no CSV is one cell of its own."""
+def _cells(line: bytes) -> Row:
+    """The cells of a line, or why it has none."""
     text = line.decode("utf-8", errors="replace")
     try:
         return next(csv.reader([text]), [])
-    except csv.Error:
-        return [text[:LONGEST_CELL]]
-
-
-def _parquet(path: Path) -> Any:
-    arrow = pyarrow()
-    with _reading(path):
-        try:
-            return arrow.parquet.ParquetFile(path)
-        except (arrow.ArrowException, ValueError) as error:
-            raise SceneError(
-                f"{path}: cannot be read ({shortened(error)}); give a Parquet file"
-            ) from None
+    except csv.Error as error:
+        return f"is no line of CSV ({error}); shorten or correct it"
 
 
 def _parquet_rows(path: Path, start: int, end: int) -> list[Row]:
-    """Rows from `start` up to `end`, with "" where nothing is."""
+    """Rows from `start` up to `end`, with "" where nothing is; those of a damaged group are its reason."""
+    file, first = file_of_numbers(path, ("name",)), 0
     found: list[Row] = []
-    first = 0
-    for group in range(_parquet(path).num_row_groups):
-        table = _row_group(path, group)
-        part = table.slice(
-            max(start - first, 0), max(min(end, first + len(table)) - max(start, first), 0)
-        )
-        first += len(table)
-        columns = [
-            ["" if value is None else value for value in column.to_pylist()]
-            for column in part.columns
-        ]
-        found += map(list, zip(*columns, strict=True))
+    for group in range(file.num_row_groups):
+        count = file.metadata.row_group(group).num_rows
+        low, high = max(start - first, 0), min(end - first, count)
+        first += count
+        if low < high:
+            try:
+                found += _group_rows(path, group)[low:high]
+            except SceneError as error:
+                found += [str(error)] * (high - low)
     return found
 
 
 @lru_cache(maxsize=1)
-def _row_group(path: Path, group: int) -> Any:
-    """A group of rows, which is kept for the next chunk."""
-    return _parquet(path).read_row_group(group)
+def _group_rows(path: Path, group: int) -> list[Row]:
+    """The rows of a group, which are kept for the next chunk."""
+    with reading(path, "write it anew", name=f"group {group + 1} of rows"):
+        table = file_of_numbers(path, ("name",)).read_row_group(group)
+        columns = [
+            map(_text, column)
+            if name == "name"
+            else ["" if value is None else value for value in column.to_pylist()]
+            for name, column in zip(table.column_names, table.columns, strict=True)
+        ]
+        return list(map(list, zip(*columns, strict=True)))
+
+
+def _text(scalar: Any) -> str:
+    """A name, with a mark for each byte that is no UTF-8."""
+    try:
+        return str(scalar.as_py() or "")
+    except UnicodeDecodeError:
+        return bytes(scalar.as_buffer()).decode("utf-8", errors="replace")

@@ -82,7 +82,8 @@ class InTurn:
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        self._open.close()
+        # The fluid has to see the exception: to free it is collective, and after a defect of one rank hangs the others.
+        self._open.__exit__(*exception)
 
     def __call__(self, scene: Scene) -> Loads:
         """Force and couple in a scene. Collective."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..arrays import Booleans, Floats
 from ..errors import SceneError
+from ..input_files import LARGEST_TABLE, reading
 from .motion_in_time import BATCHES, FEWEST, samples_from, steps_of
 
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -185,11 +186,8 @@ def _require_sum(table: Floats, path: Path) -> None:
 
 def _table(path: Path) -> tuple[Floats, str]:
     """The numbers of a file (n, columns), and its heading in small letters."""
-    try:
+    with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "not text"
-        raise SceneError(f"--forces: {path} cannot be read ({why}); give {FORMATS}") from None
     header = "\n".join(line for line in lines if line.lstrip().startswith("#"))
     rows = [
         [float(one) for one in NUMBER.findall(line)] for line in lines if line[:1] not in ("#", "")

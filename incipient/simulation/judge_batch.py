@@ -11,17 +11,27 @@ from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ..contact.batch import judge_many
 from ..errors import ConvergenceError, OutputError, SceneError
-from ..files import make_directory, part_of, replaced, reported, write_json, write_text_atomically
+from ..files import (
+    MARK,
+    make_directory,
+    part_of,
+    replaced,
+    reported,
+    write_json,
+    write_text_atomically,
+)
+from ..input_files import reading
 from ..parallel import end_with_parent
 from ..progress import Silent
 from ..tables.parquet import pyarrow
-from .batch_table import Columns, Row, Table
+from .batch_table import KINDS, Columns, Row, Table
 
 VERDICTS, SUMMARY, CHUNKS, REQUEST = "verdicts.csv", "batch.json", "verdicts.chunks", "request.json"
 HEAD = "row,name,safety_factor,held,mode,reason\n"
@@ -66,16 +76,22 @@ def judge_table(table: Table, directory: Path, jobs: int, voice: Silent) -> Verd
         raise SceneError(f"{table.path}: has no row of a case; give one a line below the names")
     chunks = directory / CHUNKS
     _begin(table, chunks)
-    missing = [number for number in range(len(table)) if not _chunk(chunks, number).exists()]
+    missing = [number for number in range(len(table)) if not _is_whole(table, chunks, number)]
+    for number in missing:
+        _chunk(chunks, number).unlink(missing_ok=True)
     kept = len(table) - len(missing)
     voice.begin("verdicts")
     for count, _ in enumerate(_judged(table, chunks, missing, jobs), kept + 1):
         voice.count("verdicts", min(count * table.size, table.rows), table.rows)
     found = _gathered([_chunk(chunks, number) for number in range(len(table))], kept)
+    if found.cases != table.rows:
+        why = f"hold {found.cases} verdicts for {table.rows} rows"
+        raise OutputError(f"{chunks}: the chunks {why}; another program changes them, call again")
     _write(table, directory, chunks)
     write_json(directory / SUMMARY, asdict(found))
     with reported(chunks):
-        for path in (*(_chunk(chunks, number) for number in range(len(table))), chunks / REQUEST):
+        mine = (_chunk(chunks, number) for number in range(len(table)))
+        for path in (*mine, chunks / REQUEST, chunks / MARK):
             path.unlink(missing_ok=True)
         chunks.rmdir()
     return found
@@ -85,9 +101,25 @@ def _chunk(chunks: Path, number: int) -> Path:
     return chunks / f"{number:06d}.csv"
 
 
+def _is_whole(table: Table, chunks: Path, number: int) -> bool:
+    """Whether the chunk of an earlier call has the verdict of each of its rows; one that was cut is judged again."""
+    path, first = _chunk(chunks, number), number * table.size + 1
+    if not path.exists():
+        return False
+    try:
+        numbers = [
+            int(row)
+            for row, _, factor, _, _, reason in _rows(path)
+            if reason or float(factor) >= 0.0
+        ]
+    except (ValueError, OutputError):
+        return False
+    return numbers == list(range(first, first + table.rows_of(number)))
+
+
 def _begin(table: Table, chunks: Path) -> None:
     """Make the directory of chunks, or refuse that of another table."""
-    with table.path.open("rb") as stream:
+    with reading(table.path, KINDS), table.path.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
     request = {
         "sha256": digest,
@@ -100,10 +132,9 @@ def _begin(table: Table, chunks: Path) -> None:
     if not path.exists():
         write_json(path, request)
         return
-    try:
+    before = None
+    with suppress(SceneError), reading(path, ""):
         before = json.loads(path.read_text())
-    except (OSError, ValueError):
-        before = None
     if before != request:
         raise OutputError(
             f"{chunks}: holds chunks of another table or --set; remove it, or give another --out"
@@ -159,7 +190,11 @@ def verdicts(columns: Columns, start: int, rows: list[Row]) -> str:
 
 
 def _rows(path: Path) -> Iterator[list[str]]:
-    with reported(path), path.open(encoding="utf-8", newline="") as stream:
+    remedy = "remove it and call again"
+    with (
+        reading(path, remedy, error=OutputError),
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
         yield from csv.reader(stream)
 
 

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, unwarned
+from ..arrays import Floats
 from ..contact.batch import Batch, Loads, judge_batch
 from ..errors import SceneError, shortened
-from ..files import reported, write_json
-from ..tables.parquet import pyarrow
+from ..files import make_directory, write_json, write_text_atomically
+from ..input_files import LARGEST_TABLE, reading
+from ..tables.parquet import file_of_numbers
 from .judge_case import Case
 from .motion_in_time import MotionInTime, samples_from, steps_of
 
@@ -185,20 +186,13 @@ def read_columns(path: Path) -> dict[str, Floats]:
     """
     if path.suffix == ".parquet":
         return _parquet(path)
-    try:
-        with unwarned(), path.open(encoding="utf-8-sig") as stream:
-            head = stream.readline()
-            if len(head) > LONGEST_HEAD:
-                raise ValueError(f"its first row has {len(head)} letters")
-            names = [name.strip() for name in next(csv.reader([head]), [])]
-            table = np.loadtxt(stream, delimiter=",", ndmin=2)
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the name of a CSV file"
-        ) from None
-    except (ValueError, csv.Error) as error:  # of undecodable text, too
-        why = f"is not a table of numbers ({shortened(error)})"
-        raise SceneError(f"{path}: {why}; give CSV with a row of names") from None
+    remedy = "give the name of a CSV file of numbers with a row of names"
+    with reading(path, remedy, LARGEST_TABLE), path.open(encoding="utf-8-sig") as stream:
+        head = stream.readline(LONGEST_HEAD + 1)
+        if len(head) > LONGEST_HEAD:
+            raise ValueError(f"its first row has more than {LONGEST_HEAD} letters")
+        names = [name.strip() for name in next(csv.reader([head]), [])]
+        table = np.loadtxt(stream, delimiter=",", ndmin=2)
     if table.size == 0 or table.shape[1] != len(names):
         why = f"has {len(names)} names and {table.shape[1]} columns"
         raise SceneError(f"{path}: {why}; give a name to each column")
@@ -209,28 +203,19 @@ def read_columns(path: Path) -> dict[str, Floats]:
 
 
 def _parquet(path: Path) -> dict[str, Floats]:
-    arrow = pyarrow()
-    try:
-        table = arrow.parquet.read_table(path)
+    file = file_of_numbers(path)
+    with reading(path, "give a Parquet file of numbers"):
+        table = file.read()
         return {
             name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names
         }
-    except (OSError, arrow.ArrowException, ValueError) as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error}); give a Parquet file of numbers"
-        ) from None
 
 
 def save_series(found: Series, directory: Path) -> None:
     """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
-    path, labels = directory / SAMPLES, found.batch.labels
-    with reported(path):
-        directory.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as stream:
-            stream.write("time,safety_factor,mode\n")
-            columns = found.times, found.batch.factors, found.batch.modes
-            rows = zip(*(column.tolist() for column in columns), strict=True)
-            stream.writelines(
-                f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows
-            )
+    labels, columns = found.batch.labels, (found.times, found.batch.factors, found.batch.modes)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    lines = (f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows)
+    make_directory(directory)
+    write_text_atomically(directory / SAMPLES, "".join(["time,safety_factor,mode\n", *lines]))
     write_json(directory / SUMMARY, found.to_dict())

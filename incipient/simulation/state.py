@@ -146,6 +146,14 @@ class Run:
             (found for part in self.parts if (found := part.wall_report()) is not None), None
         )
 
+    def separated(self) -> tuple[tuple[float, float], ...] | None:
+        """Intervals of x in which laminar flow along the bed runs upstream; None: not of interest. Collective."""
+        if not self.scene.has_separation:
+            return None
+        from ..fluid.along_walls import along_resolved_wall
+
+        return along_resolved_wall(self.fluid, self.setup.sides.bottom).backward()
+
     @property
     def steadiness(self) -> Steadiness | None:
         """How fast a flow changes that is to become steady; None where that is not asked."""

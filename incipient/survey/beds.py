@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import csv
 from functools import singledispatch
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from pydantic import ValidationError
 
-from ..arrays import Floats
+from ..arrays import Floats, decimal
 from ..errors import SceneError
-from ..geometry.space.heightmap import HeightMap
+from ..geometry.space.heightmap import LARGEST_FILE, HeightMap, array_in, require_few
+from ..input_files import read_table, reading
 from ..scene.messages import one_line, problems_of
-from ..scene.points import file_text, read_numbers
+from ..scene.points import read_numbers
 from .deposition import Spheres, deposited
 from .request import MOST_GRAINS, Deposited, LabelledHeights, MeasuredEllipsoids, MeasuredSpheres
 
@@ -60,24 +60,20 @@ def _(bed: MeasuredSpheres, base: Path) -> Spheres:
 @spheres_of.register
 def _(bed: MeasuredEllipsoids, base: Path) -> Spheres:
     path = base / bed.file
-    try:
-        rows = list(csv.DictReader(file_text(path).splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or "not a table in UTF-8"
-        raise SceneError(
-            f"bed.file: {path} cannot be read ({why}); give the name of a CSV file"
-        ) from None
-    lacking = next((name for name in _G3POINT if not rows or name not in rows[0]), None)
+    names, rows = read_table(path, "give the name of a CSV file")
+    lacking = next((name for name in _G3POINT if name not in names), None)
     if lacking is not None:
         raise SceneError(
             f"bed.file: {path} has no column {lacking}; write {', '.join(_G3POINT)} in the first row"
         )
     try:
-        table = np.array([[float(row[name]) for name in _G3POINT] for row in rows])
-    except (TypeError, ValueError):
+        places = [names.index(name) for name in _G3POINT]
+        table = np.array([[decimal(row[place]) for place in places] for row in rows])
+    except ValueError:
         raise SceneError(
             f"bed.file: {path} has a cell that is no number; correct or remove that row"
         ) from None
+    table = table.reshape(-1, len(_G3POINT))
     return _measured(table[:, :3], 0.5 * np.cbrt(table[:, 3:].prod(axis=1)), bed.file)
 
 
@@ -102,17 +98,14 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
 
 def _labels(path: Path) -> np.ndarray:
     """Whole numbers (rows, columns) of ascending y, as heights are read. Raises SceneError."""
-    try:
+    remedy = "give a PNG, TIFF or .npy file"
+    with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":
-            found = np.load(path, allow_pickle=False)
+            found = array_in(path)
         else:
             with Image.open(path) as image:
+                require_few(path, *image.size)
                 found = np.asarray(image)[::-1]  # the first row of an image is at the far side
-    except (OSError, ValueError, UnidentifiedImageError) as error:
-        why = getattr(error, "strerror", None) or "not an image or array"
-        raise SceneError(
-            f"bed.labels: {path} cannot be read ({why}); give a PNG, TIFF or .npy file"
-        ) from None
     if found.ndim != 2 or not np.issubdtype(found.dtype, np.integer):
         raise SceneError(
             f"bed.labels: {path} is no table of whole numbers; give one number a height, 0 for no grain"

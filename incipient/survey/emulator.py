@@ -2,7 +2,8 @@
 
 Its bars come from the runs themselves: they are cut into five parts, each is foretold by processes that were fitted to
 the other four, and all bars are widened until 95% of these errors are within 1.96 of them, by the order statistic that
-holds for runs to come as well (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*).
+holds for runs to come as well (Vovk, Gammerman & Shafer 2005, *Algorithmic Learning in a Random World*). The largest of
+n errors holds with a probability of n/(n + 1): 95% needs 19 runs.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from ..errors import MissingError
 
 FEWEST, FOLDS = 8, 5  # runs from which on there is an emulator; parts that they are cut into
 NINETY_FIVE = 1.96
+LEVEL, FOR_LEVEL = 0.95, 19  # probability with which bars hold; n with n/(n + 1) = LEVEL
 FEATURES = (
     "protrusion",
     "exposure",
@@ -110,11 +112,16 @@ class Emulator:
                     scaled[kept], column[kept], processes[place].kernel
                 ).predicted(scaled[left])
                 errors[left, place], bars[left, place] = mean - column[left], deviation
-        # The order statistic below which a run to come is with a probability of 95%.
-        rank = min(int(np.ceil(0.95 * (len(scaled) + 1))), len(scaled)) - 1
+        # The order statistic below which a run to come is with a probability of 95%, or as much as so few tell.
+        rank = min(int(np.ceil(LEVEL * (len(scaled) + 1))), len(scaled)) - 1
         worst = np.sort(np.abs(errors) / bars, axis=0)[rank]
         widened = np.maximum(1.0, worst / NINETY_FIVE)
         return cls(processes, widened, middle, spread, used, errors, bars * widened)
+
+    @property
+    def level(self) -> float:
+        """The probability with which bars of a grain without a run hold."""
+        return min(LEVEL, len(self.errors) / (len(self.errors) + 1))
 
     @staticmethod
     def require() -> None:

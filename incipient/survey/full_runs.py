@@ -17,6 +17,7 @@ from scipy.spatial import Delaunay
 from ..arrays import Floats
 from ..geometry.space.heap import SphereHeap
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
+from ..sweep.cases import identity_of
 from .pockets import TOUCHING, Pocket
 from .request import SurveyRequest
 
@@ -39,6 +40,15 @@ class LoadCoefficients:
     errors: Floats | None
 
 
+@dataclass(frozen=True, eq=False)
+class FullRun:
+    """The scene of a grain's full run, and that with a wider gap where its error is estimated."""
+
+    number: int
+    scene: Scene
+    wide: Scene | None = None
+
+
 def scene_of(
     pocket: Pocket,
     level: float,
@@ -46,14 +56,13 @@ def scene_of(
     reynolds: float,
     error_bars: bool = False,
     wide: bool = False,
-    bed: str = "",
 ) -> Scene:
     """The scene of a full run: the grain where it is, among the neighbours near it, which are posts on a base plane.
 
     Neighbours nearer than the gap that stands for contact are smaller by what is missing; `wide`: twice that gap.
 
     level: mean height of the bed's surface above the grain's centre, in its diameters: there the shear begins, and
-    there the ground is that takes the place of the bed farther away; bed: its mark, by which runs are found again.
+    there the ground is that takes the place of the bed farther away.
     """
     radius, gap = 0.5, asked.runs.gap * (2.0 if wide else 1.0)
     near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
@@ -78,7 +87,7 @@ def scene_of(
     posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
     with_inertia = asked.flow.galileo is not None
     return Scene(
-        title=f"grain {pocket.number} {bed}{WIDE if wide else ''}",
+        title=f"grain {pocket.number}{WIDE if wide else ''}",
         domain=Domain(length=length, width=length, height=0.5 * length),
         fluid=Fluid(reynolds=reynolds, scale="grain", inertia=with_inertia),
         flow=Shear(rate=1.0, datum=level - base),
@@ -131,29 +140,27 @@ def reynolds_of(run: int, galileo: float | None) -> float:
     return float(f"{math.exp(low + place * (high - low)):.6g}")
 
 
-def grain_of(source: str) -> int:
-    """The number of the grain of a run, by the title of its scene."""
-    return int(source.split()[1])
-
-
-def coefficients_of(rows: Sequence[Mapping[str, Any]]) -> list[LoadCoefficients]:
-    """Load coefficients by rows of a sweep's table, of those that are done.
+def coefficients_of(
+    runs: Sequence[FullRun], rows: Mapping[str, Mapping[str, Any]]
+) -> list[LoadCoefficients]:
+    """Load coefficients of the runs that are done, by rows of a sweep's table under their identities.
 
     Errors are those of the run and by how much twice the gap changes it, where both are known.
     """
-    done = {str(row["source"]): row for row in rows if row["status"] == "done"}
+    done = {identity: row for identity, row in rows.items() if row["status"] == "done"}
     found = []
-    for source, row in done.items():
-        if source.endswith(WIDE):
+    for run in runs:
+        row = done.get(identity_of(run.scene, "run"))
+        if row is None:
             continue
-        reynolds, values, errors = float(row["fluid.reynolds"]), _values(row), None
-        wide = done.get(source + WIDE)
+        reynolds, values, errors = run.scene.fluid.reynolds, _values(row), None
+        wide = None if run.wide is None else done.get(identity_of(run.wide, "run"))
         if wide is not None and any(f"{name}_high" in row for name in COMPONENTS):
             high = np.array(
                 [float(row.get(f"{name}_high", row.get(name, 0.0))) for name in COMPONENTS]
             )
             errors = reynolds * (high - values + np.abs(_values(wide) - values))
-        found.append(LoadCoefficients(grain_of(source), reynolds, reynolds * values, errors))
+        found.append(LoadCoefficients(run.number, reynolds, reynolds * values, errors))
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, known_percentiles, percentile
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..geometry.placement import Placement, Quaternion
@@ -21,10 +21,10 @@ from ..scene import Scene
 from ..scene.file import parse
 from ..scene.solids import SolidSection, orientation_of
 from ..sweep import run as run_sweep
-from ..sweep.cases import Source
+from ..sweep.cases import Source, identity_of
 from ..sweep.procedure import Watcher
 from ..sweep.table import columns, rows
-from .outcome import SHARES
+from .outcome import SHARES, TOO_FEW, few
 from .procedure import RUNS, RunMeans
 
 POSES, SUMMARY = "poses.csv", "poses.json"
@@ -60,10 +60,11 @@ class PoseOutcome:
         ]
         if self.refused:
             lines.append(f"without a rest      {self.refused}, the first: {self.reason}")
-        if self.shields:
-            for share in SHARES:
-                value = float(np.quantile(self.shields, 0.01 * share, method="nearest"))
-                lines.append(f"Shields number      {share:>3g}% below {value:.4g}")
+        if 0 < len(self.shields) <= TOO_FEW:
+            lines.append(few(self.shields))
+        for share in known_percentiles(SHARES, len(self.shields)):
+            value = float(percentile(self.shields, share))
+            lines.append(f"Shields number      {share:>3g}% below {value:.4g}")
         lines += [f"begins {mode:<12} {count}" for mode, count in self.modes.items()]
         return "\n".join(lines)
 
@@ -104,7 +105,9 @@ def survey_poses(
         file = directory / RUNS
         kept = {"fluid.inertia": [first.fluid.inertia]}
         run_sweep(found, file, kept, do="threshold", watcher=watcher, comm=comm, **means.of_sweep())
-        table = rows(file)
+        by_identity = {row["id"]: row for row in rows(file)}
+        own = [(one.title, by_identity.get(identity_of(one, "threshold"))) for one in found]
+        table = [row | {"source": title} for title, row in own if row is not None]
         outcome = replace(_outcome(table), poses=total, refused=refused, reason=reason)
         with collectively(comm):
             if comm.rank == 0:

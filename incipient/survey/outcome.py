@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, known_percentiles, percentile
 from .deposition import Spheres
+from .emulator import FOR_LEVEL, LEVEL
 from .laws import kirchner, with_constant_drag
 from .pockets import Pocket, Surface
 from .request import SurveyRequest
 from .thresholds import PERCENTILES, Threshold
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
+TOO_FEW = 2  # values, of which not even a median is told
 CURVE = 60  # Shields numbers of the curve of mobile grains
 FIRST = 10  # grains named in the text
 COLUMNS = (
@@ -57,6 +59,7 @@ class EmulatorRecord:
     within: share of the six coefficients of these that were within 1.96 bars; mean_bar: of the critical Shields number
         over grains without a run, as a share of it
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None where none has it
+    level: probability with which bars hold
     """
 
     runs: int
@@ -67,11 +70,15 @@ class EmulatorRecord:
     mean_bar: float
     to_halve: int
     flow: float | None
+    level: float
 
 
 @dataclass(frozen=True, eq=False)
 class SurveyOutcome:
-    """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator."""
+    """A survey: its bed and surface, its exposed grains, thresholds of those that carry no other, and the emulator.
+
+    runs: grains with a full run, in their order; mark: of the bed and the flow that these belong to
+    """
 
     asked: SurveyRequest
     spheres: Spheres
@@ -80,6 +87,8 @@ class SurveyOutcome:
     pockets: Sequence[Pocket]
     thresholds: Sequence[Threshold] = ()
     emulator: EmulatorRecord | None = None
+    runs: tuple[int, ...] = ()
+    mark: str = ""
 
     @property
     def free(self) -> list[Pocket]:
@@ -94,21 +103,16 @@ class SurveyOutcome:
         return own * sizes, np.array([one.draws for one in self.thresholds]) * sizes[:, None]
 
     def distribution(self) -> list[dict[str, float]]:
-        """Percentiles of the critical Shields number by the median grain, with 95% bars of each."""
+        """Percentiles of the critical Shields number by the median grain, with bars of each."""
         own, draws = self._stress
         rows = []
-        for share in SHARES:
-            low, high = np.quantile(
-                _percentile(draws, share), np.array(PERCENTILES) / 100.0, method="nearest"
-            )
-            rows.append(
-                {"percentile": share, "shields": float(_percentile(own[:, None], share)[0])}
-            )
-            rows[-1] |= {"low": float(low), "high": float(high)}
+        for share in known_percentiles(SHARES, len(own)):
+            rows.append({"percentile": share, "shields": float(percentile(own, share))})
+            rows[-1] |= _range_of(percentile(draws, share))
         return rows
 
     def curve(self) -> list[dict[str, float]]:
-        """Share of the free grains that is mobile, against the Shields number, with 95% bars."""
+        """Share of the free grains that is mobile, against the Shields number, with bars."""
         own, draws = self._stress
         finite = own[np.isfinite(own) & (own > 0.0)]
         if not len(finite):
@@ -116,9 +120,8 @@ class SurveyOutcome:
         rows = []
         for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), CURVE).tolist():
             shares = (draws <= shields).mean(axis=0)
-            low, high = np.quantile(shares, np.array(PERCENTILES) / 100.0)
             rows.append({"shields": shields, "mobile": float((own <= shields).mean())})
-            rows[-1] |= {"low": float(low), "high": float(high)}
+            rows[-1] |= _range_of(shares)
         return rows
 
     def pivots(self) -> list[dict[str, float]]:
@@ -126,13 +129,13 @@ class SurveyOutcome:
         # The law's own power of the size: (D/K50)^-0.3.
         reduced = [one.pivot * (one.diameter / self.surface.median) ** 0.3 for one in self.free]
         known = np.array([one for one in reduced if math.isfinite(one)])
-        if not len(known):
-            return []
-        found = np.percentile(known, SHARES).tolist()
-        laws = kirchner(SHARES).tolist()
         return [
-            {"percentile": share, "pivot": own, "kirchner": law}
-            for share, own, law in zip(SHARES, found, laws, strict=True)
+            {
+                "percentile": share,
+                "pivot": float(percentile(known, share)),
+                "kirchner": float(kirchner(share)),
+            }
+            for share in known_percentiles(SHARES, len(known))
         ]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -195,6 +198,7 @@ class SurveyOutcome:
             "distribution": self.distribution() if self.thresholds else [],
             "mobile": self.curve() if self.thresholds else [],
             "emulator": None if self.emulator is None else vars(self.emulator),
+            "runs": {"of": self.mark, "grains": self.runs},
         }
 
     def constant_drag(self) -> list[dict[str, float]]:
@@ -203,11 +207,9 @@ class SurveyOutcome:
         for one in self.free:
             ratio = one.diameter / self.surface.median
             found.append(ratio * with_constant_drag(one.pivot, one.protrusion, ratio))
-        values = np.array(found)[:, None]
         return [
-            {"percentile": share, "shields": float(_percentile(values, share)[0])}
-            for share in SHARES
-            if len(found)
+            {"percentile": share, "shields": float(percentile(found, share))}
+            for share in known_percentiles(SHARES, len(found))
         ]
 
     def text(self) -> str:
@@ -235,6 +237,8 @@ class SurveyOutcome:
         for row in self.distribution():
             said = f"{row['shields']:.4g} ({row['low']:.4g} to {row['high']:.4g}); one drag coefficient and a log law "
             lines.append(_line("Shields number", row, f"{said}{others[row['percentile']]:.3g}"))
+        if len(self.thresholds) <= TOO_FEW:
+            lines.append(few([one.shields for one in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
         lines.append(f"first to go         grains {', '.join(first)}")
         return "\n".join(lines + (self._emulator_lines() if self.emulator else []))
@@ -244,8 +248,10 @@ class SurveyOutcome:
         assert record is not None
         flow = "not estimated" if record.flow is None else f"{record.flow:.1%} of the drag"
         failed = f", {record.failed} failed" if record.failed else ""
+        least = "" if record.level >= LEVEL else f": so few runs tell no more; {FOR_LEVEL} tell 95%"
         return [
             f"runs                {record.runs}{failed}; error of the flow {flow}",
+            f"bars                hold with a probability of {record.level:.0%}{least}",
             f"emulator            drag of runs foretold without their fifth: error {record.error:.1%}, "
             f"bar {record.bar:.1%} (one standard deviation); {record.within:.0%} of all coefficients within 1.96 bars",
             f"                    {record.to_halve} more runs would halve the mean bar of the drag (--runs "
@@ -253,9 +259,15 @@ class SurveyOutcome:
         ]
 
 
-def _percentile(values: Floats, share: float) -> Floats:
-    """A percentile of columns (n, k), of numbers some of which may be infinite, (k,)."""
-    return np.asarray(np.quantile(values, share / 100.0, axis=0, method="nearest"))
+def _range_of(drawn: Floats) -> dict[str, float]:
+    low, high = (float(percentile(drawn, share)) for share in PERCENTILES)
+    return {"low": low, "high": high}
+
+
+def few(values: Sequence[float]) -> str:
+    """The line on Shields numbers that are too few for percentiles."""
+    told = ", ".join(f"{value:.4g}" for value in sorted(values))
+    return f"Shields number      {told}: too few for percentiles"
 
 
 def _line(name: str, row: dict[str, float], said: str) -> str:

@@ -121,11 +121,13 @@ def turn(azimuth: float) -> Floats:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def exposed(spheres: Spheres, surface: Surface, asked: Surveyed, seed: int) -> np.ndarray:
+def exposed(spheres: Spheres, surface: Surface, asked: Surveyed) -> np.ndarray:
     """Numbers of the exposed grains, ascending; of more than are asked for a random choice."""
     found = np.flatnonzero(surface.inside & (surface.visible >= asked.visible))
     if asked.most is not None and len(found) > asked.most:
-        found = np.sort(np.random.default_rng([seed, 2]).choice(found, asked.most, replace=False))
+        found = np.sort(
+            np.random.default_rng([asked.seed, 2]).choice(found, asked.most, replace=False)
+        )
     return found
 
 

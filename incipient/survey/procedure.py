@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,23 +16,23 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
+from ..input_files import read_text
 from ..output.lock import locked
-from ..parallel import Comm, collectively
+from ..parallel import Comm, collectively, from_first
 from ..progress import Silent
-from ..scene import Scene
 from ..scene.file import parse
-from ..scene.points import file_text
 from ..sweep import run as run_sweep
+from ..sweep.cases import identity_of
 from ..sweep.procedure import Watcher
-from ..sweep.store import DONE, FAILED, Store
+from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
 from .deposition import Spheres
 from .emulator import FEWEST, NINETY_FIVE, Emulator, designed, runs_to_halve
 from .full_runs import (
+    FullRun,
     LoadCoefficients,
     coefficients_of,
-    grain_of,
     reynolds_of,
     scene_of,
     share_of_error,
@@ -44,6 +43,7 @@ from .request import SurveyRequest
 from .thresholds import LoadErrors, Threshold, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
+FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,7 @@ class RunMeans:
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
     """A survey from a TOML file. Raises SceneError."""
-    try:
-        text = file_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise SceneError(
-            f"{path}: cannot be read ({why}); give the name of a survey file"
-        ) from None
+    text = read_text(path, "give the name of a survey file")
     return parse(SurveyRequest, text, path.parent, overrides, str(path))
 
 
@@ -116,11 +110,11 @@ class _Survey:
 
     @cached_property
     def mark(self) -> str:
-        """What tells runs of this bed, in this flow, from those of others in one file."""
+        """What tells runs of this bed, in this flow, from those of others in one directory."""
         table = np.round(np.column_stack([self.spheres.centres, self.spheres.radii]), 9)
         runs = self.asked.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
         said = json.dumps([table.tolist(), self.asked.flow.model_dump(), runs])
-        return f"of {hashlib.sha256(said.encode()).hexdigest()[:8]}"
+        return hashlib.sha256(said.encode()).hexdigest()[:8]
 
     def outcome(self) -> SurveyOutcome:
         """Everything in turn. All ranks know the bed; the first writes."""
@@ -128,12 +122,15 @@ class _Survey:
         self.voice.begin("bed")
         spheres = self.spheres
         surface = Surface.of(spheres)
-        numbers = exposed(spheres, surface, asked.grains, asked.runs.seed)
+        numbers = exposed(spheres, surface, asked.grains)
         found = []
         for count, one in enumerate(pockets(spheres, surface, numbers, asked.flow)):
             found.append(one)
             self.voice.count("grains", count, len(numbers))
-        outcome = SurveyOutcome(asked, spheres, surface, len(numbers), found)
+        begun = from_first(self.comm, self._begun)
+        outcome = SurveyOutcome(
+            asked, spheres, surface, len(numbers), found, runs=begun, mark=self.mark
+        )
         if not outcome.free:
             raise SceneError(
                 "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
@@ -161,60 +158,59 @@ class _Survey:
     # Full runs.
 
     def _with_loads(self, outcome: SurveyOutcome) -> SurveyOutcome:
-        grains, surface, file = outcome.free, outcome.surface, self.directory / RUNS
-        known = self._known(file)
+        grains, surface = outcome.free, outcome.surface
         features = np.array([features_of(one, surface.median, 1.0) for one in grains])
         order = designed(features, min(self.asked.runs.number, len(grains))).tolist()
-        chosen = [grains[place].number for place in order]
-        chosen += [number for number in known if number not in chosen]
-        begun = sum(state not in (DONE, FAILED) for state in known.values())
+        first = [grains[place].number for place in order]
+        # Those of an earlier call first: the place of a run decides its Reynolds number.
+        chosen = list(dict.fromkeys([*outcome.runs, *first]))
+        begun = sum(row["status"] not in (DONE, FAILED) for row in self._rows(outcome, chosen))
         if (more := self.means.more - begun) > 0:
-            chosen += self._further(grains, features, chosen, surface, more)
-        self._run(outcome, chosen, file)
-        runs, failed = self._computed(file, chosen)
+            chosen += self._further(outcome, features, chosen, more)
+        if len(chosen) < FEWEST:
+            remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
+            raise SceneError(
+                f"runs.number: {len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+            )
+        outcome = replace(outcome, runs=tuple(chosen))
+        self._write(outcome)
+        self._run(outcome)
+        runs, failed = self._computed(outcome, chosen)
         if len(runs) < FEWEST:
             why = f"{len(runs)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
             raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(runs)}")
         found, record = self._thresholds(outcome, runs, failed)
-        return SurveyOutcome(
-            outcome.asked, outcome.spheres, surface, outcome.exposed, outcome.pockets, found, record
-        )
+        return replace(outcome, thresholds=found, emulator=record)
 
-    def _known(self, file: Path) -> dict[int, str]:
-        """Grains of the runs in the file of an earlier call, with their status."""
-        if not file.is_file():
-            return {}
-        with Store(file) as store:
-            rows = store.rows()
-        return {
-            grain_of(row["source"]): str(row["status"])
-            for row in rows
-            if row["source"].endswith(self.mark)
-        }
+    def _begun(self) -> tuple[int, ...]:
+        """Grains with a full run of an earlier call for this bed and flow, in their order."""
+        if not (file := self.directory / RECORD).is_file():
+            return ()
+        try:
+            runs = json.loads(file.read_text(encoding="utf-8"))["runs"]
+            return tuple(map(int, runs["grains"])) if runs["of"] == self.mark else ()
+        except (OSError, ValueError, LookupError, TypeError):
+            return ()
 
     def _further(
-        self, grains: list[Pocket], features: Floats, chosen: list[int], surface: Surface, more: int
+        self, outcome: SurveyOutcome, features: Floats, chosen: list[int], more: int
     ) -> list[int]:
         """Grains to compute besides those chosen: where the emulator is least sure, without one far from others."""
+        grains = outcome.free
         places = [place for place, one in enumerate(grains) if one.number not in chosen]
-        file = self.directory / RUNS
-        runs = self._computed(file, chosen)[0] if file.is_file() else []
+        runs = self._computed(outcome, chosen)[0]
         if len(runs) >= FEWEST:
-            emulator = self._emulator(grains, runs, surface)
+            emulator = self._emulator(grains, runs, outcome.surface)
             order = emulator.most_wanted(features[places], more)
         else:
             order = designed(features[places], more)
         return [grains[places[place]].number for place in order.tolist()]
 
-    def _run(self, outcome: SurveyOutcome, chosen: list[int], file: Path) -> None:
-        by_number = {one.number: one for one in outcome.free}
-        scenes = []
-        for place, number in enumerate(chosen):
-            if number in by_number:
-                scenes += self._scenes(by_number[number], outcome.surface, place)
+    def _run(self, outcome: SurveyOutcome) -> None:
+        runs = self._full_runs(outcome, outcome.runs)
         run_sweep(
-            scenes,
-            file,
+            [scene for run in runs for scene in (run.scene, run.wide) if scene is not None],
+            self.directory / RUNS,
             {"fluid.inertia": [self.asked.flow.galileo is not None]},
             do="run",
             **self.means.of_sweep(),
@@ -222,15 +218,27 @@ class _Survey:
             comm=self.comm,
         )
 
-    def _scenes(self, grain: Pocket, surface: Surface, place: int) -> list[Scene]:
-        """The run of a grain; of the first ones with error bars, and once more with a wider gap."""
-        level, bars = (
-            (surface.level - float(grain.centre[2])) / grain.diameter,
-            self.asked.runs.with_error_bars,
-        )
+    def _full_runs(self, outcome: SurveyOutcome, chosen: Sequence[int]) -> list[FullRun]:
+        """The runs of grains; the first ones with error bars, and once more with a wider gap."""
+        by_number = {one.number: one for one in outcome.free}
+        for place, number in enumerate(chosen):
+            if number in by_number and (number, place) not in self._scenes:
+                run = self._full_run(by_number[number], outcome.surface, place)
+                self._scenes[number, place] = run
+        keys = ((number, place) for place, number in enumerate(chosen))
+        return [self._scenes[key] for key in keys if key in self._scenes]
+
+    @cached_property
+    def _scenes(self) -> dict[tuple[int, int], FullRun]:
+        """Runs by grain and place, each of whose scenes takes a tenth of a second."""
+        return {}
+
+    def _full_run(self, grain: Pocket, surface: Surface, place: int) -> FullRun:
+        level = (surface.level - float(grain.centre[2])) / grain.diameter
         given = grain, level, self.asked, reynolds_of(place, self._galileo(grain, surface))
-        first = scene_of(*given, error_bars=place < bars, bed=self.mark)
-        return [first, *([scene_of(*given, wide=True, bed=self.mark)] if place < bars else [])]
+        with_bars = place < self.asked.runs.with_error_bars
+        wide = scene_of(*given, wide=True) if with_bars else None
+        return FullRun(grain.number, scene_of(*given, error_bars=with_bars), wide)
 
     def _galileo(self, grain: Pocket, surface: Surface) -> float | None:
         galileo = self.asked.flow.galileo
@@ -238,19 +246,26 @@ class _Survey:
             None if galileo is None else galileo * float((grain.diameter / surface.median) ** 1.5)
         )
 
-    def _computed(self, file: Path, chosen: list[int]) -> tuple[list[LoadCoefficients], int]:
-        with Store(file) as store:
-            scenes = {
-                row["id"]: tomllib.loads(row["scene"]) for row in store.rows() if row["scene"]
-            }
-        rows = [
-            row | {"fluid.reynolds": scenes[row["id"]]["fluid"]["reynolds"]}
-            for row in rows_of(file)
-            if row["id"] in scenes
-            and self.mark in row["source"]
-            and grain_of(row["source"]) in chosen
-        ]
-        return coefficients_of(rows), sum(row["status"] == FAILED for row in rows)
+    def _rows(self, outcome: SurveyOutcome, chosen: Sequence[int]) -> list[dict[str, Any]]:
+        """Rows of the sweep of the runs of grains, those with a wider gap left out."""
+        rows = self._table
+        found = (
+            rows.get(identity_of(run.scene, "run")) for run in self._full_runs(outcome, chosen)
+        )
+        return [row for row in found if row is not None]
+
+    @property
+    def _table(self) -> dict[str, dict[str, Any]]:
+        """The rows of all runs in the directory by their identity."""
+        file = self.directory / RUNS
+        return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
+
+    def _computed(
+        self, outcome: SurveyOutcome, chosen: Sequence[int]
+    ) -> tuple[list[LoadCoefficients], int]:
+        """Load coefficients of runs that are done, and how many grains' runs have failed."""
+        found = coefficients_of(self._full_runs(outcome, chosen), self._table)
+        return found, sum(row["status"] == FAILED for row in self._rows(outcome, chosen))
 
     # Thresholds.
 
@@ -286,6 +301,7 @@ class _Survey:
             mean_bar=_mean_bar(found),
             to_halve=runs_to_halve(emulator, features, unknown),
             flow=float(of_flow[0]) if of_flow.any() else None,
+            level=emulator.level,
         )
         return found, record
 

@@ -98,6 +98,7 @@ class Surveyed(Section):
         "Share of a grain that is seen from above, from which on it is exposed [-]", 0.5, le=1
     )
     most: int | None = key("Number of exposed grains, drawn at random; without it all", None, ge=1)
+    seed: int = key("Seed of that choice", 0, ge=0, le=2**31)
 
 
 class Runs(Section):

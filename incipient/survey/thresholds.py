@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, percentile
 from ..contact import Contacts
 from ..contact.batch import Loads, judge_batch
 from .deposition import DOWN
@@ -42,8 +42,8 @@ class Threshold:
     @property
     def bar(self) -> tuple[float, float]:
         """Between these are 95% of the draws; infinite where the grain may stay in any flow."""
-        low, high = np.quantile(self.draws, np.array(PERCENTILES) / 100.0, method="nearest")
-        return float(low), float(high)
+        low, high = (float(percentile(self.draws, share)) for share in PERCENTILES)
+        return low, high
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import re
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..files import plain
+from ..input_files import read_table
 
 # The overrides of one case, as of `--set`.
 Settings = tuple[str, ...]
@@ -121,29 +121,15 @@ def _split(text: str) -> list[str]:
 
 def table_of_cases(path: Path) -> list[Settings]:
     """Cases of a CSV file, a row each, under keys in the first row; empty cells change nothing. Raises SceneError."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            rows, heads = list(reader), list(reader.fieldnames or ())
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give a CSV file of cases"
-        ) from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"{path}: is not a CSV file ({error}); save it as CSV in UTF-8") from None
+    heads, rows = read_table(path, "give a CSV file of cases")
     if not rows:
         raise SceneError(
             f"{path}: has no cases; write keys in the first row and a case in each one after it"
         )
-    if twice := next((key for key in heads if key.strip() and heads.count(key) > 1), None):
-        raise SceneError(f"{path}: the first row has {twice} twice; leave one of both columns out")
-    for number, row in enumerate(rows, 2):
-        if None in row or None in row.values():
-            raise SceneError(
-                f"{path}: row {number} has not as many cells as the first; add or remove some"
-            )
     return [
-        tuple(f"{key}={value.strip()}" for key, value in row.items() if value.strip())
+        tuple(
+            f"{key}={value.strip()}" for key, value in zip(heads, row, strict=True) if value.strip()
+        )
         for row in rows
     ]
 

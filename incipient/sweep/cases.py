@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..input_files import read_text
 from ..planning.flow_setup import Setup
 from ..scene import Scene
 from ..scene.file import dumps, parse
-from ..scene.points import file_text
 from .axes import Settings
 
 TASKS = ("run", "threshold", "gust", "entrainment", "judge")
@@ -36,15 +36,7 @@ class Source:
         if isinstance(given, Scene):
             return cls(given.title or "scene", dumps(given))
         path = Path(given)
-        try:
-            return cls(path.stem, file_text(path), path.parent)
-        except OSError as error:
-            why = f"cannot be read ({error.strerror})"
-            raise SceneError(f"{path}: {why}; give the name of a scene file") from None
-        except UnicodeDecodeError as error:
-            raise SceneError(
-                f"{path}: is not UTF-8 text at byte {error.start}; save it as UTF-8"
-            ) from None
+        return cls(path.stem, read_text(path, "give the name of a scene file"), path.parent)
 
     @property
     def section(self) -> dict[str, Any]:
@@ -89,12 +81,16 @@ def resolved(
     if task == "judge":
         return _judged(source, settings, overrides)
     scene = parse(Scene, source.text, source.base, overrides, source.name)
-    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
-    content = scene.model_dump(mode="json", exclude=left_out)
     forms = _forms(Setup(scene), task)
     return SweepCase(
-        _identity(task, content), task, source.name, settings, dumps(scene), forms, scene
+        identity_of(scene, task), task, source.name, settings, dumps(scene), forms, scene
     )
+
+
+def identity_of(scene: Scene, task: str) -> str:
+    """The identity of a scene as a case of a sweep."""
+    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
+    return _identity(task, scene.model_dump(mode="json", exclude=left_out))
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:

@@ -6,6 +6,8 @@ together when one of them dies: then what is in the file stays, and the sweep is
 
 from __future__ import annotations
 
+import asyncio
+import json
 import logging
 import socket
 import sys
@@ -17,7 +19,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import Interrupted, MissingError, OutputError, SceneError
+from ..errors import Interrupted, MissingError, OutputError, SceneError, shortened
+from ..input_files import reading
 from . import worker
 from .case_process import Order, computed_below, end_all
 from .expectation import my_cores
@@ -117,24 +120,19 @@ class DaskWorkers(Workers):
             raise MissingError(
                 f"--executor: Dask cannot be used ({error}): pip install 'incipient[dask]'"
             ) from None
-        where = self._address.removeprefix(DASK)
-        given = {"address": where if "://" in where else f"tcp://{where}"}
-        if where.endswith(".json"):
-            given = {"scheduler_file": where}
         until = time.monotonic() + patience
         while True:
             try:
-                if (
-                    "scheduler_file" in given and not Path(where).is_file()
-                ):  # Dask would wait for it for ever
-                    raise FileNotFoundError("there is no such file")
-                client = Client(**given, timeout=START, set_as_default=False)
+                address = _address(self._address.removeprefix(DASK))
+                with ThreadPoolExecutor(1) as aside:  # a notebook has a loop of its own here
+                    aside.submit(asyncio.run, _greet(address)).result()
+                client = Client(address, timeout=START, set_as_default=False)
                 break
-            except (OSError, ValueError) as error:
+            except Exception as error:
                 if time.monotonic() < until:
                     time.sleep(OFTEN)
                     continue
-                why = " ".join(str(error).split()) or type(error).__name__
+                why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
                 remedy = (
                     "start `dask scheduler` there, or correct --executor, and repeat the command"
                 )
@@ -143,6 +141,22 @@ class DaskWorkers(Workers):
                 ) from None
         self._executor, self._counted = client.get_executor(pure=False), 0.0
         return client
+
+
+def _address(where: str) -> str:
+    """The address of a scheduler, or that in the file which the scheduler has written."""
+    if not where.endswith(".json"):
+        return where if "://" in where else f"tcp://{where}"
+    with reading(Path(where), "give the file of `dask scheduler`", 1, OutputError):
+        return str(json.loads(Path(where).read_text(encoding="utf-8"))["address"])
+
+
+async def _greet(address: str) -> None:
+    """Connect to a scheduler and leave: Dask itself waits without end for one that accepts and says nothing."""
+    from distributed.core import connect
+
+    comm = await asyncio.wait_for(connect(address, timeout=START), START)
+    await comm.close()
 
 
 class RankWorkers(Workers):

@@ -10,8 +10,8 @@ from itertools import islice
 
 from rich.console import Console
 from rich.live import Live as Screen
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from ..cost.frontier import seconds
 from .cases import SweepCase
@@ -28,7 +28,7 @@ class LiveTable(Watcher):
     """A table: what runs, what has been finished last, how many are left and for how long."""
 
     def __init__(self, live: Screen):
-        self._live, self._latest = live, deque[tuple[str, str, str]](maxlen=LATEST)
+        self._live, self._latest = live, deque[tuple[Text, Text, str]](maxlen=LATEST)
         self._drawn = -OFTEN
 
     def look(self, progress: SweepProgress) -> None:
@@ -42,14 +42,16 @@ class LiveTable(Watcher):
         for row in self._latest:
             table.add_row(*row)
         for case, began in islice(progress.running.values(), RUNNING):
-            table.add_row(case.name, "[dim]running[/dim]", f"{time.monotonic() - began:.0f} s")
+            took = f"{time.monotonic() - began:.0f} s"
+            table.add_row(Text(case.name), Text("running", "dim"), took)
         self._live.update(table)
 
     def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """Show what came out."""
-        words, failed = escape(described(case.task, outcome)), outcome.result is None
-        shown = f"[red]failed: {words}[/red]" if failed else words
-        self._latest.append((case.name, shown, f"{outcome.wall:.1f} s"))
+        # As `Text`: brackets in a title would be taken for markup.
+        words = described(case.task, outcome)
+        shown = Text(f"failed: {words}", "red") if outcome.result is None else Text(words)
+        self._latest.append((Text(case.name), shown, f"{outcome.wall:.1f} s"))
         self.look(progress)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import known_percentiles, number, percentile
 from ..errors import SceneError
+from ..input_files import read_table
 from .table import rows
 
 SHARES = (16, 50, 84)  # percentiles of a class
@@ -74,26 +75,20 @@ def _class(table: Any, low: float, high: float) -> dict[str, float]:
     row["without_threshold"] = int(np.isinf(inside[:, 1]).sum())
     if len(inside):
         row["size_median"] = float(np.median(inside[:, 0]))
-        values = np.quantile(inside[:, 1], np.array(SHARES) / 100.0, method="inverted_cdf")
-        row |= {
-            f"shields_{share}": float(value) for share, value in zip(SHARES, values, strict=True)
-        }
+        for share in known_percentiles(SHARES, len(inside)):
+            row[f"shields_{share}"] = float(percentile(inside[:, 1], share))
     return row
 
 
 def _of_csv(path: Path) -> list[dict[str, Any]]:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            return list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or "is no table"
-        raise SceneError(f"{path}: cannot be read ({why}); give grains.csv of a survey") from None
+    names, table = read_table(path, "give grains.csv of a survey")
+    return [dict(zip(names, row, strict=True)) for row in table]
 
 
 def _number(value: Any) -> float:
     """A number; NaN where there is none."""
     try:
-        return math.nan if value is None else float(value)
+        return number(value)
     except ValueError:
         return math.nan
 

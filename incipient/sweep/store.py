@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -19,6 +20,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
+from urllib.parse import quote
 
 from ..errors import OutputError, shortened
 from ..files import make_directory
@@ -85,6 +87,12 @@ _OF_RIGHTS = (
 )
 
 
+def _uri(path: Path, make: bool) -> str:
+    """How SQLite opens a file. A reader does not let the journal of somebody else's file change or remove any."""
+    mode = "rwc" if make else "ro" if os.path.lexists(f"{path}-journal") else "rw"
+    return f"file:{quote(os.fsencode(path.absolute()))}?mode={mode}"
+
+
 @dataclass(frozen=True)
 class CaseOutcome:
     """Outcome of a case: the result as plain data, or the reason why there is none, and the cost.
@@ -118,7 +126,9 @@ class Store:
             make_directory(path.parent, path)
         with self._reported():
             # Statements commit themselves; what belongs together says so.
-            self._base = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+            self._base = sqlite3.connect(
+                _uri(path, make), uri=True, timeout=PATIENCE, isolation_level=None
+            )
             try:
                 self._base.row_factory = sqlite3.Row
                 # Text that was damaged differs from its checksum, and is not an error of the file as a whole.
@@ -136,10 +146,10 @@ class Store:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn SQLite's errors into one line."""
+        """Turn errors of SQLite, and of what a row holds, into one line."""
         try:
             yield
-        except (sqlite3.Error, UnicodeDecodeError) as error:
+        except (sqlite3.Error, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
             raise OutputError(f"{self.path}: {_complaint(error)}") from error
 
     def _prepare(self, make: bool) -> None:
@@ -155,6 +165,8 @@ class Store:
                 self._choose_journal()
                 self._add_columns(version)
             return
+        if not make:
+            raise OutputError(f"{self.path}: is not the file of a sweep; give another name")
         if application or self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
             raise OutputError(f"{self.path}: is the database of another program; give another name")
         self._choose_journal()

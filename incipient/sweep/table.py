@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from ..errors import MissingError
-from ..files import csv_text, reported
+from ..files import csv_text, part_of, replaced, require_ending
 from ..results.quantity import HIGH
 from ..tables.parquet import pyarrow
 from .quantities import found as of_case
@@ -86,18 +86,17 @@ def write_csv(path: Path, stream: TextIO) -> None:
 def write_parquet(source: Path, target: Path) -> None:
     """Write the table as a Parquet file; raises MissingError without pandas or pyarrow, and OutputError."""
     pyarrow("tables")
+    require_ending(target, ".parquet")
     made = frame(source)
-    with reported(target):
-        made.to_parquet(target)
+    with replaced(target, part_of(target)) as part:
+        made.to_parquet(part)
 
 
 def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    """The row of a case; one that was written without a checksum and cannot be read is damaged."""
+    """The row of a case; one that cannot be read is damaged, whatever its checksum."""
     try:
         return _row(stored, keys)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        if stored.get("checksum") is not None:
-            raise
         return _row(damaged(stored), keys)
 
 

@@ -13,7 +13,7 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -62,12 +62,13 @@ class WriteAhead(io.RawIOBase):
     Changes are what HDF5 knows of tables, some kilobytes; the tables themselves go to the file past it.
     """
 
-    def __init__(self, path: Path):
+    def __init__(
+        self, path: Path, size: int | None = None, changes: Iterable[tuple[int, bytes]] = ()
+    ):
         super().__init__()
         self._path, self._file = path, path.open("rb", buffering=0)
-        self._size = os.fstat(self._file.fileno()).st_size
-        self._place = 0
-        self._changes: list[tuple[int, bytes]] = []
+        self._size = os.fstat(self._file.fileno()).st_size if size is None else size
+        self._place, self._changes = 0, list(changes)
 
     def readable(self) -> bool:
         """See `io.RawIOBase`."""
@@ -115,10 +116,11 @@ class WriteAhead(io.RawIOBase):
         super().close()
 
     def commit(self) -> None:
-        """Make the changes: the journal first, then the file, so that one of both is whole. Raises OSError."""
+        """Make the changes: the journal first, then the file, so that one of both is whole."""
         changes = _packed(self._size, self._changes)
         journal = journal_of(self._path)
-        with journal.open("wb") as stream:
+        journal.unlink(missing_ok=True)
+        with journal.open("xb") as stream:  # never through a link
             stream.write(zlib.crc32(changes).to_bytes(4, "big") + changes)
             stream.flush()
             os.fsync(stream.fileno())
@@ -133,15 +135,13 @@ def journal_of(path: Path) -> Path:
 def complete(path: Path) -> None:
     """Make the changes in a file's journal, if that is whole; made twice they are the same.
 
-    Raises OSError where the file cannot be written. Not collective.
+    Raises OSError where the file cannot be written or is a link. Not collective.
     """
-    journal = journal_of(path)
-    if not journal.exists():
+    if not os.path.lexists(journal_of(path)):
         return
-    held = journal.read_bytes()
-    if zlib.crc32(held[4:]) == int.from_bytes(held[:4], "big") and len(held) > 4:
-        size, changes = _unpacked(held[4:])
-        descriptor = os.open(path, os.O_WRONLY)
+    if (held := _journal(path)) is not None:
+        size, changes = held
+        descriptor = os.open(path, os.O_WRONLY | os.O_NOFOLLOW)
         try:
             for at, data in changes:
                 _write_at(descriptor, data, at)
@@ -149,8 +149,24 @@ def complete(path: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-    with suppress(FileNotFoundError):
-        journal.unlink()
+    journal_of(path).unlink(missing_ok=True)
+
+
+def completed(path: Path) -> Path | WriteAhead:
+    """What h5py reads a file from: with a journal, its content as `complete` would make it. Writes nothing."""
+    held = _journal(path)
+    return path if held is None else WriteAhead(path, *held)
+
+
+def _journal(path: Path) -> tuple[int, list[tuple[int, bytes]]] | None:
+    """Size and changes that a file's journal holds; None without one, or if it is not whole. Raises OSError."""
+    journal = journal_of(path)
+    held = journal.read_bytes() if journal.is_file() else b""
+    if len(held) <= 4 or zlib.crc32(held[4:]) != int.from_bytes(held[:4], "big"):
+        return None
+    with suppress(struct.error):  # a checksum is easily made right, too
+        return _unpacked(held[4:])
+    return None
 
 
 def _packed(size: int, changes: list[tuple[int, bytes]]) -> bytes:

@@ -20,6 +20,7 @@ from processes import (
 )
 
 from incipient.cli import main
+from incipient.files import MARK
 from incipient.scene.file import load
 
 BLOCK_ON_INCLINE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
@@ -45,7 +46,7 @@ def test_run_writes_to_the_named_directory(command, tmp_path):
     series = {
         f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf")
     }
-    assert found == {"scene.toml", "result.json", *series}
+    assert found == {MARK, "scene.toml", "result.json", *series}
     assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
     assert "verdict" in done.stdout and "deep/down/fields.xdmf" in done.stdout
     assert "on 1 rank\n" in done.stderr
@@ -56,6 +57,7 @@ def test_results_go_to_a_directory_named_like_the_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["run", str(CAVITY), *COARSE, *settings(output_fields=False)]) == 0
     assert {path.name for path in (tmp_path / "results/cavity").iterdir()} == {
+        MARK,
         "scene.toml",
         "result.json",
     }
@@ -210,6 +212,63 @@ def test_a_reader_that_has_gone_is_no_defect(arguments, unbuffered, tmp_path):
     assert (done.returncode, done.stderr) == (141, "")
 
 
+JUDGED = f"{sys.executable} -m incipient judge {BLOCK_ON_INCLINE}"
+
+
+@pytest.mark.parametrize(
+    ("ending", "code", "said"),
+    [
+        ("2>&-", 0, ("Block on an incline", "")),
+        (">&-", 0, ("", "")),
+        ("<&- >&- 2>&-", 0, ("", "")),
+        (">/dev/full", 5, ("", "incipient: the standard output cannot be written (No space left")),
+        ("2>/dev/full", 0, ("Block on an incline", "")),
+        (">/dev/full 2>/dev/full", 5, ("", "")),
+        ("--series x.csv 2>/dev/full", 2, ("", "")),
+    ],
+)
+def test_streams_that_are_closed_or_full(
+    ending: str, code: int, said: tuple[str, str], tmp_path: Path
+) -> None:
+    """What cannot be said ends nothing, and no file gets the number of a stream."""
+    done = subprocess.run(
+        f"{JUDGED} {ending}",
+        shell=True,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    assert done.returncode == code, done.stderr
+    for printed, begin in zip((done.stdout, done.stderr), said, strict=True):
+        assert printed.startswith(begin) and len(printed.splitlines()) >= bool(begin)
+        assert begin or not printed
+
+
+def test_names_need_not_be_utf_8(tmp_path: Path) -> None:
+    directory = tmp_path / os.fsdecode(b"caf\xe9")
+    directory.mkdir()
+    command = f"{JUDGED} --out .".split()
+    done = subprocess.run(
+        command, env=environment(), capture_output=True, timeout=60, cwd=directory
+    )
+    assert done.returncode == 0, done.stderr
+    command = f"{JUDGED} --out {directory}/x".split()
+    done = subprocess.run(command, env=environment(), capture_output=True, timeout=60)
+    assert done.returncode == 0 and b"caf\xe9/x/judgement.json" in done.stdout, done.stderr
+    assert (directory / "x/judgement.png").exists()
+    coarse = settings(numerics_order=2, numerics_mesh_size=6, numerics_error_bars=False)
+    arguments = [sys.executable, "-m", "incipient", "run", CAVITY, *coarse, "--out", directory]
+    done = subprocess.run(arguments, env=environment(), capture_output=True, timeout=60)
+    assert done.returncode == 0 and (directory / "result.json").exists(), done.stderr
+
+
+def test_titles_that_are_not_utf_8_are_refused(capsys) -> None:
+    assert main(["plan", str(CAVITY), "--set", "title=caf\udce9"]) == 2
+    assert capsys.readouterr().err.startswith("incipient: --set title=caf?: is not UTF-8 text; ")
+
+
 def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
     pocket = settings(bed_kind="half-discs", bed_radius=0.5, bed_spacing=1.2, bed_offset=1.0)
     done = command("threshold", GRAIN_ON_BED, *pocket, *COARSE, *SMALL)
@@ -219,7 +278,7 @@ def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
         path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()
     }
     assert written == {
-        f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")
+        f"results/grain_on_bed_threshold/{name}" for name in (MARK, "scene.toml", "threshold.json")
     }
 
 

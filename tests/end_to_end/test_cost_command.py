@@ -21,6 +21,7 @@ from environment import end, environment
 from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
 
 from incipient.cli import main
+from incipient.files import write_text_atomically
 from incipient.scene import load, save
 
 COARSE = settings(
@@ -209,7 +210,7 @@ def test_the_directory_of_another_scene(command: Any, tmp_path: Path) -> None:
     study = tmp_path / "study"
     study.mkdir()
     save(load(CAVITY), study / "scene.toml")
-    (study / "cost.csv").write_text("order,mesh_size\n")
+    write_text_atomically(study / "cost.csv", "order,mesh_size\n")
     done = command("cost", GRAIN_ON_BED, "--out", study)
     assert done.returncode == 5
     assert "holds the runs of another scene" in done.stderr

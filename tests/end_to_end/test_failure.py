@@ -27,6 +27,7 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.errors import ConvergenceError, MeshError
+from incipient.files import MARK
 from incipient.restart.checkpoint import read
 
 STEP = 0.005
@@ -165,6 +166,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
     small = settings(numerics_order=2, numerics_mesh_size=6)
     assert main(["run", str(CAVITY), *small, "--out", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {
+        MARK,
         "scene.toml",
         "result.json",
         "fields.xdmf",
@@ -414,6 +416,51 @@ def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
         [sys.executable, "-c", IN_A_THREAD], capture_output=True, text=True, timeout=120
     )
     assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr
+
+
+WHILE_GMSH_STARTS = """
+import os, signal, threading, time
+from incipient.interrupt import handlers_kept
+threading.Thread(target=time.sleep, args=(60,), daemon=True).start()  # as MPI has; signals reach it, too
+try:
+    with handlers_kept():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # as gmsh does first when it is imported
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1)
+except KeyboardInterrupt:
+    print("told")
+"""
+
+
+def test_an_interrupt_while_gmsh_starts_is_told() -> None:
+    arguments = [sys.executable, "-c", WHILE_GMSH_STARTS]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout) == (0, "told\n"), ended.stderr
+
+
+IN_THREADS = """
+import threading
+import incipient
+from incipient.scene import example, loads
+settings = ["numerics.error_bars=false", "effects.inertia=false"]
+scenes = [loads(example(), overrides=[*settings, f"numerics.mesh_size={size}"]) for size in (5, 6, 7)]
+found = {}
+def compute(place):
+    found[place] = incipient.run(scenes[place]).force.flow[0]
+threads = [threading.Thread(target=compute, args=(place,)) for place in range(3)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert [found[place] for place in range(3)] == [incipient.run(one).force.flow[0] for one in scenes]
+"""
+
+
+def test_threads_compute_one_after_the_other() -> None:
+    """Three scenes in threads of a fresh process have the forces that they have in turn, to the last bit."""
+    arguments = [sys.executable, "-c", IN_THREADS]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=240)
+    assert ended.returncode == 0, ended.stderr
 
 
 # -- errors of one rank ----------------------------------------------------------------------------------------

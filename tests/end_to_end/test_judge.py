@@ -9,6 +9,7 @@ import pytest
 import incipient
 from incipient.cli import main
 from incipient.errors import OutputError
+from incipient.files import MARK
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "demos" / "cases"
@@ -82,6 +83,7 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
     case.write_text((CASES / "block_on_incline.toml").read_text())
     assert judged(case, capsys, "--out")[0] == 0
     assert {path.name for path in tmp_path.iterdir()} == {
+        MARK,
         "block.toml",
         "judgement.json",
         "judgement.png",

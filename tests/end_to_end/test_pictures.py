@@ -237,8 +237,8 @@ def test_still_fluid_is_drawn(grain_run):
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("result.json", "is this the directory of a finished run"),
-        ("scene.toml", "is this the directory of a finished run"),
+        ("result.json", "give the directory of a finished run"),
+        ("scene.toml", "give the directory of a finished run"),
         ("fields.h5", r"output\.fields = true"),
         ("surface.h5", r"output\.fields = true"),
     ],
@@ -346,5 +346,5 @@ def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
 
 
 def test_the_directory_itself_is_checked():
-    with pytest.raises(OutputError, match="no such file"):
+    with pytest.raises(OutputError, match="No such file"):
         draw(Path("no-such-run"))

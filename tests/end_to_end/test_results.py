@@ -26,7 +26,7 @@ TOP_LEVEL = {
         "omitted",
         "measured_cell_reynolds",
     ),
-    *("si", "surface", "turbulence", "steady"),
+    *("si", "surface", "turbulence", "steady", "separated"),
 }
 STAGES = {
     "plan",

@@ -1,4 +1,4 @@
-"""Mesh files and height maps at random, around valid ones: odd numbers, wrong indices, changed bytes."""
+"""Files of meshes, heights and points at random, around valid ones: odd numbers, wrong indices, changed bytes."""
 
 from __future__ import annotations
 
@@ -44,6 +44,8 @@ KINDS = (
     "map.png",
     "map.tif",
     "map.asc",
+    "two.csv",
+    "four.csv",
 )
 
 
@@ -58,6 +60,7 @@ def written(random: Random, directory: Path) -> Path:
         "png": _image,
         "tif": _image,
         "asc": _asc,
+        "csv": _csv,
     }
     data = made[kind[-3:]](random, kind)
     if random.random() < 0.3:
@@ -230,6 +233,26 @@ def _asc(random: Random, kind: str) -> bytes:
         del head[random.choice(list(head))]
     lines = [f"{word} {number}" for word, number in head.items()] + [" ".join(row) for row in rows]
     return ("\n".join(lines) + "\n").encode()
+
+
+def _csv(random: Random, kind: str) -> bytes:
+    """Points of a bed or an outline, or spheres: some rows odd, short or long, at times with a head or a blank line."""
+    columns = 2 if kind == "two.csv" else 4
+    rows = [[str(k), str(0.1 * (k % 3)), "0.2", "0.5"][:columns] for k in range(-1, 10)]
+    for _ in range(random.choice((0, 0, 1, 2))):
+        row = random.choice(rows)
+        row[random.randrange(columns) if len(row) == columns else 0] = random.choice(ODD)
+        if random.random() < 0.3:
+            row += [random.choice(ODD)]
+        elif random.random() < 0.3:
+            row.pop()
+    between = random.choice((",", ",", ",", ";", " ", "\t"))
+    lines = [between.join(row) for row in rows]
+    if random.random() < 0.3:
+        lines.insert(0, ",".join("xyzr"[:columns]))
+    if random.random() < 0.2:
+        lines.insert(random.randrange(len(lines)), random.choice(("", "# a note", "\ufeff")))
+    return random.choice(("\n", "\n", "\r\n", "\r")).join(lines).encode("utf-8")
 
 
 def _spoilt(random: Random, data: bytes) -> bytes:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
+from kinds import BEDS, FLOWS, GRAINS, SOLIDS, TERRAINS, resting
 
 from incipient.errors import IncipientError
 from incipient.planning.flow_setup import Setup
@@ -24,30 +25,6 @@ HANGING = (
 )
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
-GRAINS: list[dict[str, Any]] = [
-    {"shape": "disc", "diameter": 1.0},
-    {"shape": "ellipse", "semi_axes": [0.6, 0.4]},
-    {"shape": "rectangle", "width": 1.0, "height": 0.6, "corner_radius": 0.1},
-    {"shape": "polygon", "vertices": [[0, 0], [1, 0.1], [0.9, 0.8], [0.2, 0.7]]},
-    {"shape": "superellipse", "semi_axes": [0.5, 0.4], "exponent": 4.0},
-    {"shape": "star", "radius": 0.5, "cosines": [0.0, 0.2]},
-    {"shape": "discs", "discs": [[0, 0, 0.5], [0.6, 0.1, 0.4]]},
-]
-BEDS: list[dict[str, Any]] = [
-    {"kind": "flat"},
-    {"kind": "inclined", "slope": 10.0},
-    {"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 1.5, "phase": 30.0},
-    {"kind": "half-discs", "radius": 0.3, "spacing": 0.7},
-    {"kind": "polyline", "points": [[-1, 0], [3, 0.2], [5, 0.0], [9, 0.1]]},
-]
-FLOWS: list[dict[str, Any]] = [
-    {"kind": "shear", "rate": 1.0},
-    {"kind": "poiseuille", "velocity": 2.0},
-    {"kind": "open-channel"},
-    {"kind": "uniform"},
-    {"kind": "still"},
-    {"kind": "expression", "components": ["y*(4 - y)", "0"]},
-]
 FACTORS = (
     0.0,
     -1.0,
@@ -66,6 +43,22 @@ FACTORS = (
     1e30,
     1e300,
 )
+# What makes another problem of a scene.
+SECTIONS: dict[str, list[dict[str, Any]]] = {
+    "units": [{"diameter": 1e-3, "shear_rate": 1.0}, {"diameter": 1e-3, "velocity": 0.1}],
+    "domain": [{"top": top} for top in ("slip", "wall", "stream", "free-surface")]
+    + [{"kind": "box"}],
+    "time": [{"end": 1.0, "step": 0.5}, {"end": 1.0, "step": 1e-9}],
+    "effects": [{"turbulence": True}, {"inertia": False}],
+    "turbulence": [{"model": "k-omega-sst"}, {"model": "k-epsilon", "roughness": 0.1}],
+    "body": [{"motion": "free"}, {"course": ["sin(t)", "0", "t"]}, {"settle": True}],
+    "numerics": [{"accuracy": 0.01}, {"accuracy": "verdict"}, {"mesh_size": 1e-9}],
+    "flow": [
+        {"kind": "log-law"},
+        {"kind": "lid"},
+        {"gust": {"shape": "top-hat", "strength": 2.0, "duration": 0.1}},
+    ],
+}
 NASTY: list[Any] = [
     *(
         0,
@@ -97,6 +90,10 @@ NASTY: list[Any] = [
         "x" * 10_000,
         "../../etc",
         "/dev/null",
+        "/dev/zero",
+        "costs $5 and $6",
+        "$\\frac{1}{$ [/coarse] {x} %s",
+        "n" * 256 + ".csv",
     ),
     *(
         [],
@@ -116,7 +113,8 @@ NASTY: list[Any] = [
 
 def scene_text(random: Random) -> str:
     """A scene file, rarely without a mistake."""
-    scene = _valid(random)
+    in_space = random.random() < 0.15
+    scene = _in_space(random) if in_space else _valid(random)
     for _ in range(random.choice((0, 1, 1, 1, 2, 2, 3))):
         scene = _changed(random, scene)
     return _spoilt(random, tomli_w.dumps(scene))
@@ -146,6 +144,11 @@ def odd_scene_text(random: Random) -> str:
         least = 1e-3 if scene["domain"].get("top") == "free-surface" else 0.0
         scene["gravity"]["acceleration"] = random.choice((least, 1e-12, 1.0, 1e12))
     return tomli_w.dumps(scene)
+
+
+def _in_space(random: Random) -> dict[str, Any]:
+    """A grain of any kind on a bed of any kind in space; files that these name are not there."""
+    return copy.deepcopy(resting(random.choice(SOLIDS), random.choice(TERRAINS)))
 
 
 def _valid(random: Random) -> dict[str, Any]:
@@ -184,7 +187,7 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
     scene = copy.deepcopy(scene)
     places = list(_places(scene))
     holder, key = random.choice(places)
-    match random.randrange(8):
+    match random.randrange(9):
         case 0 | 1:
             holder[key] = copy.deepcopy(random.choice(NASTY))
         case 2 | 3 | 4:
@@ -194,6 +197,9 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
                 holder[key] = _times(holder[key], random.choice(FACTORS))
         case 5:
             del holder[key]
+        case 8:
+            name = random.choice(list(SECTIONS))
+            scene[name] = {**scene.get(name, {}), **copy.deepcopy(random.choice(SECTIONS[name]))}
         case 6:
             known = [(name, field) for name, field in Scene.model_fields.items()]
             section = scene.setdefault(random.choice(known)[0], {})
@@ -205,7 +211,7 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
                 ] = random.choice(NASTY)
         case 7:
             name = random.choice(("body", "bed", "flow"))
-            others = {"body": GRAINS, "bed": BEDS, "flow": FLOWS}[name]
+            others = {"body": GRAINS + SOLIDS, "bed": BEDS + TERRAINS, "flow": FLOWS}[name]
             if isinstance(scene.get(name), dict):
                 scene[name] = {**scene[name], **copy.deepcopy(random.choice(others))}
     return scene

@@ -1,4 +1,4 @@
-"""Mesh files and height maps at random: each is read, or refused in one line; no warning of a library is shown."""
+"""Files of meshes, heights and points at random: each is read, or refused in one line, without a warning."""
 
 import os
 import re
@@ -38,6 +38,9 @@ USES = {
     "resting": GRAIN + 'x = 4.0\n[bed]\nkind = "flat"\n',
     "surface": '[bed]\nkind = "mesh"\nscale = 8.0\nfile = "{name}"\n',
     "heights": '[bed]\nkind = "height-map"\nrelief = 0.5\ncell = [1.0, 1.0]\nfile = "{name}"\n',
+    "line": '[bed]\nkind = "polyline"\nfile = "{name}"\n',
+    "outline": '[body]\nshape = "polygon"\nfile = "{name}"\ncentre = [4.0, 2.0]\n',
+    "heap": '[bed]\nkind = "heap"\nfile = "{name}"\n',
     "grid": '[bed]\nkind = "height-map"\nrelief = 0.5\nfile = "{name}"\n',
 }
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 {last}\n"
@@ -54,13 +57,16 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def scene(use: str, name: str) -> str:
-    return AROUND + USES[use].format(name=name)
+    around = AROUND.replace("width = 8.0\n", "") if use in ("line", "outline") else AROUND
+    return around + USES[use].format(name=name)
 
 
 def use_of(path: Path, turn: int) -> str:
     """What a file is used for, in turn where there are several uses."""
     if path.suffix == ".asc":
         return "grid"
+    if path.suffix == ".csv":
+        return "heap" if path.name == "four.csv" else ("line", "outline")[turn % 2]
     return (
         ("held", "resting", "surface")[turn % 3]
         if path.suffix in (".stl", ".ply", ".obj")
@@ -73,7 +79,9 @@ def tried(number: int, directory: Path) -> Counter[str]:
     found: Counter[str] = Counter()
 
     @settings(USUAL, max_examples=number)
-    @given(st.randoms(use_true_random=False), st.integers(0, 14))
+    # Seeds alone are drawn: hypothesis otherwise prefers numbers that stand in the package's source, and the counts
+    # below change with every edit of it.
+    @given(st.randoms(use_true_random=True), st.integers(0, 14))
     def one(random: object, turn: int) -> None:
         path = written(random, directory)
         text = scene(use_of(path, turn), path.name)

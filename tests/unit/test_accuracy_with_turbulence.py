@@ -22,11 +22,10 @@ from incipient.cost.quantities import ComparedNumbers
 from incipient.effects import known
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import ConvergenceError
-from incipient.planning.flow_setup import Setup
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import ErrorBars, Loads, Term
-from incipient.results.resolved_wall_report import SEPARATIONS, ResolvedWallReport
+from incipient.results.resolved_wall_report import ResolvedWallReport
 from incipient.results.trajectory import place_words
 from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
@@ -278,17 +277,12 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
 
 
 def test_the_history_tells_where_the_flow_separates():
-    """x of the longest place, NaN without; nothing in space, around a grain in a stream angles (all as defined)."""
+    """x of the longest place, NaN without; nothing in space (all as defined)."""
     walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, along={"bottom": {}})
     found = replace(walls, backward=((1.0, 1.5), (2.0, 4.0))).columns()
     assert (found["separation"], found["reattachment"]) == (2.0, 4.0)
     assert math.isnan(walls.columns()["separation"])
     assert "separation" not in replace(walls, along={}).columns()
-    grain = ResolvedWallReport(
-        0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, separates=(80.0, 90.0)
-    )
-    assert [grain.columns()[name] for name in SEPARATIONS] == [80.0, 90.0]
-    assert "separation" not in grain.columns()
 
 
 def test_the_mesh_size_that_coarser_meshes_need_is_told_between_planes() -> None:

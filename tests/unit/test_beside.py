@@ -157,6 +157,42 @@ def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
 
 
+# The first rank is elsewhere when the second meets a defect; freeing MUMPS's factors is collective.
+DEFECT = """
+import time
+from mpi4py import MPI
+from incipient.fluid.projection import Projection
+from incipient.scene import Domain, Fluid, Numerics, Sphere
+from incipient.simulation.beside import InTurn
+from scenes import sphere_on_plane
+
+comm = MPI.COMM_WORLD
+small = Domain(length=3.0, width=3.0, height=2.0)
+sphere = Sphere(diameter=1.0, x=1.5)
+direct = Numerics(order=2, mesh_size=9.0, stabilisation="off")
+fluid = Fluid(reynolds=400.0, scale="grain")
+scene = sphere_on_plane(domain=small, fluid=fluid, body=sphere, numerics=direct)
+try:
+    with InTurn(comm, None) as solve:
+        solve(scene)
+        with Projection(solve._run.fluid) as projection:
+            projection.apply()
+            if comm.rank == 0:
+                time.sleep(50)
+            raise ValueError("a defect of this rank")
+except ValueError as error:
+    print(f"{comm.rank}: {error}", flush=True)
+    comm.Abort(3)
+"""
+
+
+def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
+    """It leaves the contexts of coarse runs and of a projection at once, as its traceback has to be shown."""
+    done = mpirun(2, DEFECT, timeout=40)
+    assert done.returncode == 3, done.stderr
+    assert done.stdout.split("\n")[0] == "1: a defect of this rank"
+
+
 def test_points_are_stretched_away_from_the_middle_only() -> None:
     """A side goes to its new place, what is near the centre stays, and no two points change their order."""
     old = KeptBox(np.zeros(3), np.array([10.0, 8.0, 6.0]))

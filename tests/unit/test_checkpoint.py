@@ -17,14 +17,14 @@ from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient.errors import OutputError, SceneError
-from incipient.files import cut
+from incipient.files import MARK, cut
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.transient import Transient
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
 from incipient.output.reopening import reopened
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import order_of
 from incipient.restart.checkpoint import (
     Checkpoint,
     Progress,
@@ -277,7 +277,7 @@ def test_a_failed_write_keeps_the_old_checkpoint(path: Path) -> None:
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
     assert read(path, COMM).time == 1.0
-    assert sorted(p.name for p in path.parent.iterdir()) == [CHECKPOINT, "scene.toml"]
+    assert sorted(p.name for p in path.parent.iterdir()) == [MARK, CHECKPOINT, "scene.toml"]
 
 
 # -- the history -----------------------------------------------------------------------------------------------

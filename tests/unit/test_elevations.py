@@ -16,7 +16,7 @@ from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest, first
 from incipient.adaptive.modelling import suited
 from incipient.effects.plan import make_plan
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import order_of
 from incipient.results.elevations import ElevationReading, Elevations
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.scene import Scene

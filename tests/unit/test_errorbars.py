@@ -26,9 +26,9 @@ from incipient.accuracy.model_terms import (
 )
 from incipient.adaptive.modelling import not_estimated
 from incipient.errors import ConvergenceError
-from incipient.planning.flow_setup import Setup
+from incipient.planning.boundary_layer import is_resolved
+from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.meshed_bed import resolved_bed
-from incipient.planning.order import order_of
 from incipient.results.errorbars import Loads, Term
 from incipient.results.loads import Couples, Forces
 from incipient.results.wall_report import WallReport
@@ -52,9 +52,40 @@ shape = "disc"
 diameter = 1.0
 centre = [3.0, 2.0]
 """
+# A light disc that rises in still fluid at Re 1000; its boundary layer is 0.02 thick at the end.
+RISING = """
+[domain]
+kind = "box"
+length = 12.0
+height = 12.0
+[fluid]
+reynolds = 1000.0
+scale = "grain"
+[flow]
+kind = "still"
+[body]
+shape = "disc"
+diameter = 1.0
+centre = [6.0, 5.0]
+density = 0.05
+motion = "free"
+[gravity]
+acceleration = 1.0
+[time]
+end = 0.4
+step = 0.04
+[numerics]
+error_bars = false
+order = 2
+"""
 # Estimates are compared with what changes, so that nothing is corrected by them.
 COARSE = {"order": 2, "mesh_size": 2.0, "error_bars": False, "correction": False}
 WITHIN = 3.0
+
+
+def gust(duration: float) -> str:
+    """An override that lets a flow have a gust of a duration."""
+    return f"flow.gust={{start=0.5, duration={duration}, strength=2.0}}"
 
 
 SOLVED: dict[str, Loads] = {}
@@ -255,12 +286,38 @@ def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> N
         assert np.concatenate([term.force, term.couple]) == pytest.approx(times * changing.unsteady)
 
 
-@pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1)])
+@pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1), (1, 2)])
 def test_there_are_eight_longer_steps_if_possible(steps: int, longer: int) -> None:
     scene = loads(IN_STREAM, overrides=(f"time={{end=1.0, step={1.0 / steps}}}",))
     assert [1.0 / one.time.step for one in comparisons(scene) if one.time] == pytest.approx(
         2 * [longer]
     )
+
+
+@pytest.mark.parametrize(("duration", "compared", "model"), [(2.0, 0.4, 0.4), (0.5, 0.25, 0.25)])
+def test_coarse_runs_resolve_a_short_gust(duration: float, compared: float, model: float) -> None:
+    """A scene has two steps or more in a gust; so have its coarse runs."""
+    scene = loads(IN_STREAM, overrides=("time={end=4.0, step=0.1}", gust(duration)))
+    assert [one.time.step for one in comparisons(scene) if one.time] == [compared, compared]
+    steps = [one.time.step for one in coarse_scenes(scene) if one.time]
+    assert steps == pytest.approx([compared] * 2 + [model] * (len(steps) - 2))
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("bdf1", 1), ("bdf2", 2)])
+def test_steps_that_cannot_be_longer_are_compared_with_shorter_ones(
+    scheme: str, order: int
+) -> None:
+    """Two steps in a gust: a force 1 + h^q, q the order of the steps, errs by h^q."""
+    overrides = (f"time={{end=4.0, step=0.1, scheme='{scheme}'}}", gust(0.2))
+    scene = loads(IN_STREAM, overrides=overrides)
+
+    def exact(one: Scene) -> Loads:
+        assert one.time is not None
+        return Loads(np.array([1.0 + one.time.step**order, 0.0, 0.0]), np.zeros(3))
+
+    of_step, of_mesh = by_coarser_runs(scene, exact(scene), exact).parts
+    assert (of_step.force[0], of_mesh.force[0]) == (pytest.approx(0.1**order), 0.0)
+    assert {one.time.step for one in coarse_scenes(scene) if one.time} == {0.05, 0.1}
 
 
 def test_a_part_that_is_known_spares_its_run() -> None:
@@ -296,6 +353,29 @@ def test_coarser_runs_against_a_much_finer_one() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("mesh_size", "order", "resolved"), [(0.5, 2, False), (0.35, 2, True), (0.25, 3, True)]
+)
+def test_boundary_layer_is_resolved_by_one_cell(
+    mesh_size: float, order: int, resolved: bool
+) -> None:
+    """By hand: sqrt(0.4/1000) is 0.02; cells at the disc are 0.05 times mesh_size, of order three 0.1 times."""
+    overrides = (f"numerics.mesh_size={mesh_size}", f"numerics.order={order}")
+    assert is_resolved(Setup(loads(RISING, overrides=overrides))) is resolved
+    assert is_resolved(Setup(loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",))))
+
+
+def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
+    """Elements of third order on the same cells see a ninth of the error of the place."""
+    scene = loads(RISING, overrides=("numerics.mesh_size=1.5",))
+    computed, fine = solve(scene), solve(changed(scene, numerics={"mesh_size": 0.5}))
+    assert computed.place is not None and fine.place is not None
+    error = abs(computed.place[1] - fine.place[1])
+    place = by_coarser_runs(scene, computed, solve).place
+    assert place is not None
+    assert error / 2 < place[1] < 2 * error
+
+
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
@@ -307,9 +387,10 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
-    assert bars.failed == {"gap": "no steady flow found", "domain": "no steady flow found"}
+    why = "no steady flow found, in a run to compare with"
+    assert bars.failed == {"gap": why, "domain": why}
     assert bars.safety is not None and bars.safety.unknown == ("gap", "domain")
-    assert "  gap               not computed: no steady flow found" in bars.lines()
+    assert f"  gap               not computed: {why}" in bars.lines()
     assert (
         "certain but for the error of the gap and domain, which is not known"
         in bars.safety.sentence()
@@ -402,6 +483,13 @@ def test_far_sides_matter_longer_over_forms() -> None:
         expected = (1.0 - grown**-power) / (1.0 - 1.5**-power)
         plain = changed(scene, numerics={"correction": False})
         assert of_domain(plain, far).force[0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("top", ["stream", "slip"])
+def test_a_top_without_shear_moves_away_where_nothing_is_below(top: str) -> None:
+    """A uniform flow past a grain is endless above and below, whatever stands for that."""
+    domain = farther(loads(IN_STREAM, overrides=(f"domain.top='{top}'",))).domain
+    assert (domain.height, domain.origin[1]) == pytest.approx((6.0, -1.0))
 
 
 def datum_of(scene: Scene) -> float:

@@ -43,12 +43,16 @@ def test_a_form_is_compiled_once_and_then_loaded(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
 
 
-@pytest.mark.parametrize("damage", ["co", "junk"], ids=["cut short", "of the right length"])
+@pytest.mark.parametrize(
+    "damage", ["co", "junk", "co\0\0"], ids=["cut short", "of the right length", "zeros"]
+)
 def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str) -> None:
+    """Without being loaded first: to load a library with zeros in it, as a power cut leaves, may end the process."""
     form_cache.compiled(tmp_path, NAME, COMM, Compiler())
     (tmp_path / NAME / "form.so").write_text(damage)
     build = Compiler()
-    assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code" and build.built == 1
+    assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code"
+    assert (build.built, build.loaded) == (1, 0)
     assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code" and build.built == 1
 
 
@@ -115,3 +119,42 @@ def test_of_four_at_once_one_compiles_and_the_others_wait(tmp_path: Path) -> Non
         one.join(60)
     assert [one.exitcode for one in them] == [0] * 4
     assert log.read_text() == "built\n"
+
+
+RANKS = """
+import os
+from pathlib import Path
+from mpi4py import MPI
+
+rank, base = MPI.COMM_WORLD.rank, Path("CACHE")
+os.environ["XDG_CACHE_HOME"] = str(base / ("no_directory/of_rank" if rank == 2 else "cache"))
+import dolfinx, ufl
+from incipient import compat
+
+if rank == 0:
+    (base / "no_directory").touch()
+space = compat.space(dolfinx.mesh.create_unit_square(MPI.COMM_WORLD, 4, 4), ("Lagrange", 1))
+compat.form(ufl.TestFunction(space) * ufl.dx)
+if rank == 0:
+    print(sorted(path.name for path in base.iterdir()), len(list((base / "cache").rglob("*.so"))))
+"""
+
+
+def test_ranks_with_caches_of_their_own_use_the_first(mpirun: Any, tmp_path: Path) -> None:
+    """The cache of one rank of three cannot be written: forms are compiled, and loaded, where the first rank says.
+
+    Once compiled, they were looked for in each rank's own cache, and two ranks waited for the third without end.
+    """
+    (tmp_path / "caches").mkdir()
+    said = set()
+    for _ in range(2):
+        done = mpirun(3, RANKS.replace("CACHE", str(tmp_path / "caches")), timeout=60)
+        assert done.returncode == 0, done.stderr
+        said.add(done.stdout)
+    assert len(said) == 1  # the second time nothing is compiled
+
+
+def test_a_folder_that_one_rank_cannot_write_is_refused_before_it_is_built(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="set XDG_CACHE_HOME to a directory that can be written"):
+        form_cache._require_writable(tmp_path / "file" / NAME)

@@ -305,6 +305,23 @@ def test_fluid_that_comes_back_through_an_open_boundary_brings_no_momentum(
     assert found == pytest.approx(power, abs=1e-12)
 
 
+@pytest.mark.parametrize(("normal", "power"), [(-2.0, 20.0), (2.0, 0.0)])
+def test_fluid_that_comes_back_brings_the_momentum_of_the_stream(
+    normal: float, power: float
+) -> None:
+    """Velocity v = (u, 3) in a stream s = (u, -2): the term has the power -u (v - s) . v' with v' = (0, 2) (exact)."""
+    domain = unit_box(2, 2)
+    space = compat.space(domain.mesh, ("Lagrange", 2), (2,))
+    v, stream = (dolfinx.fem.Constant(domain.mesh, (normal, y)) for y in (3.0, -2.0))
+    w, measure = ufl.TestFunction(space), domain.measure("right")(metadata=QUADRATURE)
+    term = forms.OpenBoundary(0.0, measure, v, stream)
+    tested = dolfinx.fem.Function(space)
+    tested.interpolate(lambda x: np.array([np.zeros_like(x[0]), np.full_like(x[0], 2.0)]))
+    returning = term.on_boundary(forms.Unknowns(v, None, w, None))
+    found = dolfinx.fem.assemble_scalar(compat.form(ufl.action(returning, tested)))
+    assert found == pytest.approx(power, abs=1e-12)
+
+
 # -- meshes that move ---------------------------------------------------------------------------
 
 # Radii of the throws of vertices and mid-side nodes, about as far as no cell folds.

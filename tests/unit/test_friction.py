@@ -6,8 +6,8 @@ import pytest
 from domains import ring
 
 from incipient import compat
-from incipient.effects.turbulence.along_walls import along_wall
 from incipient.fluid import FlowModel, Fluid, Prescribed
+from incipient.fluid.along_walls import along_wall
 from incipient.fluid.conditions import Friction
 from incipient.planning.wall_law import WallLaw
 

@@ -1,7 +1,5 @@
 """k and omega by themselves, in given velocities, against exact solutions, and developed flow in one dimension."""
 
-from pathlib import Path
-
 import dolfinx
 import numpy as np
 import pytest
@@ -314,20 +312,3 @@ def test_in_crevices_of_a_bed_in_space_corrections_do_not_rule_a_step(in_layers)
         assert size < 1e-4 and bounded[1:] == pytest.approx(1e-5)
     else:
         assert size == 10.0 and bounded[1:] == pytest.approx(2e-6)
-
-
-def test_where_no_step_is_found_around_a_grain_in_a_stream_upwinding_is_told():
-    """The remedy names numerics.stabilisation unless it is on; a cylinder at Re 3.6 million needs it."""
-    from mpi4py import MPI
-
-    from incipient.scene.file import load
-    from incipient.simulation.build import prepared
-
-    path = Path(__file__).parents[2] / "benchmarks/scenes/turbulent_cylinder.toml"
-    told = {}
-    for asked in ("auto", "on"):
-        scene = load(path, overrides=["numerics.mesh_size=8", f"numerics.stabilisation={asked}"])
-        with prepared(scene, MPI.COMM_SELF) as run:
-            told[asked] = run.part("turbulence").around(None).complaint()
-    assert 'or numerics.stabilisation = "on"' in told["auto"]
-    assert "stabilisation" not in told["on"] and "time.step" in told["on"]

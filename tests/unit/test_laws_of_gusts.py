@@ -81,6 +81,15 @@ class TestMeasured:
         ):
             Measured.of(np.column_stack([times, 1.0 + 0.1 * np.sin(times)]), integral_time=1.0)
 
+    def test_levels_of_a_series_that_stays_at_its_lowest_value(self) -> None:
+        """Half of the time at 0.5, then at 1.5, of mean 1: by hand 1.5 with 0.4, and 0.5 with 0.6 or more."""
+        times = np.arange(0.0, 1000.0, 0.25)
+        values = np.where((times // 5.0) % 2.0 < 1.0, 0.5, 1.5)
+        law = Measured.of(np.column_stack([times, values]), integral_time=1.0)
+        low, high = law.factors.min(), law.factors.max()
+        assert law.level(0.6) == law.level(0.9) == low == pytest.approx(0.5, rel=1e-3)
+        assert law.level(0.4) == pytest.approx(high, rel=0.1)
+
     def test_probability_beyond_the_series_is_refused(self) -> None:
         times = np.linspace(0.0, 200.0, 2001)
         law = Measured.of(np.column_stack([times, 2.0 + np.sin(times)]), integral_time=1.0)

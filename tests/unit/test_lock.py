@@ -161,3 +161,33 @@ def test_all_ranks_are_refused(tmp_path: Path, mpirun: Any) -> None:
     lines = sorted(done.stdout.splitlines())
     assert [line[:2] for line in lines] == ["0:", "1:"]
     assert all(f"{tmp_path}: another run is using it" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"[" * 100_000,
+        b"\xff\xfe",
+        b"[1, 2]",
+        json.dumps({"host": 5, "process": 1, "began": "1", "since": ""}).encode(),
+        json.dumps({"host": " ", "process": "../x", "began": [], "since": None}).encode(),
+    ],
+    ids=["brackets", "no text", "list", "types", "others"],
+)
+def test_a_lock_that_names_nobody_is_one_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / LOCK).write_bytes(content)
+    refused = pytest.raises(OutputError, match=r"another run is starting there; .* remove .*json")
+    with refused, locked(tmp_path, COMM):
+        pass
+    assert (tmp_path / LOCK).read_bytes() == content
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "directory"])
+def test_what_is_no_lock_is_refused_without_a_wait(tmp_path: Path, kind: str) -> None:
+    """Nothing is ever read from the pipe, nothing written through the link, which leads nowhere."""
+    path = tmp_path / LOCK
+    make = {"pipe": os.mkfifo, "link": lambda path: path.symlink_to("x"), "directory": Path.mkdir}
+    make[kind](path)
+    with pytest.raises(OutputError, match=r"json: is no lock but"), locked(tmp_path, COMM):
+        pass
+    assert [one.name for one in tmp_path.iterdir()] == [LOCK]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from incipient.errors import UnsolvedError
 from incipient.fluid import newton
 
 
@@ -25,13 +26,18 @@ class Scalar:
 
 
 class Scripted:
-    """Corrections as listed."""
+    """Corrections as listed; after the last one the matrix is singular."""
 
     def __init__(self, *sizes: float):
         self.sizes: Iterator[float] = iter(sizes)
 
     def correction(self, rtol: float, fresh: bool) -> float:
-        return next(self.sizes)
+        if (size := next(self.sizes, None)) is None:
+            raise UnsolvedError("singular")
+        return size
+
+    def chord_correction(self, fresh: bool) -> float:
+        return self.correction(0.0, fresh)
 
 
 def square_root_of_two(start: float) -> Scalar:
@@ -176,3 +182,12 @@ def test_new_factors_say_nothing_of_older_ones() -> None:
 def test_young_factors_are_taken_to_age() -> None:
     """Measured one solve after they were made, the ratio is taken for twice as large in the next one."""
     assert newton.Contraction(0.01, 1, 1).error_left(1.0) == pytest.approx(0.02 / 0.98)
+
+
+@pytest.mark.parametrize("solve", [newton.solve, newton.solve_by_chords])
+def test_a_linear_system_that_is_not_solved_ends_the_iteration(
+    solve: Callable[[Scripted, float, int], newton.NewtonReport],
+) -> None:
+    report = solve(Scripted(0.2, 0.3), 1e-9, 20)
+    assert not report.converged
+    assert (report.corrections, report.failure) == ((0.2, 0.3), "singular")

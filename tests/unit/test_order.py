@@ -8,7 +8,7 @@ from scenes import BOX, FLOW_SCALE, scene
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.effects.plan import make_plan
-from incipient.planning.order import order_of
+from incipient.planning.flow_setup import has_inertia, order_of
 from incipient.scene import Disc, Domain, Effects, Fluid, Lid, Numerics, Scene, Sphere, Time, load
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, loads
@@ -29,6 +29,8 @@ CASES: list[tuple[dict[str, Any], int]] = [
     ({**IN_SPACE, "body": BALL}, 2),
     ({**IN_SPACE, "body": BALL, "fluid": Fluid(reynolds=1.0, scale="grain", inertia=False)}, 3),
     ({**IN_SPACE, "body": BALL, "effects": Effects(inertia=False)}, 3),
+    # Left to the plan, which finds inertia negligible: Oseen's 3/16 Re is below a thousandth.
+    ({**IN_SPACE, "body": BALL, "fluid": Fluid(reynolds=1e-4, scale="grain")}, 3),
 ]
 
 
@@ -45,6 +47,16 @@ def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
     ]
     assert len(told) == 1 and told[0].endswith(plan.why_order) and plan.why_order
     assert f"  P{order}-P{order - 1} Taylor-Hood" in plan.text()
+
+
+def test_highest_order_of_a_refinement_follows_the_plan() -> None:
+    """Not the key: inertia left out by the plan, or by the scene in either section, leaves the mesh the same choice."""
+    slow, fast = (
+        scene(**IN_SPACE, body=BALL, fluid=Fluid(reynolds=value, scale="grain"))
+        for value in (1e-4, 1.0)
+    )
+    without = scene(**IN_SPACE, body=BALL, effects=Effects(inertia=False))
+    assert [has_inertia(one) for one in (slow, fast, without)] == [False, True, False]
 
 
 @pytest.mark.parametrize(("changes", "_"), CASES)

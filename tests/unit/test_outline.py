@@ -176,4 +176,8 @@ def test_files_of_points_have_a_limit(tmp_path) -> None:  # type: ignore[no-unty
         "body.file: " in found
         and "grain.csv has 100001 points; give three or more points, 100000" in found
     )
-    assert "cannot be read (it is larger" in message(lambda: load("/dev/zero"))
+    assert "/dev/zero: is a pipe or a device; give" in message(lambda: load("/dev/zero"))
+    with (tmp_path / "large.toml").open("wb") as stream:
+        stream.truncate(17 << 20)
+    said = message(lambda: load(tmp_path / "large.toml"))
+    assert "large.toml: cannot be read (it is larger than 16 MiB); give the name of a scene" in said

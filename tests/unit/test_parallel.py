@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
+from kinds import every_grain_and_bed, write_files
 from mpi4py import MPI
 
 from incipient.errors import IncipientError, MeshError, OutputError
 from incipient.parallel import collectively
-from incipient.scene import load
+from incipient.scene import Scene, load
 from incipient.scene.file import example
+from incipient.scene.messages import tag, variants
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 COMM = MPI.COMM_WORLD
@@ -122,3 +126,38 @@ def test_one_rank_reads_a_scene_and_its_files_for_all(mpirun: Any, tmp_path: Pat
 def test_scenes_can_be_sent_to_other_ranks(name: str) -> None:
     scene = load(SCENES / f"{name}.toml")
     assert pickle.loads(pickle.dumps(scene)) == scene
+
+
+# What commands do on all ranks, in one start of them; the first rank reads and plans for the other.
+EVERY_KIND = """
+import json, sys
+from pathlib import Path
+from mpi4py import MPI
+from incipient.cli import main
+
+comm, failed = MPI.COMM_WORLD, {}
+for path in sorted(Path(".").glob("*.toml")):
+    options = ["--out", f"results/{path.stem}"] if sys.argv[1] == "run" else []
+    if code := main([sys.argv[1], str(path), *options]):
+        failed[path.stem] = code
+if comm.rank == 0:
+    Path("failed.json").write_text(json.dumps(failed))
+"""
+
+
+@pytest.mark.parametrize("command", ["plan", pytest.param("run", marks=pytest.mark.slow)])
+def test_each_kind_of_grain_and_bed_on_two_ranks(command: str, mpirun: Any, tmp_path: Path) -> None:
+    """Scenes go from the first rank to the others, with grains whose curves are functions of an angle."""
+    scenes = every_grain_and_bed()
+    kinds = {tag(kind) for name in ("body", "bed") for kind in _kinds(name)}
+    assert kinds == {word for name in scenes for word in name.split(" on ")}
+    write_files(tmp_path)
+    for name, scene in scenes.items():
+        (tmp_path / f"{name}.toml").write_text(tomli_w.dumps(scene))
+    done = mpirun(2, EVERY_KIND, command, timeout=1200 if command == "run" else 120)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "failed.json").read_text()) == {}, done.stderr
+
+
+def _kinds(section: str) -> list[Any]:
+    return list(variants(Scene.model_fields[section].annotation))

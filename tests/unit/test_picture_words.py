@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
@@ -82,3 +83,20 @@ def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
         image = rendered(case, points, surface.triangles, bed).image
         shown[bed is None] = float((image.min(axis=2) < 250).mean())
     assert shown[False] > shown[True] + 0.1
+
+
+@pytest.mark.parametrize("title", [r"$\frac{$", "costs $5 and $6", "one $ alone", "a_1^2"])
+def test_a_title_is_shown_as_it_is_written(tmp_path: Path, title: str) -> None:
+    """Two $ make a formula for matplotlib, which fails or is set in italics; only powers of ten shall be one."""
+    with style.applied():
+        figure = Figure()
+        figure.suptitle(title)
+        axes = figure.add_subplot(title=title, xscale="log", xlabel=title)
+        axes.plot([1, 2], ["$a$", "b"], label=title)
+        axes.legend()
+        style.save(figure, tmp_path / "x.png")
+    texts = [text for text in figure.findobj(Text) if text.get_text() in (title, "$a$")]
+    assert len(texts) >= 4 and not any(text.get_parse_math() for text in texts)
+    axes.set_xlim(1.0, 1e3)
+    powers = [label for label in axes.get_xticklabels() if "10^" in label.get_text()]
+    assert powers and all(label.get_parse_math() for label in powers)

@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import sphere_on_plane
 
 from incipient.errors import SceneError
-from incipient.scene import Ellipsoid
+from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads
 from incipient.survey.orientations import Poses, _settings, random_orientation, survey_poses
 from incipient.survey.procedure import RunMeans
+from incipient.sweep.cases import identity_of
 
 
 def test_all_rotations_are_equally_likely() -> None:
@@ -45,3 +47,31 @@ def test_what_is_refused(tmp_path: Path) -> None:
         with pytest.raises(SceneError) as caught:
             survey_poses(path, (), Poses(2, 2), tmp_path / "out", MPI.COMM_WORLD, RunMeans())
         assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Four poses, whose Shields numbers are 0.01 to 0.04, then the first two of them alone."""
+    boxes = tmp_path / "box.toml"
+    body = Ellipsoid(semi_axes=(0.6, 0.5, 0.4), x=5.0, density=2.65, settle=True)
+    boxes.write_text(dumps(sphere_on_plane(body=body)))
+    computed: dict[str, dict[str, object]] = {}
+
+    def sweep(scenes: list[Scene], *_: object, **__: object) -> None:
+        for scene in scenes:
+            number = len(computed)
+            row = {"id": identity_of(scene, "threshold"), "source": scene.title, "status": "done"}
+            row |= {"mode": "rolling", "shields_nominal": 0.01 * (number + 1)}
+            computed.setdefault(str(row["id"]), row)
+
+    monkeypatch.setattr("incipient.survey.orientations.run_sweep", sweep)
+    monkeypatch.setattr("incipient.survey.orientations.rows", lambda file: list(computed.values()))
+    four, two = (
+        survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD, RunMeans())
+        for count in (4, 2)
+    )
+    assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04))
+    assert (two.poses, two.shields) == (2, pytest.approx((0.01, 0.02)))
+    assert "50% below 0.02" in four.text()
+    assert "0.01, 0.02: too few for percentiles" in two.text() and "below" not in two.text()

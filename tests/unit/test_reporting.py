@@ -9,8 +9,18 @@ import pytest
 
 import incipient
 from incipient.effects.turbulence import TurbulenceEffect
+from incipient.errors import OutputError
 from incipient.evaluation.si_units import in_si
-from incipient.reporting.page import Bounded, Cell, Erring, PageTable, Settings, cell, look
+from incipient.reporting.page import (
+    Bounded,
+    Cell,
+    Erring,
+    PageTable,
+    Picture,
+    Settings,
+    cell,
+    look,
+)
 from incipient.reporting.units import of_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
@@ -86,3 +96,20 @@ def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> N
     assert found is not None
     assert found.sentence.endswith("does NOT hold; give turbulence.wall_distance = 0.1.")
     assert [value for _, value in found.rows] == [0.25, (1.0, 2.0)]
+
+
+@pytest.mark.parametrize("content", [b"no picture", b"\x89PNG\r\n\x1a\n\0\0", b""])
+def test_what_is_no_picture_is_named(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "flow.png").write_bytes(content)
+    with pytest.raises(OutputError, match=r"flow\.png: cannot be read as a picture; remove it"):
+        assert Picture(tmp_path / "flow.png", "The flow").uri
+
+
+def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text("{}")
+    with pytest.raises(OutputError, match=r"result\.json: is no name for this file; .* \.html"):
+        incipient.report(tmp_path, tmp_path / "result.json")
+    (tmp_path / "mine.html").write_text("mine")
+    with pytest.raises(OutputError, match=r"mine\.html: was not written by incipient"):
+        incipient.report(tmp_path, tmp_path / "mine.html")
+    assert (tmp_path / "mine.html").read_text() == "mine"

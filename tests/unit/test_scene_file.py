@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scenes import message
 
 from incipient.errors import OutputError
+from incipient.files import MARK
 from incipient.scene import (
     Contact,
     Disc,
@@ -363,7 +364,7 @@ def test_saved_scenes_are_complete(tmp_path):
     data = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
     assert data["flow"] == {"kind": "shear", "rate": 1.0, "datum": "auto"}
     assert data["numerics"]["mesh_size"] == 1.0
-    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [MARK, "scene.toml"]
 
 
 def test_saving_where_one_cannot(tmp_path):

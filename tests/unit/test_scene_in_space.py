@@ -426,7 +426,7 @@ WRONG_KEYS = [
     (lambda: Mesh(x=1), "Mesh: file: neither file nor vertices is given; give the name of an STL"),
     (
         lambda: Mesh(file="nothing.stl", x=1),
-        "Mesh: file: nothing.stl does not exist; give the name",
+        "Mesh: file: nothing.stl cannot be read (No such file or directory); give the name",
     ),
     (
         lambda: Mesh(vertices=TETRAHEDRON, triangles=((0, 1, 2),), x=1),
@@ -462,7 +462,7 @@ WRONG_KEYS = [
     ),
     (
         lambda: MeshBed(file="bed.png"),
-        "MeshBed: file: bed.png does not exist; give the name of an STL",
+        "MeshBed: file: bed.png cannot be read (No such file or directory); give the name of an STL",
     ),
     (
         lambda: HeightMapBed(),

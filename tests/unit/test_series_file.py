@@ -1,5 +1,7 @@
 """The XDMF file beside the HDF5 file: whole after every step, written once, open to other programs."""
 
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -9,6 +11,7 @@ import meshio
 import numpy as np
 import pytest
 
+from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile, read_step, times
 from incipient.tables import hdf5
 
@@ -153,7 +156,40 @@ def test_half_a_journal_counts_as_none(tmp_path: Path) -> None:
     series.add_step(0.5, fields_at(0.5))
     (tmp_path / "f.h5.journal").write_bytes(b"\x00" * 11)
     assert times(tmp_path / "f") == [0.5]
+    assert (tmp_path / "f.h5.journal").exists()  # who reads leaves all as it is
+    series.add_step(1.0, fields_at(1.0))
+    assert times(tmp_path / "f") == [0.5, 1.0]
     assert not (tmp_path / "f.h5.journal").exists()
+
+
+def test_a_journal_is_read_and_not_carried_out(tmp_path: Path, monkeypatch: Any) -> None:
+    """A step whose journal is whole is there for a reader, who changes no byte of a directory that may be another's."""
+    series = opened(tmp_path / "f")
+    series.add_step(0.5, fields_at(0.5))
+    monkeypatch.setattr("incipient.tables.hdf5.complete", lambda path: None)  # killed there
+    series.add_step(1.0, fields_at(1.0))
+    before = files_of(tmp_path)
+    assert "f.h5.journal" in before and times(tmp_path / "f") == [0.5, 1.0]
+    np.testing.assert_array_equal(
+        read_step(tmp_path / "f").fields["velocity"], fields_at(1.0)["velocity"]
+    )
+    assert files_of(tmp_path) == before
+
+
+def test_a_forged_journal_writes_nothing(tmp_path: Path) -> None:
+    """Neither reading nor writing follows a link with which a directory of somebody else names a file of the user."""
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "f.h5").symlink_to(victim)
+    changes = struct.pack("<QQ", 3, 1) + struct.pack("<QQ", 0, 3) + b"bad"
+    journal = zlib.crc32(changes).to_bytes(4, "big") + changes
+    (tmp_path / "out" / "f.h5.journal").write_bytes(journal)
+    with pytest.raises(OutputError, match=r"f\.h5: cannot be read"):
+        times(tmp_path / "out" / "f")
+    with pytest.raises(OSError, match="symbolic links"):
+        hdf5.complete(tmp_path / "out" / "f.h5")
+    assert victim.read_text() == "precious"
 
 
 def opened_again(stem: Path, time: float) -> SeriesFile:

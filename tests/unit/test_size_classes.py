@@ -56,19 +56,16 @@ def test_the_command_prints_csv(tmp_path: Path, capsys: Any) -> None:
 
 
 def test_classes_of_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Cases that are done, by the key that varies."""
-    done = [
-        {"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in (1.0, 1.5, 2.0)
-    ]
+    """Cases that are done, by the key that varies; three tell a median and no more, one tells no percentile."""
+    sizes = (1.0, 1.5, 1.8, 2.0)
+    done = [{"status": "done", "body.diameter": size, "shields": 0.1 * size} for size in sizes]
     found = [*done, {"status": "failed", "body.diameter": 1.2}]
     monkeypatch.setattr("incipient.sweep.size_classes.rows", lambda path: found)
     first, second = size_classes(tmp_path / "sweep.sqlite", [1.0, 2.0, 3.0])
-    assert (first["grains"], first["size_median"], first["shields_84"]) == (
-        2,
-        1.25,
-        pytest.approx(0.15),
-    )
-    assert (second["grains"], second["shields_50"]) == (1, pytest.approx(0.2))
+    assert (first["grains"], first["size_median"]) == (3, 1.5)
+    assert first["shields_50"] == pytest.approx(0.15)
+    assert "shields_84" not in first
+    assert second["grains"] == 1 and not any(name.startswith("shields") for name in second)
 
 
 @pytest.mark.parametrize(

@@ -278,7 +278,7 @@ class TestFiles:
             ),
             (lambda: Triangulated(first.vertices * np.nan, first.faces), "not finite"),
             (lambda: Triangulated(first.vertices, first.faces + 1), "do not exist"),
-            (lambda: Triangulated.from_file(tmp_path / "missing.stl"), "does not exist"),
+            (lambda: Triangulated.from_file(tmp_path / "missing.stl"), "No such file or directory"),
             (lambda: Triangulated.from_file(tmp_path / "grain.txt"), "not an STL, PLY or OBJ"),
             (lambda: Triangulated.from_file(tmp_path / "text.stl"), "text.stl"),
         ]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,8 +25,10 @@ class Pretended:
         limit: float = np.inf,
         iterations: int = 4,
         error: Exception | None = None,
+        failed: NewtonReport | None = None,
     ):
         self.reach, self.limit, self.iterations, self.error = reach, limit, iterations, error
+        self.failed = failed
         self.space, self.model = SimpleNamespace(order=2), SimpleNamespace(linear=False)
         self.reynolds, self.solved = TARGET, 0.0
         self.state = SimpleNamespace(x=SimpleNamespace(array=np.zeros(2)))
@@ -39,7 +42,7 @@ class Pretended:
             self.state.x.array[:] = np.nan
             if self.error is not None:
                 raise self.error
-            return NewtonReport(False, (1.0,) * max_iterations, np.inf)
+            return self.failed or NewtonReport(False, (1.0,) * max_iterations, np.inf)
         self.solved = self.reynolds
         # A solution that is linear in the logarithm of Re, as the extrapolation supposes.
         self.state.x.array[:] = np.log(self.reynolds)
@@ -77,6 +80,32 @@ def test_halves_its_step_when_newton_fails() -> None:
     assert any(failed)
     assert not failed[-1]
     assert shares(steps)[-1] == 1.0
+
+
+SINGULAR = NewtonReport(False, (0.1, 0.2), np.inf, failure="it is singular: use another mesh")
+
+
+def test_halves_its_step_when_a_linear_system_is_not_solved() -> None:
+    """Newton's method runs away, and its matrix is singular before corrections have grown three times."""
+    steps = solve_steady(Pretended(reach=1.5, failed=SINGULAR), 1e-9, first_share=0.1)
+    assert not all(step.report.converged for step in steps)
+    assert shares(steps)[-1] == 1.0
+
+
+def test_failed_linear_system_far_from_the_start_is_told_as_divergence() -> None:
+    with pytest.raises(
+        ConvergenceError,
+        match=r"beyond 40% of the Reynolds number, at 40.1% the linear system of correction 3 is not "
+        r"solved: it may be unsteady \(add a \[time\] section\) or need a finer mesh",
+    ):
+        solve_steady(Pretended(reach=np.inf, limit=40.0, failed=SINGULAR), 1e-9, first_share=0.1)
+
+
+def test_first_linear_system_tells_of_the_mesh() -> None:
+    """Without inertia, from rest, no smaller step would help."""
+    failed = replace(SINGULAR, corrections=())
+    with pytest.raises(ConvergenceError, match="it is singular: use another mesh"):
+        solve_steady(Pretended(reach=np.inf, limit=0.0, failed=failed), 1e-9)
 
 
 def test_starts_are_extrapolated_from_two_solutions() -> None:

@@ -5,17 +5,21 @@ import sys
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from incipient.arrays import known_percentiles, percentile
 from incipient.errors import MissingError, SceneError
 from incipient.geometry.statics import balance
 from incipient.scene.file import parse
 from incipient.survey.beds import spheres_of
 from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
 from incipient.survey.emulator import Emulator
-from incipient.survey.full_runs import coefficients_of, reynolds_of, scene_of
+from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.laws import buffington, kirchner, on_triangular_pocket, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
+from incipient.survey.procedure import RunMeans, survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
+from incipient.sweep.cases import identity_of
 
 DEPOSITED = """
 [bed]
@@ -135,14 +139,14 @@ class TestPockets:
     def test_what_carries_another_is_told(self):
         spheres = deposited(np.full(60, 0.5), np.array([6.0, 6.0]), 3)
         surface = Surface.of(spheres)
-        numbers = exposed(spheres, surface, Surveyed(), 0)
+        numbers = exposed(spheres, surface, Surveyed())
         found = list(pockets(spheres, surface, numbers, FlowPast()))
         for one in found:
             away = spheres.without(one.number).away(one.centre)
             touching = np.linalg.norm(away, axis=1) < 1.0 + 1e-6
             assert one.carries == int((away[touching, 2] < 0.0).sum())
         assert 0 < sum(not one.carries for one in found) < len(found)
-        assert len(exposed(spheres, surface, Surveyed(most=5), 0)) == 5
+        assert len(exposed(spheres, surface, Surveyed(most=5))) == 5
 
 
 class TestLaws:
@@ -216,13 +220,28 @@ class TestFiles:
         assert found.pivot == pytest.approx(math.degrees(math.atan(1.0 / math.sqrt(8.0))), abs=1e-4)
 
 
+class TestPercentiles:
+    def test_the_share_of_values_that_are_not_larger(self):
+        """By counting: of 1 to 20, five percent are 1 or less; infinite values are the largest."""
+        values = np.arange(1.0, 21.0)
+        assert [percentile(values, share) for share in (5, 50, 84, 95)] == [1.0, 10.0, 17.0, 19.0]
+        assert percentile([3.0, math.inf, 1.0], 50) == 3.0
+        assert percentile([3.0, math.inf, 1.0], 84) == math.inf
+
+    def test_few_values_tell_few_percentiles(self):
+        """None where the smaller side of a percentile would hold one value at most."""
+        shares = (5, 16, 50, 84, 95)
+        told = {count: known_percentiles(shares, count) for count in (2, 3, 7, 20, 21)}
+        assert told == {2: [], 3: [50], 7: [16, 50, 84], 20: [16, 50, 84], 21: list(shares)}
+
+
 class TestFullRuns:
     def test_the_scene_has_the_grain_in_its_pocket(self):
         """As near its neighbours as the gap and no nearer, the flow's datum where the bed's surface is."""
         radii = 0.5 * 1.3 ** np.clip(np.random.default_rng(5).standard_normal(150), -2.0, 2.0)
         spheres = deposited(radii, np.array([9.0, 9.0]), 5, 2)
         surface = Surface.of(spheres)
-        numbers = exposed(spheres, surface, Surveyed(), 0)
+        numbers = exposed(spheres, surface, Surveyed())
         free = [one for one in pockets(spheres, surface, numbers, FlowPast()) if not one.carries]
         assert len(free) > 10
         for one in free[:4]:
@@ -239,21 +258,44 @@ class TestFullRuns:
                 assert scene.flow.datum == pytest.approx(centre[2] + level, abs=1e-9)
 
     def test_coefficients_by_the_rows_of_a_sweep(self):
-        row = {
-            "source": "grain 7",
-            "status": "done",
-            "fluid.reynolds": 2.0,
-            "force_x": 3.0,
-            "couple_y": 1.0,
+        """Of a run with a wider gap that is done; of that alone nothing is known where the run itself has failed."""
+        given = on_pocket(1.0), -0.5, asked(), 2.0
+        first = FullRun(7, scene_of(*given, error_bars=True), scene_of(*given, wide=True))
+        second = FullRun(8, scene_of(on_pocket(1.2), -0.5, asked(), 2.0))
+        done = {"status": "done", "force_x": 3.0, "couple_y": 1.0}
+        rows = {
+            identity_of(first.scene, "run"): done | {"force_x_low": 2.9, "force_x_high": 3.1},
+            identity_of(first.wide, "run"): done | {"force_x": 3.3},
+            identity_of(second.scene, "run"): {"status": "failed"},
         }
-        rows = [
-            row | {"force_x_low": 2.9, "force_x_high": 3.1},
-            row | {"source": "grain 7 wide gap", "force_x": 3.3},
-            {**row, "source": "grain 8", "status": "failed"},
-        ]
-        (found,) = coefficients_of(rows)
+        (found,) = coefficients_of([first, second], rows)
         assert found.number == 7 and found.values.tolist() == [6.0, 0.0, 0.0, 0.0, 2.0, 0.0]
         assert found.errors is not None and found.errors[0] == pytest.approx(0.2 + 0.6)
+        rows[identity_of(first.wide, "run")] = {"status": "failed"}
+        assert coefficients_of([first, second], rows)[0].errors is None
+
+    def test_a_later_call_computes_what_is_new(self, monkeypatch, tmp_path):
+        """Eight runs, of which one is repeated with a wider gap in vain; then one more, the others as they were."""
+        pytest.importorskip("sklearn")
+        computed: dict[str, dict[str, object]] = {}
+
+        def sweep(scenes, *_, **__):
+            for scene in scenes:
+                bent = 0.01 * len(computed)
+                row = {"id": identity_of(scene, "run"), "force_x": 5.0 + bent, "couple_y": 1.0}
+                row["status"] = "failed" if "wide" in scene.title else "done"
+                computed.setdefault(row["id"], row)
+
+        monkeypatch.setattr("incipient.survey.procedure.run_sweep", sweep)
+        monkeypatch.setattr("incipient.survey.procedure.rows_of", lambda _: [*computed.values()])
+        (tmp_path / "runs.sqlite").touch()
+        more = "\n[flow]\ngalileo = 20.0\n[runs]\nwith_error_bars = 1\n"
+        found = []
+        for number in (8, 9):
+            request = asked(DEPOSITED + more, f"runs.number={number}")
+            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, RunMeans()).emulator
+            found.append((record.runs, record.failed, len(computed)))
+        assert found == [(8, 0, 9), (9, 0, 10)]
 
     def test_reynolds_numbers_spread_over_the_thresholds(self):
         assert reynolds_of(5, None) == 1.0
@@ -284,6 +326,17 @@ REFUSED = [
 
 
 class TestBadInput:
+    def test_too_few_runs_are_refused_before_any(self, monkeypatch, tmp_path):
+        pytest.importorskip("sklearn")
+        monkeypatch.setattr(
+            "incipient.survey.procedure.run_sweep", lambda *_, **__: pytest.fail("ran")
+        )
+        request = asked(DEPOSITED, "runs.number=6")
+        with pytest.raises(SceneError) as caught:
+            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF, RunMeans())
+        said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
+        assert str(caught.value) == said
+
     def test_without_scikit_learn(self, monkeypatch):
         """Said before anything is computed."""
         monkeypatch.setitem(sys.modules, "sklearn.gaussian_process", None)

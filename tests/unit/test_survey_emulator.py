@@ -180,3 +180,10 @@ class TestThresholds:
         (found,) = thresholds(grains, 1.0 / ratio, 0.5, galileo, [], emulator, errors)
         drag = 4.0 + 2.0 * math.log10(found.shields * galileo**2 * ratio**3)
         assert found.shields * drag == pytest.approx(math.pi / 6.0 / math.sqrt(8.0), rel=0.02)
+
+
+@pytest.mark.parametrize(("runs", "level"), [(8, 8 / 9), (18, 18 / 19), (19, 0.95), (60, 0.95)])
+def test_with_what_probability_bars_hold(runs, level):
+    """The largest of n errors is not exceeded by the next with a probability of n/(n + 1) (Vovk et al. 2005)."""
+    features = drawn(runs)
+    assert Emulator.of(features, known(features)).level == pytest.approx(level)

@@ -271,6 +271,16 @@ def path(factors: list[float], load: Callable[[float], np.ndarray]) -> LoadPath:
     )
 
 
+def test_a_search_that_does_not_converge_names_no_critical_flow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A load larger by a tenth has a threshold some percent away: one flow is not enough to be near it."""
+    monkeypatch.setattr("incipient.critical.search.MOST_FLOWS", 1)
+    before = Found(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
+    with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
+        Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
+
+
 def test_loads_between_flows_are_those_of_a_parabola() -> None:
     given = path([1e-6, 1.0, 2.5], lambda f: DRAG * (1.0 + f + f**2))
     assert given.over_factor(1.7) == pytest.approx(DRAG * (1.0 + 1.7 + 1.7**2))
@@ -310,6 +320,17 @@ def test_bed_stress_of_exact_profiles() -> None:
         assert Setup(channel).bed_stress() == pytest.approx(
             factor * channel.viscosity * 2.0 / 20.0, rel=1e-5
         )
+
+
+@pytest.mark.parametrize(
+    ("flow", "power"),
+    [("{kind = 'shear'}", 1), ("{kind = 'poiseuille'}", 1), ("{kind = 'log-law'}", 2)],
+)
+def test_bed_stress_of_a_faster_flow(flow: str, power: int) -> None:
+    """A profile that keeps its shape: nu du/dz, in proportion; a log law three times as fast: (3 u*)^2."""
+    setup = Setup(scene(f"flow={flow}"))
+    assert setup.bed_stress(3.0) == pytest.approx(3.0**power * setup.bed_stress())
+    assert (setup.bed_stress(0.0), setup.bed_stress(np.inf)) == (0.0, np.inf)
 
 
 @pytest.mark.parametrize(
@@ -369,19 +390,26 @@ def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
     ]
 
 
-@pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
-def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: float) -> None:
-    """Turned by t its centre is h = sqrt(a^2 sin^2 t + b^2 cos^2 t) high, its contact h' beside: force/weight = h'/h.
-
-    That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
-    """
-    pretended = Pretended(lambda f: np.array([1.0, 0, 0, 0, 0, 0]) * (0.3 + inertia * f))
+def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
+    """An ellipse on a plane, which rocks, under a force along the stream."""
+    along = np.array([1.0, 0, 0, 0, 0, 0])
+    pretended = Pretended(lambda f: along * (0.3 + inertia * f), limit=limit)
     text = commented(grain_on_bed()).replace(
         'shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]'
     )
     text = "\n".join(line for line in text.splitlines() if not line.startswith("diameter"))
     pretended.scene = loads(text, overrides=["body.settle=true", "contact.friction=0.8"])
     pretended.contacts = find_contacts(pretended.scene)
+    return pretended
+
+
+@pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: float) -> None:
+    """Turned by t its centre is h = sqrt(a^2 sin^2 t + b^2 cos^2 t) high, its contact h' beside: force/weight = h'/h.
+
+    That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
+    """
+    pretended = on_plane(inertia)
     found = pretended.from_rest()
     weight = float(np.linalg.norm(found.load.weight))
 
@@ -394,3 +422,11 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
     assert found.factor == pytest.approx(float(brentq(excess, 0.0, 100.0)), rel=0.01)
     assert len(found.trials) <= 6
     assert found.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
+    """Its threshold, by force/weight = (a^2 - b^2)/(2 a b), is at some 2.5 times the flow; none is found beyond 1."""
+    found = on_plane(1.0, limit=1.0).from_rest()
+    assert not found.is_critical and found.rocking is not None and found.unsolved
+    assert found.reason == "the grain rocks from rest to rest, and beyond no steady flow was found"
+    assert found.held_to == 1.0

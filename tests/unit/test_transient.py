@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -170,6 +171,25 @@ def test_steps_grow_again_after_one_that_was_halved(fluid: Fluid) -> None:
     lengths += [step.length for step in steps]
     assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
     assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("accuracy", "shortest"), [(None, 0.1 / 2048), (1e-2, 0.01 / 2048)])
+def test_a_flow_that_diverges_is_not_followed_in_ever_shorter_steps(
+    fluid: Fluid, accuracy: float | None, shortest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps converge only before t = 0.35; none is shorter than eleven halvings of the first one."""
+    solve = fluid.solve
+
+    def solved_until(tolerance: float) -> NewtonReport:
+        return replace(solve(tolerance), converged=fluid.time < 0.35)
+
+    monkeypatch.setattr(fluid, "solve", solved_until)
+    steps = Transient(fluid, 1, 1e-8, accuracy).march(1.0, 0.1)
+    lengths: list[float] = []
+    with pytest.raises(ConvergenceError, match=r"^the step from t = 0\.3[45]\d* does not converge"):
+        while True:
+            lengths.append(next(steps).length)
+    assert min(lengths) >= shortest * (1 - 1e-9)
 
 
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])

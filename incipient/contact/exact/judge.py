@@ -5,6 +5,7 @@ from typing import Any
 
 from incipient.arrays import Floats
 from incipient.contact import equilibrium
+from incipient.contact.exact.release import require_inertia
 from incipient.contact.model import Load
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
@@ -50,6 +51,8 @@ def judged(
 
     Raises SceneError as `equilibrium.safety_factor` and `equilibrium.incipient_motion` do.
     """
+    if mass_and_inertia is not None:  # also where the grain rests, and neither is used
+        require_inertia(*mass_and_inertia)
     safety = equilibrium.safety_factor(load, contacts, friction)
     if safety.held or mass_and_inertia is None:
         return Exact(safety, None)

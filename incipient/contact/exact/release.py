@@ -77,7 +77,7 @@ def release(
     Raises SceneError if friction is negative, the mass not positive, or the inertia (3, 3) not symmetric and
     positive definite.
     """
-    inertia = _checked(mass, inertia)
+    inertia = require_inertia(mass, inertia)
     held_by = grasp(load, contacts, min(friction, LARGEST), inertia)
     wrench, size = wrenches(load, held_by.reach).at(1.0)
     left = float(np.sqrt(wrench @ wrench))
@@ -121,8 +121,8 @@ def frictionless(case: Release) -> Candidate:
     return Candidate(acceleration, local)
 
 
-def _checked(mass: float, inertia: Floats) -> Floats:
-    """The inertia as an array (3, 3); refuses what is none."""
+def require_inertia(mass: float, inertia: Floats) -> Floats:
+    """Return the inertia as an array (3, 3); raises SceneError for a mass or inertia that no body has."""
     if not (np.isfinite(mass) and mass > 0.0):
         raise SceneError(f"mass {mass} is not positive; give the grain's mass")
     table = np.array(inertia, dtype=float)

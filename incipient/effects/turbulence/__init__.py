@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import DEAR, FEW_CELLS, Method
-from ...planning.numbers import Numbers, numbers_of
+from ...planning.numbers import Numbers
 from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
@@ -164,7 +164,7 @@ class TurbulenceEffect(Effect):
         about = TURBULENT if setup.is_averaged else LAMINAR
         stress = "of the flow that enters" if setup.resolves_walls else "by the law of the wall"
         yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
-        if found := transition(setup, numbers_of(setup), factor):
+        if found := transition(setup, setup.numbers, factor):
             yield found.text(" at the threshold")
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
@@ -172,7 +172,7 @@ class TurbulenceEffect(Effect):
         return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""
+        """MiB of both quantities in space, and of blocks that are the Jacobian's."""
         if setup.scene.gdim == 2 or not setup.scene.is_averaged:
             return 0.0
         in_time = setup.scene.time is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -12,7 +12,6 @@ import numpy as np
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.newton import NewtonReport
-from ...fluid.solvers import UnsolvedError
 from ...fluid.transient import Interface
 from .fields import TurbulenceFields
 
@@ -101,10 +100,9 @@ def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
     """Find the flow with the eddy viscosity as it is, or a larger one, which pseudo-time undoes; the logarithms."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
-        with suppress(UnsolvedError):
-            turbulence.look()
-            if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
-                return turbulence.state.x.array.copy()
+        turbulence.look()
+        if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
+            return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
         turbulence.raise_eddy_viscosity(THICKER)
     raise ConvergenceError(NO_FLOW)
@@ -134,7 +132,6 @@ class InTime:
 
     Args:
         moving: a grain, and the mesh with it; None: nothing moves.
-        remedy: what else than a smaller step or smaller cells may help where a step does not converge.
 
     Attributes:
         past: states (local unknowns,) of both logarithms, the present one first.
@@ -146,10 +143,8 @@ class InTime:
         turbulence: TurbulenceFields,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
         moving: Moving | None = None,
-        remedy: str = "",
     ):
         self._fluid, self.turbulence, self._stage, self._moving = fluid, turbulence, stage, moving
-        self._remedy = remedy
         self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
@@ -219,7 +214,5 @@ class InTime:
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy."""
         if self._failed:
-            return f"{self.turbulence.names} do not converge: use a smaller time.step{self._remedy}"
-        return (
-            self._moving.complaint() if self._moving is not None else ""
-        ) or NO_STEP + self._remedy
+            return f"{self.turbulence.names} do not converge: use a smaller time.step"
+        return (self._moving.complaint() if self._moving is not None else "") or NO_STEP

@@ -9,13 +9,13 @@ import numpy as np
 import ufl
 
 from ...fluid import Fluid
+from ...fluid.along_walls import AlongWall, along_wall, at_end
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from ...planning import wall_conditions
 from ...planning.base_flow import Velocity
 from ...planning.wall_layer import LayeredWalls
 from ...results.wall_report import WallReport
-from .along_walls import AlongWall, along_wall, at_end
 from .fields import TurbulenceConditions, TurbulenceFields, Values
 from .part import ORDER, TurbulentFlow
 

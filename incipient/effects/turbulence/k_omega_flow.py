@@ -14,6 +14,7 @@ from ...arrays import Floats
 from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
+from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from ...fluid.transient import Interface, TimeStep
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
@@ -22,9 +23,8 @@ from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
 from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
-from ...results.resolved_wall_report import ResolvedWallReport
+from ...results.resolved_wall_report import LARGEST_CHANGE, ResolvedWallReport
 from ..run_part import RunPart
-from .along_walls import AlongWall, along_resolved_wall, of_mean_stress
 from .fields import TurbulenceConditions, Values
 from .iteration import InTime, Moving, Round, solve_steadily
 from .k_omega_sst import KOmegaSST, Sand
@@ -90,9 +90,8 @@ class KOmegaFlow(TurbulentFlow):
             Sand(walls.roughness, walls.rough, walls.shear_velocity**2),
             in_layers=not walls.plane,
             added=self._added,
-            in_stream=walls.around_grain,
         )
-        if walls.around_grain or self._begins_among_forms:
+        if self._begins_among_forms:
             fields.begin(self._at_start)
         return fields
 
@@ -144,7 +143,7 @@ class KOmegaFlow(TurbulentFlow):
     @property
     def _added(self) -> float:
         walls = self._walls
-        layer = walls.edge is not None or walls.layer_over_forms or walls.around_grain
+        layer = walls.edge is not None or walls.layer_over_forms
         return ADDED * self._scene.reference_velocity**2 if layer else 0.0
 
     @property
@@ -239,9 +238,7 @@ class KOmegaFlow(TurbulentFlow):
         from_rest = time is not None and time.start == "rest" and self._begins_among_forms
         if from_rest and interface is not None:
             moving = cast("Moving", interface)
-            self.in_time = SetOffTogether(
-                self._fluid, self.fields, self._timed, moving, self._remedy
-            )
+            self.in_time = SetOffTogether(self._fluid, self.fields, self._timed, moving)
             return self.in_time
         if self._scene.gdim == 2 or interface is not None:
             return super().around(interface)
@@ -264,19 +261,11 @@ class KOmegaFlow(TurbulentFlow):
             )
 
     @property
-    def _remedy(self) -> str:
-        """Around a grain in a stream upwinding, where the scene has not asked for it."""
-        helps = self._walls.around_grain and not self._fluid.model.upwind
-        return (
-            ', or numerics.stabilisation = "on", which upwinds and changes loads' if helps else ""
-        )
-
-    @property
     def coarser_first(self) -> bool:
         """Where a boundary layer goes over forms, and past large grains: it separates, far from what enters."""
         if self._walls.layer_over_forms:
             return True
-        if self._scene.gdim == 3 or self._scene.time is not None or self._walls.around_grain:
+        if self._scene.gdim == 3 or self._scene.time is not None:
             return False
         return self._past_large_grain
 
@@ -338,8 +327,8 @@ class KOmegaFlow(TurbulentFlow):
         )
         y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
-        mean, around = float(found @ shares / shares.sum()), walls.around_grain
-        last, each = mean if around else bottom.at_outflow(), {}
+        mean = float(found @ shares / shares.sum())
+        last, each = bottom.at_outflow(), {}
         if walls.sides:
             fixed = {name: one for name, one in along.items() if name != "body"}
             bed = self._setup.geometry.bed
@@ -364,7 +353,7 @@ class KOmegaFlow(TurbulentFlow):
             outside=float(np.average(y_plus > limits, weights=weights)),
             plane=walls.plane,
             reach=walls.depth,
-            backward=bottom.backward() if in_plane and not around else (),
+            backward=bottom.backward() if in_plane else (),
             along=self._told(along) if in_plane else {},
             mesh_size=scene.numerics.mesh_size,
             thickest=walls.thickest(walls.names[-1]),
@@ -372,16 +361,11 @@ class KOmegaFlow(TurbulentFlow):
             excess=float((y_plus / limits).max()),
             first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
-            separates=bottom.separates(self._centre) if around else (),
             each=each,
+            coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
+            if walls.smooth
+            else 0.0,
         )
-
-    @property
-    def _centre(self) -> Floats:
-        """Centre (2,) of the grain."""
-        placement = self._of_run.geometry.placement
-        assert placement is not None
-        return np.asarray(placement.centre[:2], dtype=float)
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
         """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.

@@ -27,9 +27,6 @@ ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, 
 FAR = 1e9  # distance where there are no walls
 CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
-LEAST_SHARE = (
-    0.05  # of k in what its unknown holds, around a grain in a stream, by which the model blends
-)
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
@@ -57,7 +54,6 @@ class KOmegaSST(TurbulenceFields):
         sand: on the walls that are rough.
         in_layers: whether layers of thin cells lie along walls that are no planes.
         added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
-        in_stream: whether the only wall is that of a grain in a uniform stream, where k has peaks.
     """
 
     second = "omega"
@@ -73,7 +69,6 @@ class KOmegaSST(TurbulenceFields):
         sand: Sand = Sand(),
         in_layers: bool = False,
         added: float = 0.0,
-        in_stream: bool = False,
     ):
         super().__init__(domain, surroundings, order)
         mesh = domain.mesh
@@ -92,7 +87,7 @@ class KOmegaSST(TurbulenceFields):
         self._fluid: Fluid | None = None
         self.stretched, self.steep = added > 0.0, bool(sand.walls)
         self._molecules, self._least = viscosity, self.constant(least)
-        self._in_layers, self._in_stream = in_layers, in_stream
+        self._in_layers = in_layers
         self._stress, self._little = self.constant(sand.stress), self.constant(0.0)
         self._beyond.x.array[:] = 1.0
         self._distance.x.array[:] = surroundings.distance or FAR
@@ -107,7 +102,6 @@ class KOmegaSST(TurbulenceFields):
             ufl.max_value(self._distance, self._floor),
             self._least,
             self.constant(added) if added else None,
-            *((LEAST_SHARE,) if in_stream else ()),
         )
 
     # -- walls --------------------------------------------------------------------------------------
@@ -249,11 +243,11 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _across(self) -> Any:
-        """In wakes, around a grain in a uniform stream and in space, by the slope in the reference cell.
+        """In wakes in space, by the slope in the reference cell.
 
         Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
         """
-        if not self._in_stream and (self.domain.gdim == 2 or not self._in_layers):
+        if self.domain.gdim == 2 or not self._in_layers:
             return None
         jacobian = ufl.Jacobian(self.domain.mesh)
 

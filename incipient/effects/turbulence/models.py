@@ -111,15 +111,6 @@ class KOmegaModel(TurbulenceModel):
                 "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
                 "behind it the layer is that of a plate turbulent from its edge on"
             )
-        elif walls.around_grain:
-            yield (
-                "the k-omega model makes the boundary layer of the grain turbulent from its front on: that of a smooth "
-                "cylinder is laminar below a Reynolds number of 200,000 and separates sooner, with twice the drag"
-            )
-            yield (
-                "loads on a grain in a stream may be the mesh's: at a Reynolds number of 3.6 million a cylinder "
-                "has the drag coefficient 0.44 with numerics.mesh_size = 2 and 0.74 with 1.41; compare two meshes"
-            )
         elif walls.is_laminar:
             re_tau = walls.depth / walls.unit
             yield (

@@ -168,13 +168,8 @@ class TurbulentFlow(RunPart):
     def around(self, interface: Interface | None) -> InTime:
         """The flow in time with its turbulence, and what moves in it."""
         moving = cast("Moving | None", interface)
-        self.in_time = InTime(self._fluid, self.fields, self._timed, moving, self._remedy)
+        self.in_time = InTime(self._fluid, self.fields, self._timed, moving)
         return self.in_time
-
-    @property
-    def _remedy(self) -> str:
-        """What else than a smaller step or smaller cells may help where a step in time does not converge."""
-        return ""
 
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""

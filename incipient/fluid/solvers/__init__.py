@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
-from .block import Block, Triangle, UnsolvedError
+from .block import Block, Triangle
 from .compressed import Compressed
 from .direct import Direct
 from .equations import Equations
@@ -21,7 +21,6 @@ __all__ = [
     "LinearStatistics",
     "Triangle",
     "TwoLevel",
-    "UnsolvedError",
 ]
 
 

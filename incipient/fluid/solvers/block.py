@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError
+from ...errors import UnsolvedError
 from .diagonal import DiagonalBlocks
 from .direct import NOT_FINITE, Direct, fits
 from .equations import Equations
@@ -29,10 +29,6 @@ USELESS = 4.0
 # Residual, relative to the right-hand side, of a correction that is one of several, steady, in time, and with a varying
 # viscosity: a step of the chord method. In time it is that of the preconditioned system, which is nearer to the error.
 ROUGH, ROUGH_IN_TIME, ROUGH_IF_VARYING = 1e-3, 3e-2, 1e-2
-
-
-class UnsolvedError(ConvergenceError):
-    """GMRES has not converged with a new preconditioner; in time it may for a shorter step."""
 
 
 class Block:
@@ -108,8 +104,14 @@ class Block:
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
         if self._direct is None:
             self._by_blocks(b, x, rtol, transposed)
-        if self._direct is not None:
+        if self._direct is None:
+            return
+        try:
             (self._direct.solve_transposed if transposed else self._direct.solve)(b, x, rtol)
+        except UnsolvedError:  # because of this state: from another one the blocks may do
+            self._direct.destroy()
+            self._direct, self._state = None, -1
+            raise
 
     def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
         """Solve by GMRES; where it does not converge make the direct solver that is to do it. Collective."""
@@ -121,8 +123,8 @@ class Block:
             iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
             why = self._why_not_solved(b)
-            if not (isinstance(why, UnsolvedError) and self._may_factorise and fits(self.matrix)):
-                raise why
+            if not (why != NOT_FINITE and self._may_factorise and fits(self.matrix)):
+                raise UnsolvedError(why)
             self._direct = Direct(self.matrix)
             self._direct.statistics = self.statistics
             return
@@ -164,12 +166,12 @@ class Block:
         expected = -USELESS * self._usual * np.log10(rtol)
         return self._most if self._new else int(min(self._most, 1.0 + expected))
 
-    def _why_not_solved(self, b: Any) -> ConvergenceError:
+    def _why_not_solved(self, b: Any) -> str:
         """Why GMRES has not converged with a new preconditioner, from its reason. Collective."""
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
-            return ConvergenceError(NOT_FINITE)
+            return NOT_FINITE
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
-        return UnsolvedError(
+        return (
             f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): use a "
             "smaller numerics.mesh_size, more memory for an LU factorisation or, with [time], a smaller time.step"
         )

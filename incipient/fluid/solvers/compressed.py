@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError
+from ...errors import ConvergenceError, UnsolvedError
 from ...installed import return_freed_memory
-from .block import UnsolvedError
 from .direct import NOT_FINITE, Direct, fits
 
 # Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace

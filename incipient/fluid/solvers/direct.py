@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError
+from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
 from .equations import Equations
 from .statistics import LinearStatistics
@@ -76,8 +76,8 @@ class Direct:
         """Solve A x = b to a residual of `rtol` times b. Collective.
 
         Raises:
-            ConvergenceError: the factorisation failed, also with more workspace, GMRES did not converge with new
-                factors, or the system is not finite.
+            UnsolvedError: the matrix is singular or not finite, or GMRES did not converge with new factors.
+            ConvergenceError: the factorisation failed for another reason, also with more workspace.
         """
         if fresh:
             self._factorise()
@@ -95,7 +95,7 @@ class Direct:
             self._factorise()
             iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
-            raise ConvergenceError(self._why_not_solved(b))
+            raise UnsolvedError(self._why_not_solved(b))
         self._aged = iterations > self.patience
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
@@ -131,7 +131,8 @@ class Direct:
         """Make new factors of the matrix as it is now. Collective.
 
         Raises:
-            ConvergenceError: the factorisation failed, also with more workspace.
+            UnsolvedError: the matrix is singular or not finite.
+            ConvergenceError: the factorisation failed for another reason, also with more workspace.
         """
         self._factorise()
         self._aged = False
@@ -155,7 +156,7 @@ class Direct:
             # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
             self._solver.destroy()
             self._solver = self._make(*following)
-        raise ConvergenceError(self._why_not_factorised(error))
+        raise self._why_not_factorised(error)
 
     def _set_up(self) -> None:
         self._solver.getPC().setReusePreconditioner(False)
@@ -165,21 +166,25 @@ class Direct:
         self._solver.getPC().setReusePreconditioner(True)
         self.statistics.factorisations += 1
 
-    def _why_not_factorised(self, error: int) -> str:
+    def _why_not_factorised(self, error: int) -> ConvergenceError:
         """What MUMPS says: not finite, singular, or short of memory. Collective."""
         if not np.isfinite(self.matrix.norm()):
-            return NOT_FINITE
+            return UnsolvedError(NOT_FINITE)
         rows = self.matrix.getLocalSize()[0]
         failed = (
             f"the linear system of the flow ({rows} unknowns on this rank) could not be factorised"
         )
         if error in SINGULAR:
-            return f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
+            why = f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
+            return UnsolvedError(why)
         if (apart := self._span()) > WIDEST:
             remedy = "choose units in which lengths and velocities are about 1"
-            return f"{failed}, its numbers differ by a factor of {apart:.0e}: {remedy}"
+            return ConvergenceError(
+                f"{failed}, its numbers differ by a factor of {apart:.0e}: {remedy}"
+            )
         remedy = "use a coarser mesh (numerics.mesh_size) or more ranks"
-        return f"{failed}, the memory does not suffice (MUMPS's error {error}): {remedy}"
+        why = f"{failed}, the memory does not suffice (MUMPS's error {error}): {remedy}"
+        return ConvergenceError(why)
 
     def _span(self) -> float:
         """The largest of the matrix's numbers over the least of its diagonal that is not zero. Collective."""

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ... import compat
-from ...errors import ConvergenceError
+from ...errors import UnsolvedError
 from ...forms import preconditioning
 from ..action import PressureForce
 from .equations import Equations
@@ -146,7 +146,7 @@ class TwoLevel:
             self.statistics.krylov_iterations += 1
             if is_last and step > smoothing and self._size(residual) <= rtol * size:
                 return found
-        raise ConvergenceError(
+        raise UnsolvedError(
             f"the correction in elements of a higher order was not found in {step + 1} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
         )

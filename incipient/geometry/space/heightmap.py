@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows, unwarned
+from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
 from incipient.geometry.space.terrain import Extent, Sides, SmoothTerrain
-from incipient.geometry.space.triangle_files import require_file, triangles_in
+from incipient.geometry.space.triangle_files import triangles_in
+from incipient.input_files import reading
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
@@ -66,7 +67,6 @@ class HeightMap(SmoothTerrain):
         is added. Raises SceneError if the file is missing, cannot be read, or is no table of finite heights.
         """
         path = Path(path)
-        require_file(path, "a PNG, TIFF, .npy or .asc file", LARGEST_FILE)
         heights, own_cell, corner = _read(path)
         if cell is None and own_cell is None:
             raise SceneError(f"{path} does not say how far apart its heights are; give cell")
@@ -111,7 +111,7 @@ class HeightMap(SmoothTerrain):
             )
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
         require_positive("cell", dx, dy)
-        _require_few(path, *(extent[:2] / (dx, dy)))
+        require_few(path, *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
         if not np.isfinite(heights).all():
@@ -235,18 +235,11 @@ Raster = tuple[
 def _read(path: Path) -> Raster:
     kind = path.suffix.lower()
     readers = {".npy": _read_array, ".asc": _read_grid, **dict.fromkeys(IMAGES, _read_image)}
-    if kind not in readers:
-        raise SceneError(f"{path} is not a PNG, TIFF, .npy or .asc file; convert it")
-    try:
-        with unwarned():
-            return readers[kind](path)
-    except SceneError:
-        raise
-    except Exception as error:  # whatever the reader stumbled over
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(
-            f"{path} cannot be read as heights ({why[:80]}); export it again"
-        ) from None
+    remedy = "give the name of a PNG, TIFF, .npy or .asc file, or export it again"
+    with reading(path, remedy, LARGEST_FILE, name=str(path)):
+        if kind not in readers:
+            raise SceneError(f"{path} is not a PNG, TIFF, .npy or .asc file; convert it")
+        return readers[kind](path)
 
 
 def _require_data(path: Path, heights: Floats) -> None:
@@ -262,14 +255,21 @@ def _require_data(path: Path, heights: Floats) -> None:
 
 
 def _read_array(path: Path) -> Raster:
+    return array_in(path).astype(float), None, (0.0, 0.0)
+
+
+def array_in(path: Path) -> np.ndarray:
+    """The numbers in a .npy file, mapped into memory; raises SceneError for other types and too many of them."""
     found = np.load(path, mmap_mode="r", allow_pickle=False)
+    if not isinstance(found, np.ndarray):
+        raise SceneError(f"{path} is an archive of arrays; save one array with numpy.save")
     if found.dtype.kind not in "fiub":
         raise SceneError(f"{path} holds values of type {found.dtype.name}; save real numbers")
-    _require_few(path, *found.shape)
-    return found.astype(float), None, (0.0, 0.0)
+    require_few(path, *found.shape)
+    return found
 
 
-def _require_few(path: Path, *counts: float) -> None:
+def require_few(path: Path, *counts: float) -> None:
     """Refuse a raster of too many heights before it is read or made."""
     count = float(np.prod(np.array(counts, dtype=float)))
     if count > MOST_HEIGHTS:
@@ -284,7 +284,7 @@ def _read_image(path: Path) -> Raster:
 
     with Image.open(path) as opened:
         image: Image.Image = opened
-        _require_few(path, *image.size)
+        require_few(path, *image.size)
         if image.mode in ("P", "1", "LA", "RGBA", "CMYK"):
             image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
         values = np.asarray(image)
@@ -310,7 +310,7 @@ def _read_grid(path: Path) -> Raster:
         raise SceneError(
             f"{path} says that it has {counts[0]:g} rows of {counts[1]:g}; give whole numbers above 1"
         )
-    _require_few(path, *counts)
+    require_few(path, *counts)
     shape = int(counts[0]), int(counts[1])
     values = np.array([decimal(one) for one in " ".join(lines).split()])
     if values.size != shape[0] * shape[1]:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal, unwarned
+from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal
 from incipient.errors import SceneError
+from incipient.input_files import reading
 
 KINDS = (".stl", ".ply", ".obj")
 LARGEST_FILE = 256  # MiB: five million triangles
@@ -20,33 +21,15 @@ def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
     coordinates that are not finite or out of proportion.
     """
     path = Path(path)
-    require_file(path, "an STL, PLY or OBJ file", LARGEST_FILE)
-    kind = path.suffix.lower()
-    if kind not in KINDS:
-        raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
-    try:
-        with unwarned():
-            points, triangles = _obj(path) if kind == ".obj" else _by_trimesh(path)
-    except SceneError:
-        raise
-    except Exception as error:  # whatever the reader stumbled over
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
+    kind, remedy = (
+        path.suffix.lower(),
+        "give the name of an STL, PLY or OBJ file, or export it again",
+    )
+    with reading(path, remedy, LARGEST_FILE, name=str(path)):
+        if kind not in KINDS:
+            raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
+        points, triangles = _obj(path) if kind == ".obj" else _by_trimesh(path)
     return _checked(path, points, triangles)
-
-
-def require_file(path: Path, kinds: str, largest: int) -> None:
-    """Refuse what is not a file, such as a pipe, of which one would wait for ever, or is larger than MiB `largest`.
-
-    Raises SceneError with the path, what it is and the remedy.
-    """
-    if not path.exists():
-        raise SceneError(f"{path} does not exist; give the name of {kinds}")
-    if not path.is_file():
-        what = "a directory" if path.is_dir() else "a pipe or a device"
-        raise SceneError(f"{path} is {what}; give the name of {kinds}")
-    if path.stat().st_size > largest << 20:
-        raise SceneError(f"{path} is larger than {largest} MiB; reduce it")
 
 
 def _by_trimesh(path: Path) -> tuple[Floats, Integers]:

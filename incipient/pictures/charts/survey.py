@@ -18,7 +18,8 @@ from matplotlib.patches import Circle
 
 from ...arrays import Floats
 from ...errors import OutputError
-from ...files import reported
+from ...files import replaced
+from ...input_files import reading
 from .. import style
 from ..record import drawn
 
@@ -32,12 +33,7 @@ def draw(directory: Path) -> list[Path]:
 
     Raises OutputError as `record.drawn` does.
     """
-    try:
-        grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
-    except (OSError, ValueError, KeyError) as error:
-        raise OutputError(
-            f"{directory}: its tables cannot be read ({error}); survey it again"
-        ) from error
+    grains, spheres = (_table(directory / name) for name in ("grains.csv", "spheres.csv"))
     made = drawn(
         directory / "survey.json",
         lambda stored: _figure(stored, grains, spheres),
@@ -48,10 +44,11 @@ def draw(directory: Path) -> list[Path]:
 
 def _table(path: Path) -> dict[str, Floats]:
     """The columns with numbers of a CSV file; empty cells are NaN."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
+    with reading(path, "survey it again", error=OutputError):
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        names = [name for name in (rows[0] if rows else ()) if name not in ("loads", "mode")]
+        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
 
 def _figure(
@@ -152,11 +149,12 @@ def _mobile(axes: Axes, stored: dict[str, Any]) -> None:
     """Share of the free grains that is mobile against the Shields number."""
     curve, others = stored["mobile"], stored["constant_drag"]
     if curve:
+        level = stored["emulator"].get("level", 0.95)  # earlier records have none
         shields, mobile, low, high = (
             np.array([row[name] for row in curve]) for name in ("shields", "mobile", "low", "high")
         )
         axes.fill_between(
-            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label="95%"
+            shields, low, high, color=style.FLOW, alpha=0.25, linewidth=0.0, label=f"{level:.0%}"
         )
         axes.plot(shields, mobile, color=style.FLOW, label="this survey")
     known = [row for row in others if row["shields"] is not None]
@@ -214,6 +212,6 @@ def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floa
         fields[name] = values
     for name, values in fields.items():
         made.point_data[name] = np.repeat(values, count)
-    with reported(path):
-        made.save(path)
+    with replaced(path, path.with_suffix(".part.vtp")) as part:
+        made.save(part)
     return path

@@ -14,6 +14,7 @@ from matplotlib.patches import FancyArrowPatch, Wedge
 from matplotlib.patheffects import Normal, Stroke
 
 from ...errors import OutputError
+from ...input_files import reading
 from ...output.ownership import CONTACTS
 from ...scene import Contact
 from ..style import STATES
@@ -99,7 +100,7 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
     if contact is None or not path.exists():
         return None
     kinetic = contact.friction if contact.kinetic_friction is None else contact.kinetic_friction
-    try:
+    with reading(path, "run the scene again", error=OutputError):
         with path.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
         upwards = "z" if rows and "z" in rows[0] else "y"
@@ -110,8 +111,6 @@ def contact_forces(directory: Path, contact: Contact | None) -> ContactForces | 
             for name in ("", "normal_", "force_")
         }
         times, slips = (np.array([float(row[name]) for row in rows]) for name in ("time", "slip"))
-    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
     if not rows:
         return None
     points, normals, forces = pairs.values()

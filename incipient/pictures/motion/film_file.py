@@ -16,6 +16,7 @@ from PIL import Image
 
 from ...errors import OutputError
 from ...files import replaced
+from ..style import show_as_written
 
 DOTS = 100  # per inch
 _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
@@ -38,6 +39,7 @@ class Frames(ABC):
     def frame(self, number: int) -> Image.Image:
         """A frame as an RGB picture."""
         self.show(number)
+        show_as_written(self.figure)
         self._canvas.draw()
         return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[:, :, :3])
 
@@ -88,4 +90,5 @@ def _write_mp4(film: Frames, path: Path, rate: int) -> None:
     with writer.saving(film.figure, path, DOTS):
         for k in range(film.count):
             film.show(k)
+            show_as_written(film.figure)
             writer.grab_frame()

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import OutputError
 from ...geometry.placement import Placement
+from ...input_files import reading
 
 # Columns of place and orientation, and of their rates, in the plane and in space.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
@@ -21,6 +22,7 @@ RATES = {
 }
 _READ = {"time", "meshes"}.union(*PLACE.values(), *RATES.values())
 _FULL_TURN = 2.0 * np.pi
+REMEDY = "give the directory of a finished run, or run the scene again"
 
 
 @dataclass(frozen=True)
@@ -86,15 +88,11 @@ class History:
 
 def read_history(path: Path) -> History:
     """The history of a run with a moving grain; raises OutputError for a file that is missing, damaged or another's."""
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            header, *rows = list(csv.reader(stream)) or [[]]
-    except FileNotFoundError:
-        raise OutputError(
-            f"{path}: no such file; is this the directory of a finished run?"
-        ) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
+    with (
+        reading(path, REMEDY, error=OutputError),
+        path.open(encoding="utf-8", newline="") as stream,
+    ):
+        header, *rows = list(csv.reader(stream)) or [[]]
     names = [heading.partition(" [")[0] for heading in header]
     missing = [name for name in ("time", *PLACE[_gdim(names)]) if name not in names]
     if missing:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ...arrays import Floats
 from ...errors import OutputError
+from ...input_files import reading
 from ...simulation.judge_series import SAMPLES, SUMMARY
 from .. import style
 from ..record import parsed_json
@@ -26,10 +27,8 @@ def draw(directory: Path) -> list[Path]:
     """
     path, samples = directory / "series.png", directory / SAMPLES
     stored = parsed_json(directory / SUMMARY)
-    try:
+    with reading(samples, "judge the series again", error=OutputError):
         times, factors = np.loadtxt(samples, delimiter=",", skiprows=1, usecols=(0, 1), ndmin=2).T
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{samples}: cannot be read ({error}); judge the series again") from error
     with style.applied():
         figure = Figure(figsize=(8.4, 4.6), layout="constrained")
         above, below = figure.subplots(2, 1, height_ratios=(3, 1))

@@ -12,10 +12,10 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from ... import compat
-from ...compat import petsc
-from ...fluid import Fluid
-from ...fluid.space import boundary_blocks
+from .. import compat
+from ..compat import petsc
+from .flow import Fluid
+from .space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
 STRIP = 2.0  # cells
@@ -61,41 +61,52 @@ class AlongWall:
         columns = self.places, self.normals, self.lengths, self.velocities, self.shear_velocities
         return AlongWall(*(one[last] for one in columns))
 
+    @property
+    def _level(self) -> np.ndarray:
+        """Which places (n,) are no corners, and rather level than steep."""
+        even = np.linalg.norm(self.normals, axis=1) > CORNER
+        return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
+
+    def coarse_share(self, order: int, largest: float) -> float:
+        """The share of the change of the stress along a wall in the plane in cells in which it changes too much.
+
+        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean one if that is
+        larger still. `velocities` are stresses; `order` is that of the velocity, whose nodes are the places.
+        """
+        stress = self.velocities[self._level, 0]
+        if len(stress) <= order:
+            return 0.0
+        change, size = np.abs(stress[order:] - stress[:-order]), np.abs(stress)
+        bound = np.maximum(np.maximum(size[order:], size[:-order]), size.mean())
+        return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
+
     def backward(self) -> tuple[tuple[float, float], ...]:
         """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
 
-        Corners do not count.
+        Corners do not count. Behind a face that falls an interval begins at the face, where the flow has left the
+        wall, although next to the face eddies of the corner may turn otherwise.
         """
-        level = np.abs(self.normals[:, 0]) < STEEP
-        level &= np.linalg.norm(self.normals, axis=1) > CORNER
-        level &= self.velocities[:, 0] != 0.0
+        level = self._level & (self.velocities[:, 0] != 0.0)
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
         ends = [*x[:1][v[:1] < 0.0], *zeros, *x[-1:][v[-1:] < 0.0]]
-        return tuple(zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True))
+        faces = self.places[self.normals[:, 0] < -STEEP, 0]
+        spans = zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True)
+        return tuple(_from_faces(spans, np.unique(faces)))
 
-    def separates(self, centre: np.ndarray) -> tuple[float, float]:
-        """Angles from the front of a grain with a centre (2,), in degrees, at which the flow leaves it above and below.
 
-        There the stress first turns, behind its largest on the way; 180: it does not.
-        """
-        away = self.places - centre
-        found = []
-        for side in (1.0, -1.0):
-            mine = side * away[:, 1] >= 0.0
-            angles = np.arctan2(side * away[mine, 1], -away[mine, 0])
-            order = np.argsort(angles)
-            angles, stress = angles[order], self.velocities[mine][order]
-            along = stress[:, 0] * np.sin(angles) + side * stress[:, 1] * np.cos(angles)
-            first = int(np.argmax(along))
-            (turned,) = np.nonzero(along[first:] < 0.0)
-            angle = np.pi
-            if len(turned):
-                i = first + int(turned[0])
-                angle = float(np.interp(0.0, along[[i, i - 1]], angles[[i, i - 1]]))
-            found.append(float(np.degrees(angle)))
-        return found[0], found[1]
+def _from_faces(
+    spans: Iterable[tuple[float, float]], faces: np.ndarray
+) -> list[tuple[float, float]]:
+    """Ascending intervals, each longer than its distance from a face behind which it is beginning there."""
+    found: list[tuple[float, float]] = []
+    for start, end in spans:
+        face = float(faces[faces <= start].max(initial=-np.inf))
+        if start - face < end - start:
+            found, start = [one for one in found if one[1] <= face], face
+        found.append((start, end))
+    return found
 
 
 def at_end(x: np.ndarray) -> np.ndarray:
