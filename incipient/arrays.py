@@ -68,6 +68,24 @@ def planar_cross(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
+def determinants(a: Floats) -> Floats:
+    """Determinants (...) of matrices (d, d, ...) of two or three rows: far faster than factorising each."""
+    if len(a) == 2:
+        return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
+    (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = a
+    return np.asarray(
+        a0 * (b1 * c2 - b2 * c1) + a1 * (b2 * c0 - b0 * c2) + a2 * (b0 * c1 - b1 * c0)
+    )
+
+
+def unordered_keys(rows: Integers, base: int) -> Integers:
+    """A number (n,) for each of the rows (n, k) of numbers below a base, whatever their order in the row."""
+    keys = np.zeros(len(rows), dtype=np.int64)
+    for column in np.sort(rows, axis=1).T:
+        keys = keys * base + column
+    return keys
+
+
 def cross(a: Floats, b: Floats) -> Floats:
     """The vector product (..., 3) along the last axis; numpy's takes several times as long for a few vectors."""
     ahead, behind = [1, 2, 0], [2, 0, 1]

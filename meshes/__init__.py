@@ -1,17 +1,7 @@
 """Geometry in, gmsh mesh and tags out."""
 
-from .region import Away, BoxGrid, Grid, Near, Region, SizeField, Sizes, SolidGrid, WallLayers
-from .solid_region import PlacedSolid, Resolved, SolidFrame, SolidRegion
+from .regions import SYMMETRY, Grid, PlacedSolid, Region, Resolved, SolidRegion, graded_ends
+from .sizes import LAYERS_SHARE, Away, Near, SizeField, Sizes, WallLayers
 
-__all__ = [
-    "Away",
-    "BoxGrid",
-    "Grid",
-    "Near",
-    "PlacedSolid",
-    "Region",
-    "Resolved",
-    "SizeField",
-    "Sizes",
-]
-__all__ += ["SolidFrame", "SolidGrid", "SolidRegion", "WallLayers"]
+__all__ = ["LAYERS_SHARE", "SYMMETRY", "Away", "Grid", "Near", "PlacedSolid", "Region", "Resolved"]
+__all__ += ["SizeField", "Sizes", "SolidRegion", "WallLayers", "graded_ends"]

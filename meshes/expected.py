@@ -4,54 +4,46 @@ import numpy as np
 
 from incipient.arrays import Floats, planar_cross
 
-from .exact import Ground, bodies_of
-from .region import BoxGrid, Grid, Near, Region, Sizes, SolidGrid
-from .solid_region import SolidFrame, SolidRegion
-from .solid_sizes import BOX, CORNERS, Boxes, SizeMap, boxes
+from .regions import Grid, Region, SolidRegion
+from .size_map import BOX, CORNERS, Boxes, SizeMap, boxes
+from .sizes import Near, Sizes
 
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
 MOST_COUNTED = (
-    50_000  # boxes from which the number of tetrahedra is told: with more it takes a minute
+    50_000  # boxes from which the number of tetrahedra is estimated: with more it takes a minute
 )
 PARTS = 50  # of a boundary along which sizes grow
 
 
-def expected_cells(
-    shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid, sizes: Sizes
-) -> dict[str, float]:
+def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str, float]:
     """About how many cells each part of the sizes asks for, by name: the sum is that of all.
 
     The sizes grow with the distance from boundaries and points, so that their integrals are known.
     """
+    if isinstance(shape, Grid):
+        return {"domain": float(shape.cells)}
     if isinstance(shape, SolidRegion):
         return _expected_tetrahedra(shape, sizes)
-    if isinstance(shape, SolidGrid):
-        return {"domain": 6.0 * shape.grid.columns * shape.grid.rows * shape.layers}
-    if isinstance(shape, BoxGrid):
-        return {"domain": float(shape.cells)}
-    if isinstance(shape, Grid):
-        return {"domain": 2.0 * shape.columns * shape.rows}
     left, right = shape.bottom[0].start, shape.bottom[-1].end
     height = shape.top - min(min(curve.start[1], curve.end[1]) for curve in shape.bottom)
     lengths = {
-        shape.sides[2]: right[0] - left[0],
         shape.sides[0]: sum(curve.length for curve in shape.bottom),
         shape.sides[2]: right[0] - left[0],
         **{name: sum(curve.length for curve in outline) for name, outline in shape.inner.items()},
     }
-    found = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
+    counts = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
     # Points lie on boundaries, whose own sizes are smaller from some distance on.
     beside = min([2.0 * near.size for near in sizes.near if near.boundary], default=sizes.far)
     for near in sizes.near:
         name = near.boundary or "narrow places and corners"
         most = min(beside, sizes.far) if near.points else sizes.far
-        found[name] = found.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
-    found["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
+        counts[name] = counts.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
+    counts["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
     if sizes.field is not None:
-        found["adaptation"] = PER_AREA * _integral_of_field(sizes)
-    return found
+        counts["adaptation"] = PER_AREA * _integral_of_field(sizes)
+    return counts
 
 
 def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
@@ -86,10 +78,8 @@ def _integral_of_field(sizes: Sizes) -> float:
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     """The integral of 1/h^3 over the boxes that give gmsh the sizes, as far as they lie in the fluid."""
-    frame = SolidFrame.of(region)
-    ground = Ground(region, frame)
-    size = SizeMap(region, sizes, frame, ground, bodies_of(region, frame))
-    cubes = boxes(size, float(ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
+    size = SizeMap.of(region, sizes)
+    cubes = boxes(size, float(size.ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
     inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
     share = 1.0 - size.outside(inner.reshape(-1, 3)).reshape(-1, 8).mean(axis=1)
     share[size.within(cubes.centres)] = 0.0
@@ -103,13 +93,13 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
     ]
     grown = np.where(about_points, halvings, cubes.growth**halvings)
     count = np.where(cubes.uncut, np.maximum(count, PER_VOLUME * share * BOX**3 * grown), count)
-    found: dict[str, float] = {}
+    counts: dict[str, float] = {}
     for number, name in enumerate(size.names):
-        found[name] = found.get(name, 0.0) + float(count[asking == number].sum())
+        counts[name] = counts.get(name, 0.0) + float(count[asking == number].sum())
     if sizes.layers is not None:
         walls = sum(_expected_triangles(name, size, cubes) for name in sizes.layers.first)
-        found["layers along walls"] = 3.0 * sizes.layers.number * walls
-    return found
+        counts["layers along walls"] = 3.0 * sizes.layers.number * walls
+    return counts
 
 
 def _expected_triangles(boundary: str, size: SizeMap, cubes: Boxes) -> float:

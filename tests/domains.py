@@ -14,10 +14,20 @@ import dolfinx
 import gmsh
 import numpy as np
 
+from incipient.arrays import Point
 from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
+from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
+from incipient.meshes.model import meshed
+
+
+def rectangle(
+    origin: Point, length: float, height: float, columns: int, rows: int, grading: float = 1.0
+) -> Grid:
+    """A grid of a rectangle with sides "left", "right", "bottom" and "top"."""
+    extents = tuple((low, low + side) for low, side in zip(origin, (length, height), strict=True))
+    return Grid(extents, (graded_ends(columns, grading), graded_ends(rows, grading)), SIDES[:4])
+
 
 SIDES = ("left", "right", "bottom", "top", "front", "back")
 
@@ -25,8 +35,7 @@ SIDES = ("left", "right", "bottom", "top", "front", "back")
 def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The unit square or cube with n cells along a side; boundaries `SIDES[: 2 * gdim]`."""
     if gdim == 2:
-        grid = Grid((0.0, 0.0), 1.0, 1.0, n, n, grading=1.0)
-        return build(comm, partial(grid_model, grid, 1), gdim)
+        return build(comm, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, n, n)), gdim)
     # Every tetrahedron has an inner edge, without which its pressure would be undetermined; gmsh's have not.
     mesh = dolfinx.mesh.create_unit_cube(comm, n, n, n)
     places = [(axis, value) for axis in range(3) for value in (0.0, 1.0)]
@@ -46,8 +55,8 @@ def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
 def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The unit square or cube in cells of a geometric order; boundaries as in `unit_box`."""
     if gdim == 2:
-        grid = Grid((0.0, 0.0), 1.0, 1.0, n, n, grading=1.0)
-        return build(comm, partial(grid_model, grid, order), gdim)
+        grid = rectangle((0.0, 0.0), 1.0, 1.0, n, n)
+        return build(comm, partial(meshed, grid, order=order), gdim)
     return build(comm, partial(_cube_model, n, order), gdim)
 
 
@@ -73,7 +82,7 @@ def square_in_box(
         holes={"body": square_outline((0.8, 0.55), size)},
         sides=("bottom", "right", "top", "left"),
     )
-    return build(comm, partial(region_model, region, sizes, order), 2)
+    return build(comm, partial(meshed, region, sizes, order), 2)
 
 
 def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]:

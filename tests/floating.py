@@ -24,7 +24,7 @@ from incipient.geometry.plane.grains import Disc, Grain
 from incipient.mesh.domain import Domain, build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
-from incipient.meshes.model import region_model
+from incipient.meshes.model import meshed
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def box_around(
         (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
     )
     sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
-    return build(comm, partial(region_model, region, sizes, order), 2)
+    return build(comm, partial(meshed, region, sizes, order), 2)
 
 
 @dataclass(frozen=True)

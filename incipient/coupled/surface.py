@@ -110,7 +110,7 @@ class SurfacePart:
             known -= a / a0 * h
         self._load.known.x.array[:] = known
         if self._load.unfelt is not None:
-            self._load.unfelt.x.array[:] = self.mesh.unfelt(
+            self._load.unfelt.x.array[:] = self.mesh.remove_pinned_projection(
                 self.past[0], not self.fluid.constraints.open
             )
         if self._drift is not None:

@@ -28,7 +28,7 @@ from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
 from ..mesh.domain import Domain
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
 
 from .. import compat
+from ..arrays import Integers, unordered_keys
 from ..errors import MeshError
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from ..parallel import collectively
-from .named_facets import named_facets
+from .cells import cell_facets, local_cells
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def build(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]], gd
     Raises:
         MeshError: on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
     """
-    with _Drawn(comm, drawing) as model:
+    with _drawn(comm, drawing) as model:
         mesh, facets = mesh_of(model, comm, gdim)
         names = comm.bcast(_group_names(model, gdim - 1) if comm.rank == 0 else None, root=0)
     domain = Domain(mesh, facets, names)
@@ -102,24 +104,15 @@ def _facets_of(model: Any, gdim: int) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(corners), np.concatenate(tags)
 
 
-class _Drawn:
-    """Enters the drawing on rank 0; an error in it is raised on all ranks."""
-
-    def __init__(self, comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]]):
-        self.comm, self.drawing = comm, drawing
-        self.context: AbstractContextManager[Any] | None = None
-
-    def __enter__(self) -> Any:
+@contextmanager
+def _drawn(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]]) -> Iterator[Any]:
+    """Enter the drawing on rank 0; an error in it is raised on all ranks."""
+    with ExitStack() as stack:
         model = None
-        with collectively(self.comm):
-            if self.comm.rank == 0:
-                self.context = self.drawing()
-                model = self.context.__enter__()
-        return model
-
-    def __exit__(self, *exception: Any) -> None:
-        if self.context is not None:
-            self.context.__exit__(*exception)
+        with collectively(comm):
+            if comm.rank == 0:
+                model = stack.enter_context(drawing())
+        yield model
 
 
 def _group_names(model: Any, dimension: int) -> dict[str, int]:
@@ -134,3 +127,34 @@ def _check_boundary(domain: Domain) -> None:
     missing = domain.comm.allreduce(len(unnamed))
     if missing:
         raise MeshError(f"{missing} boundary facets of the mesh belong to no named boundary")
+
+
+def named_facets(mesh: Any, corners: Integers, tags: Integers) -> Any:
+    """The tags (k,) of facets whose corners were given as nodes of numbers (k, gdim), as tags of the mesh.
+
+    All ranks know all of these facets; tagged are those that they have, also of ghosts. Those that the mesh does not
+    have are left out. Collective.
+    """
+    dimension = mesh.topology.dim
+    facets, rows = cell_facets(mesh, local_cells(mesh))
+    numbers, wanted = np.unique(corners, return_inverse=True)
+    wanted = unordered_keys(wanted.reshape(-1, dimension), len(numbers))
+    order = np.argsort(wanted, kind="stable")
+    position = _positions(numbers, np.asarray(mesh.geometry.input_global_indices, dtype=np.int64))[
+        rows
+    ]
+    among = (position >= 0).all(axis=1)
+    found = _positions(wanted[order], unordered_keys(position[among], len(numbers)))
+    named, first = np.unique(facets[among][found >= 0], return_index=True)
+    values = tags[order][found[found >= 0]][first]
+    return dolfinx.mesh.meshtags(
+        mesh, dimension - 1, named.astype(np.int32), values.astype(np.int32)
+    )
+
+
+def _positions(ascending: Integers, numbers: Integers) -> Integers:
+    """Where numbers (n,) stand among ascending ones, (n,); -1 where they do not."""
+    if not len(ascending):
+        return np.full(len(numbers), -1)
+    position = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)
+    return np.where(ascending[position] == numbers, position, -1)

@@ -63,7 +63,7 @@ class RisingDisplacement:
         self._fixed = np.unique(np.concatenate([self.nodes, *fixed])).astype(np.int32)
         u, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         self._work, self._values = dolfinx.fem.Function(space), dolfinx.fem.Function(space)
-        self._views = [compat.vec_view(one) for one in (self._work, self._values)]
+        self._views = [compat.vec_view(function) for function in (self._work, self._values)]
         slopes = [u.dx(axis) * q.dx(axis) for axis in range(domain.gdim)]
         self._stiffness = _assembled((LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx)
         spread = self._stiffness.copy()
@@ -119,9 +119,9 @@ class RisingDisplacement:
     def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
         """(local nodes,) the elevation that factors make of a PETSc vector of the space."""
         values = self._values.x.array
-        found = factors.solve(tested.array_r[self._free])
+        solution = factors.solve(tested.array_r[self._free])
         values[:] = 0.0
-        values[self._free] = found
+        values[self._free] = solution
         self._values.x.scatter_forward()
         return np.array(values)
 
@@ -132,7 +132,7 @@ class RisingDisplacement:
         """
         return elevation + (volume - self.mean(elevation)) / self._extent * self._level
 
-    def unfelt(self, elevation: Floats, closed: bool) -> Floats:
+    def remove_pinned_projection(self, elevation: Floats, closed: bool) -> Floats:
         """(local nodes,) an elevation less the nearest of those that vanish where it is pinned.
 
         In a closed domain these have no volume either.
@@ -173,11 +173,11 @@ class RisingDisplacement:
 
     def _raised_above(self, still: float) -> float:
         heights = self.space.tabulate_dof_coordinates()[self.nodes, self.domain.gdim - 1]
-        made = self.domain.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
+        level = self.domain.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
         return (
             0.0
-            if np.isclose(made, still, rtol=0.0, atol=LEVEL * max(abs(made), abs(still)))
-            else made - still
+            if np.isclose(level, still, rtol=0.0, atol=LEVEL * max(abs(level), abs(still)))
+            else level - still
         )
 
     def _numbers(self, nodes: Any) -> Any:
@@ -216,18 +216,18 @@ class SurfaceFactors:
     def __init__(self, matrix: Any, numbers: Any, symmetric: bool):
         chosen = PETSc.IS().createGeneral(numbers, comm=matrix.comm)
         part = matrix.createSubMatrix(chosen, chosen)
-        self._found, self._given = part.createVecs()
+        self._solution, self._right_side = part.createVecs()
         self._solver = _factorised(part, symmetric)
         for held in (chosen, part):
             held.destroy()
 
-    def solve(self, given: Floats) -> Floats:
+    def solve(self, right_side: Floats) -> Floats:
         """(own rows,) the solution for a right-hand side (own rows,)."""
-        self._given.array[:] = given
-        self._solver.solve(self._given, self._found)
-        return np.array(self._found.array_r)
+        self._right_side.array[:] = right_side
+        self._solver.solve(self._right_side, self._solution)
+        return np.array(self._solution.array_r)
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        for held in (self._solver, self._found, self._given):
+        for held in (self._solver, self._solution, self._right_side):
             held.destroy()

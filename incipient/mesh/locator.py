@@ -13,12 +13,12 @@ from itertools import chain
 from math import factorial
 from typing import Any
 
-import basix
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import compat
 from ..arrays import Floats, Integers
+from .cells import shape_functions, with_first
 
 # Barycentric coordinates down to this count as inside.
 INSIDE = -1e-9
@@ -58,7 +58,7 @@ class Places:
 
     def within(self, reach: float) -> Places:
         """The places, those farther out of their cells in barycentric coordinates moved to near points of these."""
-        coordinates = _barycentric(self.reference)
+        coordinates = with_first(self.reference)
         far = coordinates.min(axis=1) < -reach
         return replace(
             self, reference=np.where(far[:, None], _clipped(coordinates)[:, 1:], self.reference)
@@ -78,7 +78,7 @@ class Locator:
         self.gdim = int(mesh.geometry.dim)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._nodes: Floats = mesh.geometry.x[compat.geometry_dofs(mesh)[:owned], : self.gdim]
-        self._element = _shape_functions(mesh)
+        self._element = shape_functions(mesh)
         hull = np.einsum("bn,cng->cbg", _to_bernstein(self._element), self._nodes)
         vertices = self._nodes[:, : self.gdim + 1]
         self._origins = vertices[:, 0]
@@ -121,7 +121,7 @@ class Locator:
         kept = (coordinates >= self._least[cells]).all(axis=1)
         rows, cells = rows[kept], cells[kept]
         reference, good = self._pulled_back(points[rows], cells, coordinates[kept, 1:])
-        depths = np.where(good, _barycentric(reference).min(axis=1), -np.inf)
+        depths = np.where(good, with_first(reference).min(axis=1), -np.inf)
         # In ascending order of depth, so that the deepest is written last.
         order = np.argsort(depths, kind="stable")
         order = order[depths[order] >= INSIDE]
@@ -184,8 +184,8 @@ class Locator:
         targets = np.repeat(points, shape[1], axis=0)
         start = start.reshape(-1, self.gdim)
         reference, good = self._pulled_back(targets, flat, start)
-        reference = np.where(good[:, None], reference, _clipped(_barycentric(start))[:, 1:])
-        coordinates = _barycentric(reference)
+        reference = np.where(good[:, None], reference, _clipped(with_first(start))[:, 1:])
+        coordinates = with_first(reference)
         near = [self.mapped(c[:, 1:], flat) for c in self._near_points(coordinates, flat)]
         distances = np.minimum(*(np.linalg.norm(x - targets, axis=1) for x in near))
         # Several cells share a vertex: take the one that is left least by its own measure.
@@ -196,7 +196,7 @@ class Locator:
 
     def _straight(self, points: Floats, cells: Integers) -> Floats:
         """(..., gdim + 1) barycentric coordinates in the straight simplices on the cells' vertices."""
-        return _barycentric(
+        return with_first(
             np.einsum("...kg,...g->...k", self._inverses[cells], points - self._origins[cells])
         )
 
@@ -212,12 +212,10 @@ class Locator:
         if self._element.degree == 1 or not len(points):
             return start, np.ones(len(points), dtype=bool)
         parts = [slice(k, k + PAIRS) for k in range(0, len(points), PAIRS)]
-        found = [
-            self._newton(points[part], self._nodes[cells[part]], start[part]) for part in parts
-        ]
-        return np.concatenate([reference for reference, _ in found]), np.concatenate(
-            [good for _, good in found]
+        reference, good = zip(
+            *(self._newton(points[k], self._nodes[cells[k]], start[k]) for k in parts), strict=True
         )
+        return np.concatenate(reference), np.concatenate(good)
 
     def _newton(
         self, points: Floats, nodes: Floats, start: Floats
@@ -251,18 +249,9 @@ def evaluate(function: Any, places: Places) -> Floats:
     return np.asarray(np.einsum("pn,pnb->pb", compat.tabulate(space, places.reference), nodes))
 
 
-def _shape_functions(mesh: Any) -> Any:
-    """Element of the mesh's own geometry."""
-    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[mesh.geometry.dim]
-    degree = compat.geometry_degree(mesh)
-    return basix.create_element(
-        basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced
-    )
-
-
 def _to_bernstein(element: Any) -> Floats:
     """(n, n) matrix from a polynomial's values at an equispaced element's nodes to its Bernstein coefficients."""
-    degree, nodes = element.degree, _barycentric(element.points)
+    degree, nodes = element.degree, with_first(element.points)
     exponents = np.rint(degree * nodes).astype(int)
     ways = [factorial(degree) // int(np.prod([factorial(k) for k in row])) for row in exponents]
     table = np.prod(nodes[:, None, :] ** exponents[None], axis=2) * np.array(ways)
@@ -277,11 +266,6 @@ def _inverses(matrices: Floats) -> Floats:
     )
     inverses[singular] = np.nan
     return np.asarray(inverses)
-
-
-def _barycentric(reference: Floats) -> Floats:
-    """(..., g + 1) all barycentric coordinates from (..., g), of which the first is left out."""
-    return np.concatenate([1.0 - reference.sum(axis=-1, keepdims=True), reference], axis=-1)
 
 
 def _clipped(coordinates: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The mesh that follows what moves in it: rigid near a body, blended out from there, its cells watched.
+"""Meshes that follow bodies: rigid near them, blended out from there; and meshes stretched into a larger box.
 
 A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
@@ -24,17 +24,19 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import Floats, spatial
+from ..arrays import Floats, determinants, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
+from .cells import CELLS, barycentric_nodes, is_node_of, shape_functions, straight_cells
 from .domain import Domain
-from .straight import barycentric_nodes, straight_cells
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75
 # Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
 FLAT = 1e-9
+# Smallest quality of a moved cell, over that of the cell as it was made, with which it still serves.
+LEAST_QUALITY = 0.02
 
 
 @dataclass(frozen=True)
@@ -130,17 +132,10 @@ class MeshMotion:
         gdim = self.domain.gdim
         nodes = places[self._cells, :gdim].transpose(2, 0, 1)
         jacobians = nodes[:, None] @ self._slopes.transpose(0, 2, 1)  # (gdim, gdim, cells, points)
-        volume = _determinant(jacobians)
+        volume = determinants(jacobians)
         size = (jacobians**2).sum(axis=(0, 1))
         quality = gdim * np.sign(volume) * np.abs(volume) ** (2 / gdim) / np.maximum(size, 1e-300)
         return np.asarray(quality.min(axis=1))
-
-
-def _determinant(a: Floats) -> Floats:
-    """Determinants (...) of small matrices (d, d, ...), written out: far faster than factorising each."""
-    if len(a) == 2:
-        return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
-    return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
@@ -151,17 +146,12 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
     """
     cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
     space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
-    dofs, marked = compat.cell_dofs(space), dolfinx.fem.Function(space)
-    marked.x.array[dofs[straight_cells(mesh)]] = 1.0
-    view = compat.vec_view(marked)
-    view.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    view.destroy()
-    marked.x.scatter_forward()
+    dofs, of_straight = compat.cell_dofs(space), is_node_of(space, straight_cells(mesh))
     count = corners.shape[1]
     # Several cells share a node, and agree on it: what lies within an edge or a face has no share of other vertices.
     nodes, first = np.unique(cells[:, count:], return_index=True)
     row, column = np.divmod(first, corners.shape[0] - count)
-    chosen = marked.x.array[dofs[row, count + column]] > 0.0
+    chosen = of_straight[dofs[row, count + column]]
     row, column = row[chosen], count + column[chosen]
     return nodes[chosen], cells[row, :count], corners[column]
 
@@ -248,14 +238,10 @@ def _fixed(space: Any, facets: NDArray[np.int32], value: float) -> Any:
 
 def _slopes(mesh: Any) -> Floats:
     """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
-    gdim, degree = mesh.topology.dim, compat.geometry_degree(mesh)
-    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[gdim]
-    element = basix.create_element(
-        basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced
-    )
+    gdim, degree, element = mesh.topology.dim, compat.geometry_degree(mesh), shape_functions(mesh)
     # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in the plane.
     points = basix.create_lattice(
-        kind, max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True
+        CELLS[gdim], max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True
     )
     table = element.tabulate(1, points if degree > 1 else points[:1])[1:, :, :, 0]
     flat = [[1.0, 0.5, 0.5], [0.0, 3**0.5 / 2, 3**0.5 / 6], [0.0, 0.0, (2 / 3) ** 0.5]]
@@ -265,10 +251,54 @@ def _slopes(mesh: Any) -> Floats:
 
 def _turned(arms: Floats, rotations: Floats) -> Floats:
     """Arms (n, gdim), each turned by its own angle (n, 1) or rotation vector (n, 3) [radians]."""
-    if arms.shape[1] == 2:
-        c, s = np.cos(rotations[:, 0]), np.sin(rotations[:, 0])
-        return np.column_stack([c * arms[:, 0] - s * arms[:, 1], s * arms[:, 0] + c * arms[:, 1]])
-    angle = np.linalg.norm(rotations, axis=1, keepdims=True)
-    axis = rotations / np.maximum(angle, 1e-300)
-    along = (axis * arms).sum(axis=1, keepdims=True) * axis
-    return np.asarray(along + np.cos(angle) * (arms - along) + np.sin(angle) * np.cross(axis, arms))
+    from scipy.spatial.transform import Rotation  # which takes time to import
+
+    vectors = rotations if arms.shape[1] == 3 else rotations * [0.0, 0.0, 1.0]
+    return np.asarray(Rotation.from_rotvec(vectors).apply(spatial(arms))[:, : arms.shape[1]])
+
+
+@dataclass(frozen=True)
+class KeptBox:
+    """The least and the largest coordinates (3,) of a region."""
+
+    low: Floats
+    high: Floats
+
+
+def stretched(x: Floats, centre: Floats, kept: Floats, old: KeptBox, new: KeptBox) -> Floats | None:
+    """Points (n, 3) of one box in another; None where there is no room to stretch. Not collective.
+
+    On each axis a point stays as it is within `kept` (3,) of the centre; beyond, it goes by a parabola that begins
+    there and takes the old side to the new one.
+    """
+    moved = x.copy()
+    for axis in range(3):
+        for side, end, new_end in ((1.0, old.high, new.high), (-1.0, old.low, new.low)):
+            way = side * (new_end[axis] - end[axis])
+            room = side * (end[axis] - centre[axis]) - kept[axis]
+            if abs(way) < 1e-12 * float((old.high - old.low).max()):
+                continue
+            if room <= 0.0 or way <= -0.5 * room:  # a shorter way back would fold the cells
+                return None
+            beyond = np.maximum(side * (x[:, axis] - centre[axis]) - kept[axis], 0.0)
+            moved[:, axis] += side * way * (beyond / room) ** 2
+    return moved
+
+
+class Lifting:
+    """Moves the nodes with a body, less the farther from it, and not at all on other boundaries. Collective.
+
+    Those on the plane of symmetry move along it.
+    """
+
+    def __init__(self, domain: Domain, boundary: str):
+        self._weights = Potentials(domain).weights(boundary, (SYMMETRY,), rigid=1.0)[:, None]
+
+    def at(self, shift: Floats) -> Floats:
+        """(n, 3) displacements of the mesh's nodes when the body is shifted by (3,). Not collective."""
+        return np.asarray(self._weights * shift)
+
+
+def serves(motion: MeshMotion, places: Floats) -> bool:
+    """Whether a mesh with its nodes at other places (n, 3) is good enough to compute a flow on. Collective."""
+    return motion.quality(places).relative > LEAST_QUALITY

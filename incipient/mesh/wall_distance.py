@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
-from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.space.surfaces import nearest_on_triangles
+from .cells import cell_facets, local_cells
 from .domain import Domain
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
@@ -25,7 +24,7 @@ PIECES, PIECES_OF_EDGE = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)), 8
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
     """Distances (n,) of places (n, gdim) from the next of the named walls of a domain. Collective.
 
-    Curved walls are taken as eight straight pieces a facet, in space as four.
+    Curved walls are taken as eight straight pieces a facet, in 3-D as four.
     """
     pieces = _pieces(domain, walls)
     lengths = np.linalg.norm(pieces[:, 1:] - pieces[:, :1], axis=2).max(axis=1)
@@ -51,25 +50,17 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
-    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in space four, on all ranks. Collective."""
+    """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
     mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
-    facets = np.concatenate([domain.facets_of(name) for name in walls])
-    mesh.topology.create_connectivity(of_facets, domain.gdim)
-    mesh.topology.create_connectivity(domain.gdim, of_facets)
-    cell_of = mesh.topology.connectivity(of_facets, domain.gdim)
-    facets_of = mesh.topology.connectivity(domain.gdim, of_facets)
-    places, dofs = space.tabulate_dof_coordinates()[:, : domain.gdim], compat.cell_dofs(space)
-    local = [
-        _in_order(space.dofmap.dof_layout, of_facets, number) for number in range(domain.gdim + 1)
-    ]
-    rows = []
-    for facet in facets:
-        cell = cell_of.links(facet)[0]
-        number = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        rows.append(dofs[cell][local[number]])
-    found = places[np.array(rows, dtype=np.int64).reshape(-1, 3 * of_facets)]
-    nodes = np.concatenate(domain.comm.allgather(found))
+    layout = space.dofmap.dof_layout
+    local = [_in_order(layout, of_facets, number) for number in range(domain.gdim + 1)]
+    every, first = np.unique(cell_facets(mesh, local_cells(mesh))[0], return_index=True)
+    nodes_of_facets = compat.cell_dofs(space)[:, local].reshape(-1, 3 * of_facets)
+    wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    rows = nodes_of_facets[first[np.searchsorted(every, wanted)]]
+    here = space.tabulate_dof_coordinates()[rows, : domain.gdim]
+    nodes = np.concatenate(domain.comm.allgather(here))
     if domain.gdim == 3:
         return np.concatenate([nodes[:, piece] for piece in PIECES])
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
@@ -78,18 +69,18 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
 
 
 def _in_order(layout: Any, dimension: int, facet: int) -> Integers:
-    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in the plane one."""
+    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in 2-D that of the edge."""
     nodes = layout.entity_closure_dofs(dimension, facet)
-    corners = [one for one in nodes if one <= dimension + 1]
+    corners = [node for node in nodes if node <= dimension + 1]
     if dimension == 1:
-        return np.array([*corners, *(one for one in nodes if one not in corners)])
+        return np.array([*corners, *(node for node in nodes if node not in corners)])
     edge_of = {
         frozenset(
-            one for one in layout.entity_closure_dofs(1, edge) if one <= 3
+            node for node in layout.entity_closure_dofs(1, edge) if node <= 3
         ): layout.entity_dofs(1, edge)[0]
         for edge in range(6)
     }
-    return np.array([*corners, *(edge_of[frozenset(corners) - {one}] for one in corners)])
+    return np.array([*corners, *(edge_of[frozenset(corners) - {node}] for node in corners)])
 
 
 def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
@@ -99,14 +90,3 @@ def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:
     on_wall = np.zeros(len(corners.tabulate_dof_coordinates()), dtype=bool)
     on_wall[compat.nodes_on(corners, facets)] = True
     return np.flatnonzero(on_wall[compat.cell_dofs(corners)].any(axis=1))
-
-
-def nodes_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> Integers:
-    """Local nodes of a scalar space that any rank has in some of its cells. Collective."""
-    function = dolfinx.fem.Function(space)
-    function.x.array[np.unique(compat.cell_dofs(space)[cells])] = 1.0
-    view = compat.vec_view(function)
-    view.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    view.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-    view.destroy()
-    return np.flatnonzero(function.x.array > 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..geometry.space.grains import Cylinder
 from ..installed import memory_of_libraries
-from ..meshes import BoxGrid, Region, SolidGrid, SolidRegion
+from ..meshes import Grid, Region, SolidRegion
 from .flow_setup import Setup
 from .layout import Layout
 from .linear import LOWEST_ORDER
@@ -77,7 +77,7 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
         corners = np.concatenate([n.reshape(-1, per_cell)[:, : gdim + 1] for n in nodes])
         outside = sum(map(len, model.mesh.getElements(gdim - 1)[1]))
     vertices = len(np.unique(corners))
-    if isinstance(shape, SolidRegion | SolidGrid | BoxGrid):
+    if isinstance(shape, SolidRegion | Grid) and gdim == 3:
         faces = (4 * cells + outside) // 2
         numbers = vertices, vertices + faces - cells - euler_number(shape), faces, cells
     else:  # Euler's formula with one closed outline per hole
@@ -86,9 +86,9 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     return cells, lambda k: gdim * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
 
-def euler_number(region: SolidRegion | SolidGrid | BoxGrid) -> int:
+def euler_number(region: SolidRegion | Grid) -> int:
     """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
-    if isinstance(region, SolidGrid | BoxGrid):
+    if isinstance(region, Grid):
         return 1
     across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
     return 1 - across + (0 if region.symmetric else len(region.holes) - across)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ..fluid.conditions import Carried, Condition, Open, Prescribed, Seeping, Slip, no_slip
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from .base_flow import BaseFlow, Velocity
 from .flow_setup import Setup
 

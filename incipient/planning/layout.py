@@ -13,7 +13,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.space.beds import SmoothTerrain
 from ..installed import required
-from ..meshes import BoxGrid, Grid, Region, SizeField, Sizes, SolidGrid, SolidRegion
+from ..meshes import Grid, Region, SizeField, Sizes, SolidRegion
 from ..meshes.expected import expected_cells
 from .scene_geometry import Place
 
@@ -28,7 +28,7 @@ STEEPEST = 0.35  # growth of coarse cells with distance
 class Layout:
     """The scene's geometry in place, ready to be drawn."""
 
-    shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid
+    shape: Region | SolidRegion | Grid
     sizes: Sizes
     geometry_order: int
     resting: Placement | None = (
@@ -47,7 +47,9 @@ class Layout:
     @property
     def gdim(self) -> int:
         """Dimension of space."""
-        return 3 if isinstance(self.shape, SolidRegion | SolidGrid | BoxGrid) else 2
+        if isinstance(self.shape, Grid):
+            return len(self.shape.extents)
+        return 3 if isinstance(self.shape, SolidRegion) else 2
 
     def gmsh_model(self) -> AbstractContextManager[Any]:
         """A meshed gmsh model; for one rank only.
@@ -59,19 +61,8 @@ class Layout:
         """
         self._require_few_cells()
         with required():
-            from ..meshes import box, layered_model, model, solid_model
-
-        if isinstance(self.shape, SolidRegion):
-            return solid_model.solid_model(self.shape, self.sizes, self.geometry_order)
-        if isinstance(self.shape, BoxGrid):
-            return box.box_model(self.shape, self.geometry_order)
-        if isinstance(self.shape, SolidGrid):
-            return model.solid_grid_model(self.shape, self.geometry_order)
-        if isinstance(self.shape, Grid):
-            return model.grid_model(self.shape, self.geometry_order)
-        if self.sizes.layers is not None:
-            return layered_model.layered_model(self.shape, self.sizes, self.geometry_order)
-        return model.region_model(self.shape, self.sizes, self.geometry_order)
+            from ..meshes.model import meshed
+        return meshed(self.shape, self.sizes, self.geometry_order)
 
     def _require_few_cells(self) -> None:
         """Refuse a mesh that would take hours and all memory before it is begun."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
-from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
+from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion, graded_ends
 from . import meshing_in_space as in_space
 from .boundary_layer import GRAIN_CELL
 from .cells import CLOSED, FAR_CELL, FEWEST, corners, lee, separating
@@ -33,6 +33,7 @@ BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25
 MISSED, FINEST, UNEVEN, INFLOW_SAMPLES = 1e-4, 1e-3, 0.382, 9
 # Along the bed below the mean profile of a log-law flow, in thicknesses of its layer next to the bed.
 PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
+GRID_GRADING = 0.05  # of the cells of an empty box: spacing at walls over that in the middle
 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
@@ -79,7 +80,7 @@ def _layout(
     )
 
 
-def _grid_layout(setup: Setup, plan: Plan, grid: Grid | SolidGrid | BoxGrid) -> Layout:
+def _grid_layout(setup: Setup, plan: Plan, grid: Grid) -> Layout:
     """The layout of a grid, in which there is no grain."""
     return Layout(grid, Sizes(1.0), plan.geometry_order, max_cells=setup.scene.numerics.max_cells)
 
@@ -235,11 +236,12 @@ def _at_inflow(setup: Setup, order: int) -> Iterator[Near]:
             waiting += [(start, middle), (middle, end)]
 
 
-def _box(setup: Setup, cell: float) -> Grid | BoxGrid:
+def _box(setup: Setup, cell: float) -> Grid:
     """The grid of an empty box, with cells of a size."""
     domain = setup.geometry.domain
     if setup.geometry.gdim == 3:
         return in_space.box_grid(setup.geometry, setup.sides, cell)
-    columns, rows = (max(FEWEST[2], round(side / cell)) for side in (domain.length, domain.height))
-    corner = (domain.left, domain.bottom)
-    return Grid(corner, domain.length, domain.height, columns, rows, sides=setup.sides.around)
+    sides = (domain.length, domain.height)
+    ends = tuple(graded_ends(max(FEWEST[2], round(side / cell)), GRID_GRADING) for side in sides)
+    extents = (domain.left, domain.right), (domain.bottom, domain.ceiling)
+    return Grid(extents, ends, setup.sides.of_rectangle)

@@ -8,8 +8,7 @@ import numpy as np
 from ..geometry.placement import Placement
 from ..geometry.space.beds import Plane, Terrain
 from ..geometry.space.grains import Box
-from ..meshes import Away, BoxGrid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import Away, Grid, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from .boundary_layer import GRAIN_CELL_IN_SPACE, thinner
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
@@ -32,7 +31,7 @@ BED_LARGEST = (
 )
 
 
-def box_grid(geometry: Geometry, names: SideNames, cell: float) -> BoxGrid:
+def box_grid(geometry: Geometry, names: SideNames, cell: float) -> Grid:
     """The grid of an empty box with cells of a size on average, finer next to its walls; half of it if symmetric."""
     domain, half = geometry.domain, geometry.symmetric
     extents = ((domain.left, domain.right), geometry.half, (domain.bottom, domain.ceiling))
@@ -42,15 +41,7 @@ def box_grid(geometry: Geometry, names: SideNames, cell: float) -> BoxGrid:
         layer_ends(n, grading, half and axis == 1)
         for axis, (n, grading) in enumerate(zip(counts, gradings, strict=True))
     )
-    sides = (
-        names.left,
-        names.right,
-        SYMMETRY if half else "right",
-        "left",
-        names.bottom,
-        names.top,
-    )
-    return BoxGrid(extents, (*ends,), sides, half)
+    return Grid(extents, (*ends,), names.of_box(half), half)
 
 
 def region(setup: Setup, placement: Placement | None) -> SolidRegion:

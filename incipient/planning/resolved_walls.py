@@ -12,9 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ..arrays import Floats, Point
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
-from ..meshes import Away, BoxGrid, Grid, Near, SolidGrid, WallLayers
-from ..meshes.region import PART
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
 from ..scene import Domain
 from . import free_stream
 from .base_flow import BaseFlow
@@ -305,7 +303,7 @@ class ResolvedWalls:
 
     def channel_rows(
         self, geometry: Geometry, names: SideNames, order: int, mesh_size: float
-    ) -> Grid | SolidGrid | BoxGrid:
+    ) -> Grid:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
         coarse, sizes = mesh_size * COARSENING.get(order, ORDER_THREE), self._row_sizes
@@ -315,20 +313,16 @@ class ResolvedWalls:
             return self._duct(sizes, geometry, names, coarse)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
-        corner = (domain.left, domain.bottom)
-        found = Grid(
-            corner, domain.length, domain.height, columns, len(rows), 1.0, names.around, rows
-        )
+        along, upright = (domain.left, domain.right), (domain.bottom, domain.ceiling)
         if geometry.gdim == 2:
-            return found
+            return Grid((along, upright), (graded_ends(columns, 1.0), rows), names.of_rectangle)
         low, high = geometry.half
         across = max(ACROSS, round((high - low) / (2.0 * COLUMN * self.depth * coarse)))
-        sides = SYMMETRY if geometry.symmetric else "right", "left"
-        return SolidGrid(found, (low, high), layer_ends(across, 1.0, geometry.symmetric), sides)
+        half = geometry.symmetric
+        ends = graded_ends(columns, 1.0), layer_ends(across, 1.0, half), rows
+        return Grid((along, (low, high), upright), ends, names.of_box(half), half)
 
-    def _duct(
-        self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float
-    ) -> BoxGrid:
+    def _duct(self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
         """The mesh of a duct: rows and layers grow with the distances from floor, top and sides."""
         domain, (low, high), half = geometry.domain, geometry.half, geometry.symmetric
         columns = max(FEWEST_OF_DUCT, round(domain.length / (COLUMN_OF_DUCT * self.depth * coarse)))
@@ -340,15 +334,7 @@ class ResolvedWalls:
             tuple(map(float, rows)),
         )
         extents = ((domain.left, domain.right), (low, high), (domain.bottom, domain.ceiling))
-        sides = (
-            names.left,
-            names.right,
-            SYMMETRY if half else "right",
-            "left",
-            names.bottom,
-            names.top,
-        )
-        return BoxGrid(extents, ends, sides, half)
+        return Grid(extents, ends, names.of_box(half), half)
 
     def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
         """The mesh over a plate: rows that grow with the distance from it, columns with that from its leading edge."""
@@ -365,15 +351,10 @@ class ResolvedWalls:
             )
         sizes = RowSizes(self.first, of.ROW_GROWTH, of.LARGEST_ROW * domain.height)
         rows = growing_rows(sizes, domain.height, 1, coarse)
-        found = Grid(
-            (domain.left, domain.bottom), domain.length, domain.height, len(ends), len(rows), 1.0
-        )
-        places = tuple(map(float, rows)), tuple(map(float, ends / domain.length))
-        return replace(
-            found,
-            sides=names.around,
-            ends=places[0],
-            column_ends=places[1],
+        return Grid(
+            ((domain.left, domain.right), (domain.bottom, domain.ceiling)),
+            (tuple(map(float, ends / domain.length)), tuple(map(float, rows))),
+            names.of_rectangle,
             ahead=(names.ahead, number),
         )
 
@@ -394,7 +375,7 @@ class ResolvedWalls:
     def layers(self, order: int, along: float) -> WallLayers:
         """Layers at walls in space of which some are no planes, with cells of a size along them. Not collective."""
         first = self._first_cells(order)
-        most = PART * along / min(first.values())
+        most = LAYERS_SHARE * along / min(first.values())
         number = math.ceil(math.log(1.0 + (LAYER_GROWTH - 1.0) * most) / math.log(LAYER_GROWTH))
         return WallLayers(first, max(number, 1), LAYER_GROWTH)
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ..meshes import SYMMETRY
 from ..scene import Domain
 
 
@@ -22,6 +23,15 @@ class SideNames:
     def around(self) -> tuple[str, str, str, str]:
         """Names of bottom, right, top and left, counterclockwise."""
         return self.bottom, self.right, self.top, self.left
+
+    @property
+    def of_rectangle(self) -> tuple[str, ...]:
+        """Names at the least and the largest x and height."""
+        return self.left, self.right, self.bottom, self.top
+
+    def of_box(self, half: bool) -> tuple[str, ...]:
+        """Names at the least and the largest x, y and z; of half a domain y begins at the plane of symmetry."""
+        return self.left, self.right, SYMMETRY if half else "right", "left", self.bottom, self.top
 
 
 def side_names(domain: Domain, has_bed: bool, symmetric: bool, edged: bool = False) -> SideNames:

@@ -3,8 +3,7 @@
 import math
 
 from ..geometry.placement import Placement
-from ..meshes import Away, Grid, Near, SolidGrid
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import Away, Grid, Near, graded_ends
 from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends, lee, separating
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
@@ -29,28 +28,28 @@ LAYERS = 2  # of cells across a channel in space, at the least
 
 def channel_grid(
     walls: LayeredWalls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
-) -> Grid | SolidGrid:
+) -> Grid:
     """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
     domain, half = geometry.domain, geometry.symmetric
     coarse = mesh_size * coarsening(order)
     columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
     height = domain.height - walls.number * walls.distance
-    corner = (domain.left, domain.bottom + walls.distance)
-    ends = _row_ends(walls, coarse, height)
-    rows = len(ends) or max(FEWEST_ROWS, round(ROWS * walls.number / coarse))
-    found = Grid(corner, domain.length, height, columns, rows, GRADING, names.around, ends)
+    bottom = domain.bottom + walls.distance
+    rows = _row_ends(walls, coarse, height) or graded_ends(
+        max(FEWEST_ROWS, round(ROWS * walls.number / coarse)), GRADING
+    )
+    along, upright = (domain.left, domain.right), (bottom, bottom + height)
+    along_ends = graded_ends(columns, GRADING)
     if geometry.gdim == 2:
-        return found
+        return Grid((along, upright), (along_ends, rows), names.of_rectangle)
     low, high = geometry.half
     layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
     if walls.sides:
         rubbing = 1 if half else 2
         high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
         layers = max(layers, round(ROWS * rubbing / coarse))
-    across = SYMMETRY if half else "right", "left"
-    return SolidGrid(
-        found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across
-    )
+    across = layer_ends(layers, GRADING if walls.sides else 1.0, half)
+    return Grid((along, (low, high), upright), (along_ends, across, rows), names.of_box(half), half)
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:

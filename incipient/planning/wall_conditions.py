@@ -12,7 +12,7 @@ import numpy as np
 import ufl
 
 from ..fluid.conditions import Condition, Friction, Open, Prescribed, Slip
-from ..meshes.solid_region import SYMMETRY
+from ..meshes import SYMMETRY
 from ..scene import Turbulence
 from .cells import CLOSED
 from .flow_setup import Setup

@@ -19,8 +19,8 @@ from .. import compat
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..fluid import Fluid
-from ..mesh.domain import Domain
-from ..mesh.named_facets import cell_facets, named_facets
+from ..mesh.cells import cell_facets
+from ..mesh.domain import Domain, named_facets
 from ..parallel import collectively
 from ..tables.rows import Numbered, Rows, compact, exchanged
 from .checkpoint import StoredFlow, StoredMesh, StoredValues

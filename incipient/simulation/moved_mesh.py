@@ -15,8 +15,7 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..geometry.closest import lifted
 from ..geometry.space.beds import Plane
-from ..mesh.motion import MeshMotion
-from ..mesh.stretching import KeptBox, Lifting, serves, stretched
+from ..mesh.motion import KeptBox, Lifting, MeshMotion, serves, stretched
 from ..planning.conditions import conditions
 from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads

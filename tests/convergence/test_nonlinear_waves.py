@@ -4,13 +4,13 @@ from functools import partial
 
 import numpy as np
 import pytest
+from domains import rectangle
 from mpi4py import MPI
 from scipy.optimize import curve_fit
 from waves import tank
 
 from incipient.mesh.domain import build
-from incipient.meshes import Grid
-from incipient.meshes.model import grid_model
+from incipient.meshes.model import meshed
 
 LENGTH = 2.0  # half of a wave, on water of depth one; gravity one
 K = np.pi / LENGTH
@@ -54,8 +54,8 @@ def third_order(amplitude):
 
 def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, order=3):
     """Times and elevations (times, 2) at the ends of a tank, released from rest."""
-    grid = Grid((0.0, 0.0), LENGTH, 1.0, columns, columns // 2, grading=1.0)
-    domain = build(MPI.COMM_WORLD, partial(grid_model, grid, order), 2)
+    grid = rectangle((0.0, 0.0), LENGTH, 1.0, columns, columns // 2)
+    domain = build(MPI.COMM_WORLD, partial(meshed, grid, order=order), 2)
 
     def first(x):
         second = (

@@ -128,12 +128,12 @@ def domain_at(time: float):
     from incipient.geometry.plane.grains import Ellipse
     from incipient.mesh.domain import build
     from incipient.meshes import Near, Region, Sizes
-    from incipient.meshes.model import region_model
+    from incipient.meshes.model import meshed
 
     outline = tuple(curve.moved(placement(time)) for curve in Ellipse(SEMI_AXES).outline())
     floor = Line((0.0, 0.0), (LENGTH, 0.0))
     region = Region((floor,), HEIGHT, {"body": outline}, ("bottom", "right", "top", "left"))
-    drawing = partial(region_model, region, Sizes(0.5, (Near(0.12, 0.3, boundary="body"),)), 2)
+    drawing = partial(meshed, region, Sizes(0.5, (Near(0.12, 0.3, boundary="body"),)), 2)
     return build(MPI.COMM_WORLD, drawing, 2)
 
 

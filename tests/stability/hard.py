@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from domains import unit_box
+from domains import rectangle, unit_box
 from floating import Floating, Floats, box_around, floating
 from mpi4py import MPI
 
@@ -23,8 +23,8 @@ from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import Disc
 from incipient.mesh.domain import Domain, build
 from incipient.mesh.sampling import extremum
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
+from incipient.meshes import Near, Region, Sizes
+from incipient.meshes.model import meshed
 
 WALLS = ("left", "right", "bottom")
 DISC = Disc(0.3)
@@ -105,7 +105,7 @@ def box_with_disc(
     holes = {"body": tuple(curve.moved(placement) for curve in DISC.outline())}
     bottom = (Line((sides[0], 0.0), (sides[1], 0.0)),)
     region = Region(bottom, top, holes, sides=("bottom", "right", "top", "left"))
-    return build(MPI.COMM_WORLD, partial(region_model, region, Sizes(far, near), 2), 2)
+    return build(MPI.COMM_WORLD, partial(meshed, region, Sizes(far, near), 2), 2)
 
 
 def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
@@ -229,8 +229,8 @@ def exact_wall_force(motion: str, gap: float) -> float:
 
 def poiseuille_error(length: float, height: float, columns: int, rows: int) -> float:
     """The largest error of a parabolic flow through a channel, relative: it is in the elements' space."""
-    grid = Grid((0.0, 0.0), length, height, columns, rows, grading=1.0)
-    domain = build(MPI.COMM_WORLD, partial(grid_model, grid, 1), 2)
+    grid = rectangle((0.0, 0.0), length, height, columns, rows)
+    domain = build(MPI.COMM_WORLD, partial(meshed, grid), 2)
 
     def parabola(x: Floats, t: float) -> Floats:
         s = x[1] / height

@@ -79,7 +79,8 @@ def test_what_a_pinned_surface_does_not_feel():
         one, other = np.zeros((2, len(made.surface.elevation)))
         one[made.nodes], other[made.nodes] = generator.standard_normal((2, len(made.nodes)))
         felt, trial = (
-            elevation - rising.unfelt(elevation, closed=True) for elevation in (one, other)
+            elevation - rising.remove_pinned_projection(elevation, closed=True)
+            for elevation in (one, other)
         )
         for elevation in (felt, trial):
             assert np.abs(elevation[made.nodes][ends]).max() == 0.0 < np.abs(elevation).max()

@@ -22,7 +22,7 @@ from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
-from incipient.meshes.model import region_model
+from incipient.meshes.model import meshed
 from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
@@ -81,7 +81,7 @@ def test_mesh_has_the_sizes_of_the_field() -> None:
     sizes = np.where(points[:, 0] < 0.4, 0.05, 0.5)
     corners = ((0.0, 0.0), (2.0, 0.0))
     region = Region((Line(*corners),), 1.0)
-    with region_model(region, Sizes(0.25, field=SizeField(points, triangles, sizes)), 1) as model:
+    with meshed(region, Sizes(0.25, field=SizeField(points, triangles, sizes)), 1) as model:
         _, _, nodes = model.mesh.getElements(2)
         places = np.array([model.mesh.getNode(tag)[0] for tag in nodes[0]]).reshape(-1, 3, 3)
     centres = places.mean(axis=1)

@@ -12,8 +12,7 @@ from scenes import sphere_on_plane
 
 from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.mesh.motion import MeshMotion
-from incipient.mesh.stretching import KeptBox, Lifting, stretched
+from incipient.mesh.motion import KeptBox, Lifting, MeshMotion, stretched
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
 from incipient.simulation.beside import Beside, InTurn

@@ -9,13 +9,12 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import curved_box, square_in_box, unit_box
+from domains import curved_box, rectangle, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient import compat
 from incipient.mesh.domain import mesh_of
-from incipient.meshes import Grid
-from incipient.meshes.model import grid_model
+from incipient.meshes.model import meshed
 
 COMM = MPI.COMM_WORLD
 
@@ -71,7 +70,7 @@ def test_form(compiler: Any) -> None:
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_gmsh_order(order: int) -> None:
     """Nodes of a triangle in the library's order: those of the reference cell, whichever the version."""
-    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 1, 1), order) as model:
+    with meshed(rectangle((0.0, 0.0), 1.0, 1.0, 1, 1), order=order) as model:
         kind = model.mesh.getElements(2)[0][0]
         _, _, _, nodes, local, _ = model.mesh.getElementProperties(kind)
         mesh, _ = mesh_of(model, COMM, 2)

@@ -31,8 +31,8 @@ from incipient.fluid.space import (
     taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
+from incipient.mesh.cells import straight_cells
 from incipient.mesh.domain import Domain
-from incipient.mesh.straight import straight_cells
 
 QUADRATURE = {"quadrature_degree": 6}
 ROUND_OFF = 1e-12

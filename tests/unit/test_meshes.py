@@ -15,8 +15,8 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import HalfDiscs, Sinusoidal
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import Disc, Ellipse, Rectangle
-from incipient.meshes import Away, Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
+from incipient.meshes import Away, Near, Region, Sizes
+from incipient.meshes.model import meshed
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
@@ -73,7 +73,7 @@ def area(model: Any) -> float:
 
 def disc_model(order: int = 1, factor: float = 1.0) -> AbstractContextManager[Any]:
     sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),)).scaled(factor)
-    return region_model(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
+    return meshed(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
 
 
 # -- names --------------------------------------------------------------------------------------
@@ -91,23 +91,10 @@ def test_region_has_its_names() -> None:
 
 def test_sides_may_share_a_name() -> None:
     region = Region(FLOOR, 1.0, sides=("wall", "outflow", "wall", "inflow"))
-    with region_model(region, Sizes(0.3), 1) as model:
+    with meshed(region, Sizes(0.3), 1) as model:
         found, wall = names(model), on_boundary(model, "wall")
     assert found == ["inflow", "outflow", "wall"]
     assert {0.0, 1.0} == set(wall[:, 1].round(9))
-
-
-def test_grid_has_its_names() -> None:
-    with grid_model(Grid((1.0, -1.0), 2.0, 1.0, 4, 3), 1) as model:
-        found, bottom, right = (
-            names(model),
-            on_boundary(model, "bottom"),
-            on_boundary(model, "right"),
-        )
-    assert found == ["bottom", "left", "right", "top"]
-    assert len(bottom) == 5
-    assert len(right) == 4
-    assert right[:, 0] == pytest.approx(np.full(4, 3.0))
 
 
 @pytest.mark.parametrize(
@@ -117,7 +104,7 @@ def test_grid_has_its_names() -> None:
 def test_area_above_a_bed(bed: Any, expected: float) -> None:
     """Whole waves take nothing off the rectangle; three half-discs and two quarters take 4 pi r^2 / 2."""
     region = Region(bed.curves(0.0, 2.0), 1.0)
-    with region_model(region, Sizes(0.2, (Near(0.03, 0.3, boundary="bed"),)), 2) as model:
+    with meshed(region, Sizes(0.2, (Near(0.03, 0.3, boundary="bed"),)), 2) as model:
         assert area(model) == pytest.approx(expected, rel=1e-5)
 
 
@@ -127,7 +114,7 @@ def test_area_above_a_bed(bed: Any, expected: float) -> None:
 def test_area_around_a_turned_grain(grain: Any) -> None:
     outline = tuple(curve.moved(Placement((0.9, 0.5), 0.4)) for curve in grain.outline())
     sizes = Sizes(0.2, (Near(0.03, 0.3, boundary="body"),))
-    with region_model(Region(FLOOR, 1.0, {"body": outline}), sizes, 2) as model:
+    with meshed(Region(FLOOR, 1.0, {"body": outline}), sizes, 2) as model:
         assert area(model) == pytest.approx(2.0 - grain.volume, rel=1e-5)
 
 
@@ -161,7 +148,7 @@ def test_cells_along_a_bed_are_larger_far_away() -> None:
     size, growth, largest = 0.02, 0.1, 0.1
     near = Near(size, 0.3, boundary="bed", away=Away((0.0, 0.0), growth, largest))
     for factor in (1.0, 0.5):
-        with region_model(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1) as model:
+        with meshed(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1) as model:
             places = np.sort(on_boundary(model, "bed")[:, 0])
         middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
         wanted = factor * np.clip(growth * middles, size, largest)
@@ -171,7 +158,7 @@ def test_cells_along_a_bed_are_larger_far_away() -> None:
 def test_cells_are_small_where_asked_and_grow_from_there() -> None:
     size, growth, far = 0.02, 0.25, 0.3
     sizes = Sizes(far, (Near(size, growth, points=((0.5, 0.0),)),))
-    with region_model(Region(FLOOR, 1.0), sizes, 1) as model:
+    with meshed(Region(FLOOR, 1.0), sizes, 1) as model:
         triangles, lengths = corners(model), edge_lengths(model).mean(axis=1)
     distance = np.linalg.norm(triangles.mean(axis=1) - [0.5, 0.0], axis=1)
     wanted = np.minimum(far, size + growth * distance)
@@ -186,54 +173,6 @@ def test_size_along_a_boundary() -> None:
         body = on_boundary(model, "body")
     # 0.4 pi round the disc in pieces of 0.1, each quarter rounded up.
     assert len(body) == pytest.approx(0.4 * np.pi / 0.1, abs=4)
-
-
-# -- grids --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("grading", [1.0, 0.2])
-def test_grid_spacing(grading: float) -> None:
-    """Ends as fine as `grading` says against the middle; symmetric."""
-    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 20, 20, grading), 1) as model:
-        x = np.sort(on_boundary(model, "bottom")[:, 0])
-        count = len(corners(model))
-    spacing = np.diff(x)
-    assert count == 2 * 20 * 20
-    assert spacing == pytest.approx(spacing[::-1], rel=1e-6)
-    # The smallest spacing asked for is that at the end itself; the first cell's, next to it, is 0.229.
-    assert spacing[0] / spacing.max() == pytest.approx(grading, rel=0.2)
-
-
-def test_rows_of_a_grid_end_where_they_are_told_to() -> None:
-    ends = (0.1, 0.4, 1.0)
-    with grid_model(Grid((0.0, 1.0), 3.0, 2.0, 4, 3, ends=ends), 1) as model:
-        for side in ("left", "right"):
-            heights = np.sort(on_boundary(model, side)[:, 1])
-            assert heights == pytest.approx([1.0, *(1.0 + 2.0 * one for one in ends)])
-        assert len(corners(model)) == 2 * 4 * 3 and area(model) == pytest.approx(6.0)
-
-
-def test_columns_of_a_grid_end_where_they_are_told_to_and_the_first_have_a_name() -> None:
-    ends = (0.2, 0.3, 0.6, 1.0)
-    grid = Grid(
-        (1.0, 0.0), 2.0, 1.0, 4, 2, 1.0, ends=(0.1, 1.0), column_ends=ends, ahead=("ahead", 2)
-    )
-    with grid_model(grid, 1) as model:
-        for side, parts in (
-            ("ahead", (0.0, 0.2, 0.3)),
-            ("bottom", (0.3, 0.6, 1.0)),
-            ("top", (0.0, *ends)),
-        ):
-            found = np.sort(on_boundary(model, side)[:, 0])
-            assert found == pytest.approx([1.0 + 2.0 * one for one in parts])
-        assert len(corners(model)) == 2 * 4 * 2 and area(model) == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_grid_of_an_order(order: int) -> None:
-    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 3, 2), order) as model:
-        assert len(nodes(model)) == (3 * order + 1) * (2 * order + 1)
-        assert area(model) == pytest.approx(1.0)
 
 
 # -- curved cells -------------------------------------------------------------------------------
@@ -260,12 +199,12 @@ def test_folded_cells_are_refused() -> None:
     )
     with (
         pytest.raises(MeshError, match="fold over on a curved boundary"),
-        region_model(region, Sizes(0.15), 2),
+        meshed(region, Sizes(0.15), 2),
     ):
         pass
-    with region_model(region, Sizes(0.15), 1) as model:
+    with meshed(region, Sizes(0.15), 1) as model:
         assert len(corners(model)) > 0
-    with region_model(region, Sizes(0.15, (Near(0.005, 0.3, boundary="body"),)), 2) as model:
+    with meshed(region, Sizes(0.15, (Near(0.005, 0.3, boundary="body"),)), 2) as model:
         assert len(corners(model)) > 0
 
 
@@ -279,7 +218,7 @@ def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
     region = Region(FLOOR, 1.0, {"body": outline})
     with (
         pytest.raises(MeshError, match="could not be meshed: "),
-        region_model(region, Sizes(0.2), 1),
+        meshed(region, Sizes(0.2), 1),
     ):
         pass
 
@@ -297,7 +236,7 @@ def test_a_curve_of_another_kind_is_refused() -> None:
     other = SimpleNamespace(start=(0.0, 0.0), end=(1.0, 0.0))
     region = Region(FLOOR, 1.0, {"body": (other,)})  # type: ignore[dict-item]
     remedy = "a curve of kind SimpleNamespace cannot be drawn; use lines, arcs or splines"
-    with pytest.raises(MeshError, match=remedy), region_model(region, Sizes(0.2), 1):
+    with pytest.raises(MeshError, match=remedy), meshed(region, Sizes(0.2), 1):
         pass
 
 

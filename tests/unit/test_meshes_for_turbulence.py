@@ -39,9 +39,9 @@ def test_the_mesh_ends_where_the_law_of_the_wall_begins():
     assert found.shear_velocity * mean == pytest.approx(1.0, rel=1e-6)
     assert found.distance * found.shear_velocity * 11000 == pytest.approx(50.0)
     grid = lay_out(Setup(one), make_plan(one)).shape
-    assert (grid.origin[1], grid.height) == pytest.approx((found.distance, 1 - found.distance))
+    assert grid.extents[1] == pytest.approx((found.distance, 1.0))
     grid, far = lay_out(Setup(two), make_plan(two)).shape, Setup(two).walls.distance
-    assert (grid.origin[1], grid.height) == pytest.approx((3 + far, 2 - 2 * far))
+    assert grid.extents[1] == pytest.approx((3 + far, 5 - far))
     asked = channel(turbulence=Turbulence(wall_distance=0.1))
     assert Setup(asked).walls.distance == 0.1
 
@@ -76,9 +76,10 @@ def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
         channel(numerics=Numerics(order=2)),
     )
     of_plane = lay_out(Setup(plane), make_plan(plane)).shape
-    assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
-    assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
-    assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
+    assert found.extents[2][0] == pytest.approx(3 + of_plane.extents[1][0])
+    assert found.ends[::2] == of_plane.ends
+    assert found.extents[1] == (0.0, 1.0) and len(found.ends[1]) == 2
+    assert found.sides[2:4] == ("symmetry", "left")
 
 
 @pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
@@ -91,9 +92,10 @@ def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     walls, found = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
     away, open_top = walls.distance, flow.kind == "open-channel"
     assert walls.sides == (0.0, 0.8) and walls.reach == (0.4 if open_top else 0.5 * 0.8)
-    assert found.across == pytest.approx((0.4, 0.8 - away)) and found.sides == ("symmetry", "left")
-    thickness = np.diff([0.0, *found.ends])
-    assert found.ends[-1] == 1.0 and (np.diff(thickness) < 0.0).all()
+    assert found.extents[1] == pytest.approx((0.4, 0.8 - away))
+    assert found.sides[2:4] == ("symmetry", "left")
+    thickness = np.diff([0.0, *found.ends[1]])
+    assert found.ends[1][-1] == 1.0 and (np.diff(thickness) < 0.0).all()
     rubbing = {
         one.boundary: one.axis for one in conditions(Setup(scene)) if isinstance(one, Friction)
     }
@@ -134,10 +136,8 @@ def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow
     numerics = Numerics(order=2, mesh_size=mesh_size)
     scene = channel(flow=flow, fluid=Fluid(reynolds=1e6, scale="flow"), numerics=numerics)
     walls, grid = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
-    thick = np.diff([0.0, *grid.ends]) * grid.height
-    assert len(thick) == grid.rows and thick.sum() == pytest.approx(
-        1.0 - walls.number * walls.distance
-    )
+    thick = np.diff([0.0, *grid.ends[1]]) * np.ptp(grid.extents[1])
+    assert thick.sum() == pytest.approx(1.0 - walls.number * walls.distance)
     assert 0.7 < thick[0] / (mesh_size * walls.distance) < 1.4
     assert thick.max() <= 0.75 * mesh_size * walls.depth / 14 * (1 + 1e-9)
     if walls.number == 2:
@@ -169,7 +169,7 @@ def test_the_first_cells_at_resolved_walls_are_as_thick_as_asked():
     """In nu/u* of what enters, in rows between planes and in layers at a bed; at a grain half as thick."""
     asked = Turbulence(model="k-omega-sst", first_cell=2.0)
     plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
-    rows = lay_out(plane, make_plan(plane.scene)).shape.ends
+    rows = lay_out(plane, make_plan(plane.scene)).shape.ends[1]
     unit = plane.resolved_walls.unit
     assert rows[0] == pytest.approx(
         2.0 * unit, rel=0.2

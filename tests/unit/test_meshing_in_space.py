@@ -15,8 +15,7 @@ from incipient.errors import SceneError
 from incipient.geometry import Hemispheres
 from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
-from incipient.meshes.exact import Ground
-from incipient.meshes.solid_region import SolidFrame
+from incipient.meshes.surfaces import Ground
 from incipient.planning.expense import memory_in_space, memory_of_surface
 from incipient.planning.flow_setup import Setup
 from incipient.planning.layout import Layout
@@ -134,7 +133,7 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     region = SolidRegion(
         (-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2)
     )
-    frame = SolidFrame.of(region)
+    frame = region.frame
     x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
     local = frame.local(x)
     x = frame.scene(local)

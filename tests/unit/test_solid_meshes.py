@@ -41,14 +41,12 @@ from incipient.geometry import (
     Spheres,
 )
 from incipient.mesh.domain import build
-from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
-from incipient.meshes import solid_model as solid_model_module
-from incipient.meshes.curving import least_stretch
-from incipient.meshes.exact import Ground
+from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion, space
 from incipient.meshes.expected import expected_cells
-from incipient.meshes.model import session
-from incipient.meshes.solid_model import solid_model
-from incipient.meshes.tetrahedra import Tetrahedra
+from incipient.meshes.model import meshed
+from incipient.meshes.session import session
+from incipient.meshes.simplices import Simplices, jacobian_lower_bound
+from incipient.meshes.surfaces import Ground
 from incipient.planning.expense import euler_number
 
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
@@ -62,7 +60,7 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
     errors = []
     for size in (0.3, 0.15):
         region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
-        with solid_model(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order) as model:
+        with meshed(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order) as model:
             errors.append(
                 [volume(model) - (27.0 - np.pi / 6.0), np.pi - area(faces(model, "body"))]
             )
@@ -77,13 +75,13 @@ def test_cells_of_order_two_are_those_that_gmsh_makes() -> None:
         model.occ.addBox(0.0, 0.0, 0.0, 1.0, 0.7, 0.4)
         model.occ.synchronize()
         model.mesh.generate(3)
-        entities = {str(tag): tag for _, tag in model.getEntities(2)}
-        made = Tetrahedra.read(entities).of_order(2)
+        entities = {str(tag): [tag] for _, tag in model.getEntities(2)}
+        made = Simplices.read(entities, 3).used().of_order(2)
         model.mesh.setOrder(2)
         assert made.points[made.cells] == pytest.approx(
             cells(model), abs=1e-12
         )  # gmsh's along its lines
-        for name, tag in entities.items():
+        for name, (tag,) in entities.items():
             found = places(model)[model.mesh.getElements(2, tag)[2][0].astype(int)].reshape(
                 -1, 6, 3
             )
@@ -100,8 +98,8 @@ def test_no_curved_cell_is_taken_for_rounder_than_it_is() -> None:
     sampled = stretches(moved, random.dirichlet(np.ones(4), 2000)).min(axis=1) / np.linalg.det(
         corners[1:] - corners[0]
     )
-    bound = least_stretch(moved)
-    assert least_stretch(nodes[None]) == pytest.approx(1.0, abs=1e-12)
+    bound = jacobian_lower_bound(moved)
+    assert jacobian_lower_bound(nodes[None]) == pytest.approx(1.0, abs=1e-12)
     assert (bound <= sampled + 1e-12).all()
     assert np.corrcoef(bound, sampled)[0, 1] > 0.9
 
@@ -110,7 +108,7 @@ def test_no_curved_cell_is_taken_for_rounder_than_it_is() -> None:
 def test_a_mesh_has_no_points_but_those_of_its_cells(order: int) -> None:
     """Edges of the shell, drawn for the walls' triangles, leave none."""
     region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
-    with solid_model(region, Sizes(1.0, (Near(0.3, 0.4, boundary="body"),)), order) as model:
+    with meshed(region, Sizes(1.0, (Near(0.3, 0.4, boundary="body"),)), order) as model:
         members = model.mesh.getElements(3)[2][0]
         assert sorted(model.mesh.getNodes()[0].tolist()) == np.unique(members).tolist()
 
@@ -129,7 +127,7 @@ def test_a_mesh_has_no_points_but_those_of_its_cells(order: int) -> None:
 def test_beds(bed: Any) -> None:
     """Every bed meshes with round cells, none of them folded, and with the gap as it is."""
     region, point = grain_above(Sphere(1.0), bed, half=1.5)
-    with solid_model(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
+    with meshed(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
         assert set(names(model)) == NAMES
         nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
         assert stretches(nodes, KEAST).min() > 0.0
@@ -145,7 +143,7 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
 ) -> None:
     """Its first triangles may fold it, which smaller cells do not undo: others come first, then smaller cells."""
     region, point = grain_above(Sphere(1.0), Hemispheres(0.5, 1.0), half=1.5)
-    begun, spots, truly = list[float](), list[int](), solid_model_module.remeshed
+    begun, spots, truly = list[float](), list[int](), space.remeshed
 
     def remeshed(exact: Any, draft: Any, size: Any) -> Any:
         if isinstance(exact, Ground):
@@ -153,11 +151,9 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
             spots.append(len(size.spots))
         return truly(exact, draft, size)
 
-    monkeypatch.setattr(solid_model_module, "remeshed", remeshed)
-    monkeypatch.setattr(
-        solid_model_module, "crossed", lambda surface: np.arange(int(len(begun) < 3))
-    )
-    with solid_model(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
+    monkeypatch.setattr(space, "remeshed", remeshed)
+    monkeypatch.setattr(space, "crossed", lambda surface: np.arange(int(len(begun) < 3)))
+    with meshed(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
         assert stretches(cells(model), KEAST).min() > 0.0
     assert begun == pytest.approx([1.0, 1.07, 1.07**2]) and spots == [0, 0, 1]
 
@@ -174,7 +170,7 @@ def test_a_grain_in_a_pocket() -> None:
         Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist()
     )
     sizes = Sizes(1.0, (Near(0.08, 0.25, boundary="body"), *narrow), gap_part=0.8)
-    with solid_model(region, sizes, 2) as model:
+    with meshed(region, sizes, 2) as model:
         nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
     assert len(points) == 3
     assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
@@ -203,7 +199,7 @@ def test_half_is_half(solid: Any, gap: float) -> None:
     halves = []
     for symmetric in (False, True):
         region, point = grain_above(solid, gap=gap, symmetric=symmetric, fillet=0.03)
-        with solid_model(region, finer_in_the_gap(0.12, gap, point), 2) as model:
+        with meshed(region, finer_in_the_gap(0.12, gap, point), 2) as model:
             halves.append([volume(model), area(faces(model, "body"))])
             nodes = cells(model)
             assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
@@ -223,7 +219,7 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
         (-1.5, 1.5), (-1.0, 1.0), 1.5, Plane(origin_z=-1.5), {"body": tube}, symmetric=symmetric
     )
     share = 0.5 if symmetric else 1.0
-    with solid_model(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2) as model:
+    with meshed(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2) as model:
         assert volume(model) == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
         assert area(faces(model, "body")) == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
         assert area(faces(model, "left")) == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
@@ -238,7 +234,7 @@ def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
 def test_nodes_lie_on_the_surfaces() -> None:
     """Corners and middles of edges alike, to round-off."""
     region, point = grain_above(Ellipsoid((0.6, 0.5, 0.35)), gap=0.01, symmetric=True)
-    with solid_model(region, finer_in_the_gap(0.25, 0.01, point), 2) as model:
+    with meshed(region, finer_in_the_gap(0.25, 0.01, point), 2) as model:
         on_grain, on_bed = faces(model, "body").reshape(-1, 3), faces(model, "bed").reshape(-1, 3)
     body = region.holes["body"]
     assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
@@ -254,7 +250,7 @@ def test_any_unit_and_any_place() -> None:
         region = SolidRegion(sides, sides, 4.0 * unit, Plane(), {"body": body}, symmetric=True)
         near = Near(0.02 * unit, 0.2, points=((shift, shift, 0.02 * unit),))
         sizes = Sizes(unit, (Near(0.25 * unit, 0.3, boundary="body"), near), gap_part=0.8)
-        with solid_model(region, sizes, 2) as model:
+        with meshed(region, sizes, 2) as model:
             table = places(model)
         found.append((table - [shift, shift, 0.0]) / unit)
     one, other = found
@@ -266,7 +262,7 @@ def test_the_number_of_cells_is_foretold() -> None:
     for solid, gap, size in ((Sphere(1.0), 0.01, 0.15), (Box((0.8, 0.6, 0.6), 0.1), 0.2, 0.08)):
         region, point = grain_above(solid, gap=gap, symmetric=True)
         sizes = finer_in_the_gap(size, gap, point)
-        with solid_model(region, sizes, 1) as model:
+        with meshed(region, sizes, 1) as model:
             # Foretold are 3 to 4% fewer, by integrating over the sizes.
             assert sum(expected_cells(region, sizes).values()) == pytest.approx(
                 len(cells(model)), rel=0.1
@@ -278,7 +274,7 @@ def test_a_grain_in_the_bed_is_refused() -> None:
     region = SolidRegion((-1.0, 1.0), (-1.0, 1.0), 2.0, Plane(), {"body": body})
     with (
         pytest.raises(MeshError, match='"body" reaches into the bed with'),
-        solid_model(region, Sizes(0.5, (Near(0.2, 0.3, boundary="body"),)), 1),
+        meshed(region, Sizes(0.5, (Near(0.2, 0.3, boundary="body"),)), 1),
     ):
         pass
 
@@ -287,7 +283,7 @@ def measured(order: int) -> dict[str, float]:
     """The volume and the areas of a domain of dolfinx."""
     region, _ = grain_above(Sphere(1.0), gap=0.2, half=1.5, symmetric=True)
     sizes = Sizes(1.0, (Near(0.25, 0.4, boundary="body"),))
-    domain = build(MPI.COMM_WORLD, partial(solid_model, region, sizes, order), 3)
+    domain = build(MPI.COMM_WORLD, partial(meshed, region, sizes, order), 3)
     one = dolfinx.fem.Constant(domain.mesh, 1.0)
     found = {
         name: dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(name)))

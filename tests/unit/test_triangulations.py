@@ -21,7 +21,7 @@ from incipient.geometry.space.surfaces import (
     sphere,
     vector_areas,
 )
-from incipient.meshes.exact import on_level
+from incipient.meshes.surfaces import on_level
 
 BRICK = box(np.array([1.0, 0.8, 0.5]), 0.07)
 

@@ -24,7 +24,7 @@ from incipient.geometry.plane.grains import Ellipse
 from incipient.mesh.domain import build, mesh_of
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
-from incipient.meshes.model import region_model
+from incipient.meshes.model import meshed
 from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
@@ -101,7 +101,7 @@ def around_ellipse(number, cell):
     sides = ("bottom", "right", "top", "left")
     region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
     sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
-    return build(MPI.COMM_WORLD, partial(region_model, region, sizes, 2), 2)
+    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, 2), 2)
 
 
 def counts(mesh):

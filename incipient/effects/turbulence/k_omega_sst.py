@@ -18,8 +18,9 @@ from ...fluid import Fluid
 from ...fluid.space import size_along
 from ...forms import k_omega_sst as forms
 from ...forms.turbulence import Stream
+from ...mesh.cells import is_node_of
 from ...mesh.domain import Domain
-from ...mesh.wall_distance import cells_at, distances, nodes_of
+from ...mesh.wall_distance import cells_at, distances
 from .fields import LARGEST_CORRECTION, TurbulenceConditions, TurbulenceFields
 
 ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
@@ -127,8 +128,8 @@ class KOmegaSST(TurbulenceFields):
     def _between(self, scalar: Any, cells: Integers) -> tuple[Integers, Integers, Integers]:
         """Local nodes of cells, those that other cells have, too, and all that other cells have."""
         outer = np.setdiff1d(np.arange(len(compat.cell_dofs(scalar))), cells)
-        near, free = nodes_of(scalar, cells), nodes_of(scalar, outer)
-        return near, np.intersect1d(near, free), free
+        near, free = is_node_of(scalar, cells), is_node_of(scalar, outer)
+        return np.flatnonzero(near), np.flatnonzero(near & free), np.flatnonzero(free)
 
     def _measure(self) -> None:
         """Find the distances of the nodes from the next wall, and from the next smooth one."""

@@ -1,4 +1,4 @@
-"""Cell sizes at every place of a region in space, and the boxes that give them to gmsh."""
+"""Cell sizes at every point of a 3-D region, and the boxes that give them to gmsh."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.geometry.space.surfaces import Cloud, NearestOf, Surface, in_blocks
 
-from .exact import Body, Ground
-from .region import Near, Sizes
-from .solid_region import SolidFrame, SolidRegion
+from .regions import Frame, SolidRegion
+from .sizes import Near, Sizes
+from .surfaces import Body, Ground
 
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
 SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
@@ -30,11 +30,21 @@ class SizeMap:
 
     region: SolidRegion
     sizes: Sizes
-    frame: SolidFrame
+    frame: Frame
     ground: Ground
     bodies: dict[str, Body]
     spots: Floats = field(default_factory=lambda: np.empty((0, 3)))
     at_spots: Floats = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, region: SolidRegion, sizes: Sizes) -> SizeMap:
+        """The sizes of a region, with its curved surfaces: the bed, and the grains by name."""
+        frame = region.frame
+        bodies = {
+            name: Body(placed, frame, region.symmetric, region.fillet)
+            for name, placed in region.holes.items()
+        }
+        return cls(region, sizes, frame, Ground(region, frame), bodies)
 
     def finer_at(self, points: Floats) -> SizeMap:
         """These sizes, but half as large at points (n, 3) of the frame, one of those that are nearer than a cell."""
@@ -108,8 +118,7 @@ class SizeMap:
         return np.asarray(size + near.growth * distance)
 
     def _from_points(self, points: tuple[tuple[float, ...], ...], x: Floats) -> Floats:
-        places = self.frame.local(np.array(points))
-        return np.asarray(np.linalg.norm(x - places[:, None], axis=2).min(axis=0))
+        return _distances(x, self.frame.local(np.array(points))).min(axis=1)
 
     def _between(self, distances: dict[str, Floats], count: int) -> Floats:
         """A part of the width between the two nearest of bed and grains."""
@@ -124,20 +133,19 @@ class SizeMap:
     def _at_spots(self, x: Floats) -> Floats:
         if not len(self.spots):
             return np.full(len(x), np.inf)
-        away = np.linalg.norm(x[:, None] - self.spots, axis=2)
-        return np.asarray((self.at_spots + SPOT_GROWTH * away).min(axis=1))
-
-    def _field(self, x: Floats) -> Floats:
-        """The sizes wanted at the nearest vertices of an earlier mesh."""
-        if self.sizes.field is None:
-            return np.full(len(x), np.inf)
-        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
+        return np.asarray((self.at_spots + SPOT_GROWTH * _distances(x, self.spots)).min(axis=1))
 
     @cached_property
     def _vertices(self) -> NearestOf:
         """The vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
         return NearestOf(self.frame.local(self.sizes.field.points))
+
+    def _field(self, x: Floats) -> Floats:
+        """The sizes wanted at the nearest vertices of an earlier mesh."""
+        if self.sizes.field is None:
+            return np.full(len(x), np.inf)
+        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:
@@ -146,14 +154,20 @@ class SizeMap:
         adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
         return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
 
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """The least and the largest x and y, (2,) each, of the frame."""
+        low, high = (
+            self.frame.local(np.array([*end, self.frame.origin[2]]))[:2]
+            for end in self.region.rectangle
+        )
+        return low, high
+
     def outside(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are beyond the sides or in the bed."""
-        low, high = (
-            self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle
-        )
-        beyond = (x[:, :2] < low).any(axis=1) | (x[:, :2] > high).any(axis=1) | (x[:, 2] > 1.0)
-        beyond |= self.ground.distance(x) < 0.0
-        return np.asarray(beyond)
+        low, high = self.bounds
+        beyond = ((x[:, :2] < low) | (x[:, :2] > high)).any(axis=1) | (x[:, 2] > 1.0)
+        return np.asarray(beyond | (self.ground.distance(x) < 0.0))
 
     def within(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are in a grain."""
@@ -163,6 +177,11 @@ class SizeMap:
             near = np.flatnonzero(np.linalg.norm(body, axis=1) < placed.solid.size)
             inside[near] |= placed.solid.level(body[near]) < 0.0
         return inside
+
+
+def _distances(x: Floats, points: Floats) -> Floats:
+    """The distances (n, k) of points (n, 3) from others (k, 3)."""
+    return np.asarray(np.linalg.norm(x[:, None] - points, axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +213,8 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
 
     Those that would make more than `most` stay as they are.
     """
-    low, high = (
-        np.array([*end, z])
-        for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
-    )
-    low, high = (
-        (low - size.frame.origin) / size.frame.length,
-        (high - size.frame.origin) / size.frame.length,
-    )
+    frame, ends = size.frame, zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
+    low, high = ((np.array([*end, z]) - frame.origin) / frame.length for end, z in ends)
     low[2] = bottom - 0.01
     side = 0.51 * float((high - low).min())
     counts = np.ceil((high - low) / side).astype(int)
@@ -209,24 +222,24 @@ def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
         -1, 3
     )
     centres = 0.5 * (low + high) + side * (steps + 0.5 - 0.5 * counts)
-    found, total, cut = [], 0, [1]
+    levels, total, cut = [], 0, [1]
     while len(centres):
         corners = centres[:, None] + 0.5 * side * CORNERS
         values = in_blocks(size, corners.reshape(-1, 3)).reshape(-1, 8)
         least = np.minimum(values.min(axis=1), in_blocks(size, centres))
         split = side > BOX * least
         count, small = int(split.sum()), int((~split).sum())
-        found.append(
+        levels.append(
             (centres[~split], np.full(small, side), values[~split], np.zeros(small, dtype=bool))
         )
         total, cut = total + small, [*cut, count]
         if total + 8 * count > most:
-            found.append(
+            levels.append(
                 (centres[split], np.full(count, side), values[split], np.ones(count, dtype=bool))
             )
             break
         centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
         side *= 0.5
     growth = float(np.clip(cut[-1] / max(cut[-2], 1), 1.0, 8.0))
-    at, lengths, values, uncut = (np.concatenate(column) for column in zip(*found, strict=True))
+    at, lengths, values, uncut = (np.concatenate(column) for column in zip(*levels, strict=True))
     return Boxes(at, lengths, values, uncut, growth)

@@ -1,4 +1,4 @@
-"""The surfaces that bound a region in space, in its frame: first triangles of them, and what lies on them."""
+"""The curved surfaces that bound a 3-D region, grains and bed, in its frame: first triangles, and projection."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from incipient.geometry.space.surfaces import (
     level_surface,
 )
 
-from .solid_region import PlacedSolid, SolidFrame, SolidRegion
+from .regions import Frame, PlacedSolid, SolidRegion
 
 FILLET = 0.2  # of the smallest radius
 # First triangles along a grain, a ball, a feature of a bed.
 PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
-ON_IT = 1e-12  # of a length of the shape: a point so near a surface is on it
+ON_SURFACE = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
 
@@ -36,7 +36,7 @@ class Body(ExactSurface):
     """A grain's surface; where a region is cut in its plane of symmetry the half of it beyond that plane."""
 
     placed: PlacedSolid
-    frame: SolidFrame
+    frame: Frame
     symmetric: bool
     fillet: float
 
@@ -72,11 +72,11 @@ class Body(ExactSurface):
             (centres - radii).min(axis=0) - 1.3 * step,
             (centres + radii).max(axis=0) + 1.3 * step,
         )
-        axes = [
+        x, y, z = (
             np.linspace(a, b, 1 + int(np.ceil((b - a) / step)))
             for a, b in zip(low, high, strict=True)
-        ]
-        return level_surface(self._clump_level(solid), (axes[0], axes[1], axes[2]))
+        )
+        return level_surface(self._clump_level(solid), (x, y, z))
 
     def _clump_level(self, solid: Spheres) -> Level:
         centres, radii = np.array(solid.centres), np.array(solid.radii)
@@ -89,11 +89,11 @@ class Body(ExactSurface):
         """Along rays or normals; held coordinates are put back, and the rest is projected again."""
         for _ in range(1 + 3 * int(held.any())):
             body = self.placed.placement.to_body(self.frame.scene(x))
-            on_it = self.placed.placement.to_scene(self._on(body))
-            x = np.where(held, x, (on_it - self.frame.origin) / self.frame.length)
+            nearest = self.placed.placement.to_scene(self._projected(body))
+            x = np.where(held, x, (nearest - self.frame.origin) / self.frame.length)
         return x
 
-    def _on(self, x: Floats) -> Floats:
+    def _projected(self, x: Floats) -> Floats:
         """Points of the surface near points (n, 3), in the body frame."""
         solid = self.placed.solid
         if isinstance(solid, Spheres):
@@ -114,7 +114,7 @@ class Ground(ExactSurface):
     """
 
     region: SolidRegion
-    frame: SolidFrame
+    frame: Frame
     finer: float = 1.0
 
     @property
@@ -263,12 +263,6 @@ class Ground(ExactSurface):
         return level_surface(self.distance, (xs, ys, zs / self.frame.length))
 
 
-def bodies_of(region: SolidRegion, frame: SolidFrame) -> dict[str, Body]:
-    """The surfaces of a region's grains by name."""
-    holes = region.holes.items()
-    return {name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in holes}
-
-
 def _widening(length: float, step: float) -> Floats:
     """Ascending distances over a length at which a grid is cut, the first about a step; none if there is no length."""
     if length <= 1e-9 * step:
@@ -296,11 +290,11 @@ def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
 
     scale: a length of the level's shape; differences are taken over a small part of it.
     """
-    h, found, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
+    h, points, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
     for _ in range(10):
-        here = found[pending]
+        here = points[pending]
         values = level(here)
-        away = np.abs(values) > ON_IT * scale
+        away = np.abs(values) > ON_SURFACE * scale
         pending, here, values = pending[away], here[away], values[away]
         if not len(pending):
             break
@@ -311,5 +305,5 @@ def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
         steepness = np.maximum((slope**2).sum(axis=1), 1e-3)
         move = -(values / steepness)[:, None] * slope
         length = np.linalg.norm(move, axis=1, keepdims=True)
-        found[pending] = here + move * np.minimum(1.0, 0.3 * scale / np.maximum(length, 1e-300))
-    return found
+        points[pending] = here + move * np.minimum(1.0, 0.3 * scale / np.maximum(length, 1e-300))
+    return points

@@ -1,0 +1,71 @@
+"""Cells of a mesh: their shape functions, facets and nodes, and which of them are straight."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import basix
+import dolfinx
+import numpy as np
+from petsc4py import PETSc
+
+from .. import compat
+from ..arrays import Floats, Integers
+
+# By how much, relative to its extent, a cell's nodes may be off those of a straight one.
+ROUND_OFF = 1e-10
+CELLS = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
+
+
+def shape_functions(mesh: Any) -> Any:
+    """The scalar element of the mesh's own geometry. Not collective."""
+    degree, variant = compat.geometry_degree(mesh), basix.LagrangeVariant.equispaced
+    return basix.create_element(basix.ElementFamily.P, CELLS[mesh.geometry.dim], degree, variant)
+
+
+def with_first(coordinates: Floats) -> Floats:
+    """All barycentric coordinates (..., gdim + 1) from those (..., gdim) of a reference cell, which lack the first."""
+    first = 1.0 - coordinates.sum(axis=-1, keepdims=True)
+    return np.concatenate([first, coordinates], axis=-1)
+
+
+def barycentric_nodes(mesh: Any) -> Floats:
+    """Barycentric coordinates (nodes of a cell, gdim + 1) of a cell's nodes, vertices first. Not collective."""
+    return with_first(compat.reference_nodes(mesh))
+
+
+def straight_cells(mesh: Any) -> np.ndarray:
+    """Local cells to which an affine map takes the reference cell, up to round-off, ascending. Not collective."""
+    corners = barycentric_nodes(mesh)
+    places = mesh.geometry.x[compat.geometry_dofs(mesh)]
+    affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
+    bend, extent = np.abs(places - affine).max(axis=(1, 2)), np.ptp(places, axis=1).max(axis=1)
+    return np.flatnonzero(bend <= ROUND_OFF * extent).astype(np.int32)
+
+
+def local_cells(mesh: Any) -> int:
+    """The number of cells of this rank, ghosts included."""
+    index_map = mesh.topology.index_map(mesh.topology.dim)
+    return int(index_map.size_local + index_map.num_ghosts)
+
+
+def cell_facets(mesh: Any, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """The facets (n,) of the first local cells, cell by cell, and the geometry rows (n, gdim) of their corners."""
+    dimension = mesh.topology.dim
+    mesh.topology.create_connectivity(dimension, dimension - 1)
+    facets = mesh.topology.connectivity(dimension, dimension - 1).array[: cells * (dimension + 1)]
+    # A simplex's facet is numbered as the corner that it lacks.
+    lacking = [[k for k in range(dimension + 1) if k != corner] for corner in range(dimension + 1)]
+    corners = compat.geometry_dofs(mesh)[:cells][:, lacking].reshape(-1, dimension)
+    return facets, corners
+
+
+def is_node_of(space: dolfinx.fem.FunctionSpace, cells: Integers) -> np.ndarray:
+    """Which (local nodes,) of a scalar space any rank has in some of its cells. Collective."""
+    marked = dolfinx.fem.Function(space)
+    marked.x.array[np.unique(compat.cell_dofs(space)[cells])] = 1.0
+    view = compat.vec_view(marked)
+    view.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    view.destroy()
+    marked.x.scatter_forward()
+    return np.asarray(marked.x.array > 0.0)

@@ -1,0 +1,50 @@
+"""Graded grids of triangles and tetrahedra between plane walls."""
+
+from itertools import permutations
+
+import numpy as np
+
+from .regions import Grid
+from .simplices import Simplices, measures
+
+
+def grid_cells(grid: Grid) -> Simplices:
+    """The cells of a grid: a rectangle's diagonals alternate, a box's six tetrahedra share one.
+
+    That of a box leads from the next corner of the whole box inwards: no tetrahedron has all of its corners on walls.
+    In such a one at a corner of the box the velocity of order two vanishes, and the pressure there is not determined.
+    """
+    counts = np.array([len(ends) for ends in grid.ends])
+    gdim = len(counts)
+    axes = [
+        low + (high - low) * np.array([0.0, *ends])
+        for (low, high), ends in zip(grid.extents, grid.ends, strict=True)
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, gdim)
+    first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
+    first = first.reshape(-1, gdim)
+    if gdim == 3:
+        inwards = np.where(first < counts / 2 * [1, not grid.half, 1], 1, -1)
+    else:
+        inwards = np.column_stack([np.ones(len(first), int), 2 * (first.sum(axis=1) % 2) - 1])
+    strides = np.cumprod([1, *(counts[:0:-1] + 1)])[::-1]
+    corners = []
+    for axis_order in permutations(range(gdim)):
+        steps = [inwards * (np.arange(gdim) == axis) for axis in axis_order]
+        corners.append(first + (inwards < 0) + np.cumsum([np.zeros_like(first), *steps], axis=0))
+    cells = np.concatenate([(corner @ strides).T for corner in corners])
+    inside_out = measures(points, cells) < 0.0
+    cells[inside_out] = cells[inside_out][:, [0, 2, 1, *range(3, gdim + 1)]]
+    sides: dict[str, list[np.ndarray]] = {}
+    lower_ahead = grid.ahead[1] * strides[0]
+    for number, name in enumerate(grid.sides):
+        axis, end = number // 2, (number % 2) * counts[number // 2]
+        there = (cells // strides[axis]) % (counts[axis] + 1) == end
+        facets = cells[there.sum(axis=1) == gdim]
+        facets = facets[there[there.sum(axis=1) == gdim]].reshape(-1, gdim)
+        if number == 2 and grid.ahead[1]:
+            ahead = facets.max(axis=1) <= lower_ahead
+            sides[grid.ahead[0]], facets = [facets[ahead]], facets[~ahead]
+        sides.setdefault(name, []).append(facets)
+    named = {name: np.concatenate(parts) for name, parts in sides.items()}
+    return Simplices(points, cells, named)

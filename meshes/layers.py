@@ -1,0 +1,115 @@
+"""Layers of thin cells along walls: columns of points above the walls' points, and the cells between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from incipient.arrays import Floats, Integers
+
+from .sizes import WallLayers
+
+STEEPER = (
+    1.1  # than wanted: ratio of the thicknesses of neighbouring layers where there is much room
+)
+FEWER = 0.3  # of a layer, for which no further one is made
+NO_ROOM = "there is no room for layers of cells along the walls: use another numerics.mesh_size"
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of points on the points of walls.
+
+    points (n, gdim): the mesh's own, of which some are on walls, and those above them
+    rows (columns, layers + 1): numbers of a column's points, the last ones alike where it has fewer layers
+    share (columns, layers + 1): one at the wall, zero where the layers end
+    """
+
+    points: Floats
+    rows: Integers
+    share: Floats
+
+    @classmethod
+    def standing(
+        cls,
+        points: Floats,
+        feet: Integers,
+        direction: Floats,
+        thickness: Floats,
+        first: Floats,
+        layers: WallLayers,
+    ) -> Columns:
+        """Columns on some of the points in directions (columns, gdim), as thick and with first layers as given."""
+        heights = layer_heights(thickness, first, layers)
+        new = np.diff(heights, axis=1, prepend=0.0) > 0.0
+        numbers = np.where(new, len(points) + np.cumsum(new.ravel()).reshape(new.shape) - 1, -1)
+        rows = np.maximum.accumulate(numbers, axis=1)
+        rows = np.where(rows < 0, feet[:, None], rows)
+        above = points[feet, None] + heights[:, :, None] * direction[:, None]
+        share = 1.0 - heights / np.where(thickness > 0.0, thickness, np.inf)[:, None]
+        return cls(np.concatenate([points, above[new]]), rows, share)
+
+    def by_point(self, count: int) -> tuple[Integers, Floats]:
+        """The wall's point below each of a mesh's points (count,), -1 where there is none, and the share there."""
+        foot, share = np.full(count, -1), np.zeros(count)
+        foot[self.rows] = self.rows[:, :1]
+        share[self.rows] = self.share
+        return foot, share
+
+
+def stacked(rows: Integers) -> Integers:
+    """The simplices between columns (k, gdim, layers + 1) on each facet of a wall, those without volume left out.
+
+    They have one sense where facets have: seen from the fluid, edges run with it on the left, triangles turn left.
+    """
+    gdim, low, high = rows.shape[1], rows[:, :, :-1], rows[:, :, 1:]
+    parts = []
+    for k in range(gdim):
+        corners = np.concatenate([low[:, : k + 1], high[:, k:]], axis=1)
+        if (gdim - k) % 2 == 0:
+            corners[:, [-1, -2]] = corners[:, [-2, -1]]
+        parts.append(corners.transpose(0, 2, 1).reshape(-1, gdim + 1))
+    cells = np.concatenate(parts)
+    ordered = np.sort(cells, axis=1)
+    return cells[(ordered[:, 1:] > ordered[:, :-1]).all(axis=1)]
+
+
+def stacked_by_diagonals(points: Floats, rows: Integers) -> Integers:
+    """The triangles between columns (k, 2, layers + 1), quadrilaterals cut along their shorter diagonals."""
+    pairs = np.stack([rows[:, :, :-1], rows[:, :, 1:]], axis=-1).transpose(0, 2, 1, 3)
+    pairs = pairs.reshape(-1, 2, 2)
+    (a, d), (b, c) = points[pairs].transpose(1, 2, 0, 3)
+    other = ((a - c) ** 2).sum(axis=1) > ((b - d) ** 2).sum(axis=1)
+    return np.concatenate([stacked(pairs[~other]), stacked(pairs[other, ::-1])[:, [0, 2, 1]]])
+
+
+def evened(thickness: Floats, links: Integers, slack: Floats) -> Floats:
+    """Thickness (n,) that differs by no more than the slack (k,) of links (k, 2) between neighbours."""
+    a, b = links.T
+    even = thickness.copy()
+    while True:
+        before = even.copy()
+        np.minimum.at(even, a, before[b] + slack)
+        np.minimum.at(even, b, before[a] + slack)
+        if np.array_equal(even, before):
+            return even
+
+
+def layer_heights(thickness: Floats, first: Floats, layers: WallLayers) -> Floats:
+    """Heights (n, number + 1) above a wall at which layers end, the first of them as wanted.
+
+    As many as there is room for, at least one; those beyond are where the last one is.
+    """
+    rows = np.log(1.0 + (layers.growth - 1.0) * thickness / first) / np.log(layers.growth)
+    counts = np.clip(np.ceil(rows - FEWER), 1, layers.number)
+    powers = np.arange(layers.number)
+    there = powers < counts[:, None]
+    low, high = np.ones(len(first)), np.full(len(first), 2.0 * STEEPER * layers.growth)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        thick = first * (there * middle[:, None] ** powers).sum(axis=1) > thickness
+        low, high = np.where(thick, low, middle), np.where(thick, middle, high)
+    ends = np.cumsum(there * low[:, None] ** powers, axis=1)
+    ends = np.where(powers < counts[:, None] - 1.0, ends / ends[:, -1:], 1.0)
+    return np.asarray(thickness[:, None] * np.column_stack([np.zeros(len(first)), ends]))

@@ -1,0 +1,94 @@
+"""Sessions of gmsh: quiet, one model each, with its complaints as errors."""
+
+import inspect
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from incipient.arrays import Floats
+from incipient.errors import MeshError
+from incipient.interrupt import handlers_kept
+
+with handlers_kept():  # at its import gmsh takes interrupts for itself
+    import gmsh
+
+REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passages wider"
+
+
+@contextmanager
+def session() -> Iterator[Any]:
+    """A quiet gmsh session of its own, with an empty model."""
+    options = (
+        {"interruptible": False}
+        if "interruptible" in inspect.signature(gmsh.initialize).parameters
+        else {}
+    )
+    with handlers_kept():
+        gmsh.initialize(**options)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        gmsh.logger.start()
+        gmsh.model.add("incipient")
+        yield gmsh.model
+    finally:
+        with handlers_kept():
+            gmsh.finalize()
+
+
+@contextmanager
+def complaints_as_errors() -> Iterator[None]:
+    """Turn gmsh's complaints while drawing and meshing into MeshError; other errors are defects, and pass."""
+    try:
+        yield
+    except Exception as error:
+        if not _is_of_gmsh(error):
+            raise
+        reason = str(error) or type(error).__name__
+        raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}") from error
+
+
+def _is_of_gmsh(error: Exception) -> bool:
+    """Whether an error is gmsh's, which raises the base class of all others."""
+    return type(error) is Exception
+
+
+def generate(dimension: int) -> None:
+    """Mesh what has been drawn. Raises MeshError if gmsh complains in its log, or makes no cells."""
+    # Exceptions thrown from inside the mesher end the process: let it stop at its first error, and look.
+    gmsh.option.setNumber("General.AbortOnError", 1)
+    said = len(gmsh.logger.get())
+    gmsh.model.mesh.generate(dimension)
+    complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
+    if complaints or len(gmsh.model.mesh.getElements(dimension)[0]) == 0:
+        reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"
+        raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}")
+
+
+def set_background(field: int) -> None:
+    """Take the sizes of cells from a field alone."""
+    gmsh.model.mesh.field.setAsBackgroundMesh(field)
+    for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
+        names = ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option)
+        set_either(names, gmsh.option.setNumber, 0)
+
+
+def view_field(kind: str, rows: Floats) -> int:
+    """A field of sizes that are linear on triangles ("ST") or hexahedra ("SH"), as gmsh's views have them in rows."""
+    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
+    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
+    field = fields.add("PostView")
+    fields.setNumber(field, "ViewTag", view)
+    return int(field)
+
+
+def set_either(names: tuple[str, ...], put: Callable[[str, Any], None], value: Any) -> None:
+    """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
+    for name in names:
+        try:
+            put(name, value)
+            return
+        except Exception as error:
+            if not _is_of_gmsh(error):
+                raise
+    raise MeshError(f"this gmsh knows none of the options {', '.join(names)}")

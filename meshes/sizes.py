@@ -1,0 +1,116 @@
+"""The size of cells: near features of a boundary, in layers along walls, and from an error estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from incipient.arrays import Floats, Integers, Point
+
+Place = Point | tuple[float, float, float]  # in 2-D, in 3-D
+LAYERS_SHARE = (
+    0.35  # of the edges at a wall in 3-D: what all layers there take at most of the cells beyond
+)
+
+
+@dataclass(frozen=True)
+class Away:
+    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units.
+
+    From the distance `level` on the feature has no forms that this size follows: cells grow on.
+    """
+
+    point: Place
+    growth: float
+    largest: float
+    level: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Near:
+    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them."""
+
+    size: float
+    growth: float
+    points: tuple[Place, ...] = ()
+    boundary: str = ""
+    # Without cells of this size the geometry is not resolved; they are not coarsened
+    needed: bool = False
+    away: Away | None = None  # where along a boundary the cells may be larger; None: nowhere
+    # The largest cells that follow the boundary's shape: by no factor do they become larger
+    most: float = float("inf")
+
+    def scaled(self, factor: float) -> Near:
+        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow.
+
+        Finer cells grow more slowly with the distance, so that all become smaller by the factor.
+        """
+        less = min(factor, 1.0)
+        away = self.away and replace(
+            self.away, growth=less * self.away.growth, largest=less * self.away.largest
+        )
+        return replace(self, size=self._times(factor), growth=less * self.growth, away=away)
+
+    def coarsened(self, factor: float, growth: float) -> Near:
+        """The size times a factor unless it is needed, growing with distance at least as given."""
+        size = self.size if self.needed else self._times(factor)
+        return replace(self, size=size, growth=max(self.growth, growth))
+
+    def _times(self, factor: float) -> float:
+        return min(self.size * factor, max(self.most, self.size))
+
+
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Sizes of cells wanted at the vertices of an earlier mesh, linear on its triangles, scene units.
+
+    points (n, gdim), triangles (m, 3) of them, sizes (n,)
+    """
+
+    points: Floats
+    triangles: Integers
+    sizes: Floats
+
+
+@dataclass(frozen=True)
+class WallLayers:
+    """Thickness of the first layer of cells at each named wall, number of layers, and their growth."""
+
+    first: dict[str, float]
+    number: int  # at most
+    growth: float
+    graded: bool = False  # thinner layers grow less: by a factor all of them become thinner
+
+    def scaled(self, factor: float) -> WallLayers:
+        """First layers thicker by a factor."""
+        growth = self.growth**factor if self.graded else self.growth
+        first = {name: factor * size for name, size in self.first.items()}
+        return replace(self, first=first, growth=growth)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The size of cells: `far` at most, less near features, and where a field says so; scene units."""
+
+    far: float
+    near: tuple[Near, ...] = ()
+    field: SizeField | None = None
+    # In 3-D, cells are at most this fraction of the width between the bed and a grain, or two grains
+    gap_part: float = float("inf")
+    layers: WallLayers | None = None  # along walls; None: there are none
+
+    def scaled(self, factor: float) -> Sizes:
+        """All sizes but a field's times a factor: one number refines everything alike."""
+        near = tuple(n.scaled(factor) for n in self.near)
+        return replace(
+            self,
+            far=self.far * factor,
+            near=near,
+            gap_part=self.gap_part * factor,
+            layers=self.layers and self.layers.scaled(factor),
+        )
+
+    def coarsened(self, factor: float, growth: float) -> Sizes:
+        """Sizes times a factor but where they are needed, all growing with distance at least as given."""
+        near = tuple(n.coarsened(factor, growth) for n in self.near)
+        layers = self.layers and self.layers.scaled(factor)
+        return replace(self, far=self.far * factor, near=near, layers=layers)

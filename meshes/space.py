@@ -1,0 +1,310 @@
+"""3-D regions meshed with tetrahedra, curved along grains and bed, with layers along walls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from incipient.arrays import Floats, Integers, unit, unordered_keys
+from incipient.errors import MeshError
+from incipient.geometry.space.remeshing import Topology, remeshed, without_area
+from incipient.geometry.space.surfaces import Surface, connected, crossed, joined
+
+from .layers import NO_ROOM, STEEPER, Columns, evened, stacked
+from .regions import SolidRegion
+from .session import generate, gmsh, set_background, view_field
+from .simplices import EDGES, Simplices, measures
+from .size_map import SizeMap, boxes
+from .sizes import LAYERS_SHARE, Sizes, WallLayers
+
+OTHERWISE = 1.07  # factor of the first triangles of a bed from one attempt to the next
+ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
+SAME = 1e-10  # of a region's height: points so near each other are one
+ON_PLANE = 1e-12  # of a region's height
+# Of its edge's length: a node that moves farther has been projected to another part of the surface
+FARTHEST = 0.3
+EVENNESS = (
+    0.3  # by which the thickness of layers changes along a wall at most, over the length of edges
+)
+# Fraction of their volume of cells that make room; the factor of layers that leave too little
+LEAST_VOLUME, LESS, MOST_TRIALS = 0.2, 0.7, 40
+
+
+def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simplices:
+    """The mesh of a region in the scene, with tetrahedra of order 1 or 2, made in the current gmsh model.
+
+    Raises:
+        MeshError: a surface is open or meets itself or another one, there is no room for layers, or gmsh finds no mesh.
+    """
+    if order not in (1, 2):
+        raise MeshError(
+            f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order"
+        )
+    size, surfaces = triangulated(SizeMap.of(region, sizes))
+    bed = surfaces[region.names[5]]
+    cubes = boxes(size, float(bed.points[:, 2].min()))
+    corners = cubes.corners.transpose(0, 2, 1).reshape(-1, 24)
+    set_background(view_field("SH", np.concatenate([corners, cubes.sizes], axis=1)))
+    mesh, columns = _filled(*_closed_shell(size, surfaces)), None
+    if sizes.layers is not None:
+        mesh, columns = _with_layers(mesh, sizes.layers.scaled(1.0 / size.frame.length))
+    mesh = _on_surfaces(mesh.of_order(order), size, columns)
+    return replace(mesh, points=size.frame.scene(mesh.points))
+
+
+def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
+    """Bed and grains, by name, as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
+
+    Raises MeshError if a grain reaches into the bed, or surfaces cross however fine they are.
+    """
+    bed_name, ground = size.region.names[5], size.ground
+    crossing: list[str] = []
+    for attempt in range(ATTEMPTS):
+        exact = {bed_name: ground, **size.bodies}
+        surfaces = {name: remeshed(each, each.draft(), size) for name, each in exact.items()}
+        for name in size.bodies:
+            points = surfaces[name].points
+            if inside := int((ground.distance(points) <= 0.0).sum()):
+                raise MeshError(
+                    f'"{name}" reaches into the bed with {inside} of {len(points)} points: lift it'
+                )
+        whole = joined(list(surfaces.values()))
+        wrong = np.union1d(crossed(whole), without_area(whole))
+        if not len(wrong):
+            return size, surfaces
+        ends = np.cumsum([len(surface.triangles) for surface in surfaces.values()])
+        crossing = [list(exact)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+        # Balls that cross themselves may have been folded by their first triangles: others come before finer ones.
+        folded = crossing == [bed_name] and ground.of_balls
+        if folded:
+            ground = replace(ground, finer=OTHERWISE ** (attempt + 1))
+        if attempt or not folded:
+            size = size.finer_at(whole.corners[wrong].mean(axis=1))
+    surface, remedy = (
+        f"surface of {' and that of '.join(crossing)} cross",
+        "use a smaller numerics.mesh_size, or a wider contact.gap",
+    )
+    if len(crossing) == 1:  # cells made half as large again and again have not helped
+        surface += "es itself"
+        remedy = f"make {crossing[0]} thicker or blunter there, or round its edges"
+    near = np.round(size.frame.scene(size.spots[-1:])[0], 6).tolist()
+    raise MeshError(f"the {surface} in {len(wrong)} triangles near {near}: {remedy}")
+
+
+def _closed_shell(
+    size: SizeMap, surfaces: dict[str, Surface]
+) -> tuple[Floats, dict[str, Integers]]:
+    """Points (n, 3) of the whole boundary and, by name, triangles (m, 3): those of surfaces, and of the plane sides.
+
+    A gmsh model with the sizes wanted as background field must be there; its geometry is drawn here, and removed.
+    Raises MeshError if the sides cannot be meshed.
+    """
+    names = size.region.names
+    plates = _plane_sides(size, surfaces)
+    tables = [surface.corners for surface in surfaces.values()] + plates
+    points = np.concatenate([table.reshape(-1, 3) for table in tables])
+    _, first, number = np.unique(
+        np.round(points / SAME), axis=0, return_index=True, return_inverse=True
+    )
+    triangles: dict[str, list[Integers]] = {}
+    starts = np.cumsum([3 * len(table) for table in tables])[:-1]
+    for name, part in zip([*surfaces, *names[:5]], np.split(number.ravel(), starts), strict=True):
+        triangles.setdefault(name, []).append(part.reshape(-1, 3))
+    return points[first], {name: np.concatenate(parts) for name, parts in triangles.items()}
+
+
+def _plane_sides(size: SizeMap, surfaces: dict[str, Surface]) -> list[Floats]:
+    """The corners (m, 3, 3) of the triangles of the four upright sides and of the top, along the rims of surfaces."""
+    geo, (low, high) = gmsh.model.geo, size.bounds
+    planes = [(axis, end[axis]) for axis in (0, 1) for end in (low, high)] + [(2, 1.0)]
+    segments = []
+    for surface in surfaces.values():
+        topology = Topology(surface.triangles)
+        rim = surface.points[topology.edges[topology.open]]
+        segments += [rim[_within(rim, plane)] for plane in planes[:4]]
+    rims = np.concatenate(segments)
+    bed = surfaces[size.region.names[5]].points
+    bottom = []
+    for corner in ([low[0], low[1]], [high[0], low[1]], high, [low[0], high[1]]):
+        at = np.flatnonzero((bed[:, :2] == corner).all(axis=1))
+        if len(at) != 1:
+            raise MeshError("the bed does not reach into a corner of the domain")
+        bottom.append(bed[at[0]])
+    top = np.column_stack([np.array(bottom)[:, :2], np.ones(4)])
+    upright, upper = (
+        np.stack([bottom, top], axis=1),
+        np.stack([top, np.roll(top, -1, axis=0)], axis=1),
+    )
+    lines = np.concatenate([rims, upright, upper])
+    _, first, number = np.unique(
+        lines.reshape(-1, 3), axis=0, return_index=True, return_inverse=True
+    )
+    ends = number.reshape(-1, 2)
+    points = {
+        int(number.ravel()[k]): geo.addPoint(*lines.reshape(-1, 3)[k]) for k in np.sort(first)
+    }
+    tags = np.array([geo.addLine(*sorted((points[a], points[b]))) for a, b in ends.tolist()])
+    for tag in tags[: len(rims)]:
+        geo.mesh.setTransfiniteCurve(tag, 2)
+    plates = []
+    for plane in planes:
+        chosen = np.flatnonzero(_within(lines, plane))
+        label = connected(len(points), ends[chosen])[ends[chosen, 0]]
+        outer = label[-1]  # of an upper edge
+        loops = [outer, *(other for other in np.unique(label) if other != outer)]
+        plates.append(
+            geo.addPlaneSurface(
+                [geo.addCurveLoop(tags[chosen[label == loop]], reorient=True) for loop in loops]
+            )
+        )
+    geo.synchronize()
+    gmsh.model.mesh.generate(2)
+    mesh = Simplices.read({str(plate): [plate] for plate in plates}, 3)
+    if not all(map(len, mesh.sides.values())):
+        raise MeshError("the geometry could not be meshed: a side of the domain has no triangles")
+    gmsh.model.mesh.clear()
+    gmsh.model.removeEntities(gmsh.model.getEntities(), recursive=True)
+    return [mesh.points[part] for part in mesh.sides.values()]
+
+
+def _within(lines: Floats, plane: tuple[int, float]) -> np.ndarray:
+    """Which lines (k, 2, 3) lie in a plane, given by an axis and the coordinate along it."""
+    return np.asarray((lines[:, :, plane[0]] == plane[1]).all(axis=1))
+
+
+def _filled(points: Floats, triangles: dict[str, Integers]) -> Simplices:
+    """Straight tetrahedra within a closed shell."""
+    model, tags = gmsh.model, dict[str, list[int]]()
+    for number, name in enumerate(triangles, start=1):
+        tags[name] = [model.addDiscreteEntity(2, number)]
+    numbers = np.arange(1, len(points) + 1)
+    model.mesh.addNodes(2, 1, numbers.tolist(), points.ravel().tolist())
+    for name, part in triangles.items():
+        model.mesh.addElementsByType(tags[name][0], 2, [], (part + 1).ravel().tolist())
+    model.mesh.reclassifyNodes()
+    model.geo.addVolume([model.geo.addSurfaceLoop([tag for (tag,) in tags.values()])])
+    model.geo.synchronize()
+    generate(3)
+    return Simplices.read(tags, 3).used()
+
+
+def _with_layers(mesh: Simplices, layers: WallLayers) -> tuple[Simplices, Columns]:
+    """Straight cells with layers along the walls that are named; the other sides are planes.
+
+    The cells at a wall draw back from it, and prisms of three tetrahedra each fill the room.
+
+    Raises:
+        MeshError: there is no room for layers.
+    """
+    walls, count = [name for name in layers.first if name in mesh.sides], len(mesh.points)
+    triangles = np.sort(np.concatenate([mesh.sides[name] for name in walls]), axis=1)
+    feet, number = np.unique(triangles, return_inverse=True)
+    of_triangles, column = number.reshape(-1, 3), np.zeros(count, dtype=np.int64)
+    column[feet] = np.arange(len(feet))
+    first = np.full(count, np.inf)
+    for name in walls:
+        first[mesh.sides[name]] = layers.first[name]
+    inwards = _inwards(mesh, walls)[feet]
+    thickness = _room(mesh, feet, of_triangles, inwards, first[feet], layers)
+    columns = Columns.standing(mesh.points, feet, inwards, thickness, first[feet], layers)
+    prisms = stacked(columns.rows[of_triangles])
+    inside_out = measures(columns.points, prisms) < 0.0
+    prisms[inside_out] = prisms[inside_out][:, [0, 2, 1, 3]]
+    top = np.arange(count)
+    top[feet] = columns.rows[:, -1]
+    cells = np.concatenate([top[mesh.cells], prisms])
+    if (measures(columns.points, cells) <= 0.0).any():
+        raise MeshError(NO_ROOM)
+    of_walls = unordered_keys(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), count)
+    sides = {name: mesh.sides[name] for name in mesh.sides}
+    for name, part in mesh.sides.items():
+        if name not in walls:
+            edges = np.sort(np.concatenate([part[:, pair] for pair in EDGES[2]]), axis=1)
+            edges = edges[np.isin(unordered_keys(edges, count), of_walls)]
+            sides[name] = np.concatenate([top[part], stacked(columns.rows[column[edges]])])
+    return Simplices(columns.points, cells, sides), columns
+
+
+def _inwards(mesh: Simplices, walls: list[str]) -> Floats:
+    """Unit vectors (n, 3) into the fluid at points of walls, along the plane sides on which they are."""
+    points, normal_sums = mesh.points, np.zeros_like(mesh.points)
+    triangles = np.concatenate([mesh.sides[name] for name in walls])
+    faces = np.concatenate([np.delete(mesh.cells, k, axis=1) for k in range(4)])
+    keys = unordered_keys(faces, len(points))
+    order = np.argsort(keys)
+    at = order[np.searchsorted(keys, unordered_keys(triangles, len(points)), sorter=order)]
+    opposite = mesh.cells.T.ravel()[at]
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    normals *= np.sign(np.einsum("ij,ij->i", normals, points[opposite] - a))[:, None]
+    for corners in triangles.T:
+        np.add.at(normal_sums, corners, normals)
+    for name, part in mesh.sides.items():
+        for axis in range(3 if name not in walls else 0):
+            flat = np.ptp(points[part][:, :, axis], axis=1) < ON_PLANE
+            normal_sums[np.unique(part[flat]), axis] = 0.0
+    return np.asarray(unit(normal_sums))
+
+
+def _room(
+    mesh: Simplices,
+    feet: Integers,
+    triangles: Integers,
+    inwards: Floats,
+    first: Floats,
+    layers: WallLayers,
+) -> Floats:
+    """How thick (feet,) all layers together are: so that the cells beyond stay sound."""
+    edges = np.unique(np.concatenate([triangles[:, pair] for pair in EDGES[2]]), axis=0)
+    on_wall = mesh.points[feet]
+    lengths = np.linalg.norm(on_wall[edges[:, 0]] - on_wall[edges[:, 1]], axis=1)
+    mean = np.bincount(edges.ravel(), np.repeat(lengths, 2)) / np.bincount(edges.ravel())
+    growth = STEEPER * layers.growth
+    most = first * (growth**layers.number - 1.0) / (growth - 1.0)
+    thickness = np.minimum(LAYERS_SHARE * mean, most)
+    touched = mesh.cells[np.isin(mesh.cells, feet).any(axis=1)]
+    least = LEAST_VOLUME * measures(mesh.points, touched)
+    places = mesh.points.copy()
+    for _ in range(MOST_TRIALS):
+        thickness = evened(thickness, edges, EVENNESS * lengths)
+        places[feet] = on_wall + thickness[:, None] * inwards
+        narrow = touched[measures(places, touched) < least]
+        if not len(narrow):
+            return thickness
+        thickness[np.isin(feet, narrow)] *= LESS
+    raise MeshError(NO_ROOM)
+
+
+def _on_surfaces(mesh: Simplices, size: SizeMap, columns: Columns | None) -> Simplices:
+    """The cells with their points on the exact surfaces; points of plane sides stay in these."""
+    low, high = size.bounds
+
+    def held(x: Floats) -> np.ndarray:
+        """Which coordinates (n, 3) of points (n, 3) are those of an upright side."""
+        on_side = [np.abs(x[:, :2] - end) <= ON_PLANE for end in (low, high)]
+        return np.column_stack([on_side[0] | on_side[1], np.zeros(len(x), dtype=bool)])
+
+    points, middles, places = mesh.points.copy(), [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    for name, exact in {size.region.names[5]: size.ground, **size.bodies}.items():
+        triangles = mesh.sides[name]
+        corners = np.unique(triangles[:, :3])
+        points[corners] = exact.project(points[corners], held(points[corners]))
+        if mesh.order == 1:
+            continue
+        of_name, first = np.unique(triangles[:, 3:].T.ravel(), return_index=True)
+        ends = points[np.concatenate([triangles[:, pair] for pair in EDGES[2]])[first]]
+        centres, lengths = ends.mean(axis=1), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        target = exact.project(centres, held(mesh.points[of_name]))
+        near = np.linalg.norm(target - centres, axis=1) <= FARTHEST * lengths
+        middles.append(of_name[near])
+        places.append(target[near])
+    mesh = replace(mesh, points=points)
+    if mesh.order == 1:
+        return mesh
+    layers = () if columns is None else columns.by_point(len(points))
+    mesh, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *layers)
+    gmsh.logger.write(
+        f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
+    )
+    return mesh
