@@ -16,10 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import Contacts, Load
-from incipient.contact.agreement import Agreement, Reason, compare
-from incipient.contact.exact.judge import judged
-from incipient.contact.paper.criteria import classify
+from incipient.contact import Contacts, Load, classify
+from incipient.contact.verdict import Agreement, Reason, compare, judged
 
 PAGE = Path(__file__).parents[1] / "docs" / "contact.md"
 BEGIN, END = "<!-- agreement: begin -->", "<!-- agreement: end -->"
@@ -135,7 +133,7 @@ def tallied(make: Callable[[Generator], Contacts], cases: int, rng: Generator) -
         acting, contacts = load(rng, make is in_the_plane), make(rng)
         friction = float(rng.uniform(0.0, 1.0))
         exact = judged(acting, contacts, friction, INERT)
-        tally.add(exact.moves, compare(classify(acting, contacts, friction), exact, INERT))
+        tally.add(exact.moves, compare(classify(acting, contacts, friction), exact))
     return tally
 
 

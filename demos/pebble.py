@@ -13,7 +13,7 @@ from mpi4py import MPI
 from scenes.scanned_pebble import scan
 
 import incipient
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.evaluation.contact_verdict import find_contacts, load_of
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank

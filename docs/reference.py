@@ -32,8 +32,7 @@ BOUNDS = {
 PUBLIC = {
     "incipient": "Scenes in, results out.",
     "incipient.sweep": "Many cases in one file.",
-    "incipient.contact": "The paper's judge, without a flow.",
-    "incipient.contact.equilibrium": "The exact judge, without a flow.",
+    "incipient.contact": "Both criteria, without a flow.",
     "incipient.results.result": "What a run gives back.",
     "incipient.critical.outcome": "What `incipient.threshold` gives back.",
 }

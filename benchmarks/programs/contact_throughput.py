@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "stability"))
 
 from random_contacts import Case, random_case
 
-from incipient.contact.equilibrium import incipient_motion, safety_factor
+from incipient.contact import incipient_motion, safety_factor
 
 CONTACTS, FIRST, WARM_UP = 4, 5_000_000, 50
 

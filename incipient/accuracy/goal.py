@@ -13,8 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.exact.judge import judged
-from ..contact.loads.error_box import shifted
+from ..contact.verdict import judged
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
@@ -161,7 +160,7 @@ def slopes(
     found = np.zeros(len(steps))
     for i, place in places.items():
         ahead = steps[i] * np.eye(6)[place]
-        values = [factor(shifted(load, sign * ahead)) for sign in (-1.0, 1.0)]
+        values = [factor(load.shifted(sign * ahead)) for sign in (-1.0, 1.0)]
         with np.errstate(divide="ignore", invalid="ignore"):
             found[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
     return found

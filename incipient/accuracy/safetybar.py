@@ -10,9 +10,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.exact.judge import Exact, MassAndInertia, judged
-from ..contact.exact.planar_modes import modes_within
-from ..contact.loads.error_box import ErrorBox, SafetyRange, safety_range
+from ..contact.robustness import ErrorBox, SafetyRange, safety_range
+from ..contact.verdict import Exact, MassAndInertia, judged
 from ..evaluation.contact_verdict import load_of, mass_and_inertia
 from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
@@ -56,17 +55,17 @@ def bar_of_safety(
     `terms` are those of `errors` that change the safety factor at the same load.
     """
 
-    def within(names: set[str]) -> tuple[ErrorBox, SafetyRange]:
-        """The box of the terms named, and what the loads in it have in common."""
+    def within(names: set[str]) -> SafetyRange:
+        """What the loads in the box of the terms named have in common."""
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
         ratio = math.prod(term.ratio for term in terms if term.name in names)
-        return box, safety_range(load, contacts, friction, box).widened(ratio)
+        return safety_range(load, contacts, friction, box).widened(ratio)
 
-    box, found = within(set(errors))
-    widths = {name: within(set(errors) - {name})[1].width for name in errors}
+    found = within(set(errors))
+    widths = {name: within(set(errors) - {name}).width for name in errors}
     case = load, contacts, friction, inert
     exact = judged(*case)
-    modes, complete = _modes(case, box, found, exact)
+    modes, complete = _modes(case, found, exact)
     if not found.rests:
         others = dict.fromkeys(mode for term in terms for mode in term.modes)
         complete = complete and others.keys() <= set(modes)
@@ -80,22 +79,15 @@ def bar_of_safety(
         modes=modes,
         complete=complete,
         decisive=min(widths, key=lambda name: widths[name], default=""),
-        some=found.some,
-        every=found.every,
+        some=found.possible,
+        every=found.guaranteed,
     )
 
 
-def _modes(
-    case: JudgedCase, box: ErrorBox, found: SafetyRange, exact: Exact
-) -> tuple[tuple[str, ...], bool]:
+def _modes(case: JudgedCase, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
     """What loads of the box do, and whether that is all they can do."""
-    load, contacts, friction, inert = case
     if found.rests:
         return ("rest",), True
-    if found.moves and inert is not None:
-        proved = modes_within(load, contacts, friction, box.ways, *inert)
-        if proved:
-            return tuple(mode.label for mode in proved), True
-    worst = judged(found.worst, contacts, friction, inert)
+    worst = judged(found.worst, *case[1:])
     labels = [exact.label, worst.label] + ([] if found.moves else ["rest"])
     return tuple(dict.fromkeys(labels)), False

@@ -20,7 +20,7 @@ from ..scene import Scene
 from .coarse_runs import changed
 
 if TYPE_CHECKING:
-    from ..contact.exact.judge import Exact
+    from ..contact.verdict import Exact
 
 SCAN = "scan"
 # How much longer the edges of copies are, one each, which puts their facets elsewhere, too. In all of 24 scans of the
@@ -64,7 +64,7 @@ def of_scans(scene: Scene, force: Forces, couple: Couples) -> Term:
 
 def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     """What mechanics say of a load on the scene's grain."""
-    from ..contact.exact.judge import judged  # which loads linear programs, slowly
+    from ..contact.verdict import judged  # which loads linear programs, slowly
     from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 
     assert scene.contact is not None and scene.body is not None

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats, planar_cross, quarter_turned
-from ..contact.exact.impulses import contact_impulses, resisted_impulses
+from ..contact.impulses import contact_impulses, resisted_impulses
 from ..geometry.contacts import ClosestPoints, frame_of
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody

@@ -1,9 +1,11 @@
-"""Where the grain is touched, what the bed answers, and the paper's criteria of incipient motion."""
+"""Contact of a resting grain with its bed: the paper's criteria of incipient motion and the exact criterion."""
 
+from incipient.contact.acceleration import IncipientMotion, incipient_motion
 from incipient.contact.batch import Batch, Cases, judge_many
-from incipient.contact.model import Load
-from incipient.contact.paper import criteria
-from incipient.contact.paper.criteria import Classification, Mode, classify
+from incipient.contact.paper import Classification, Mode, classify
+from incipient.contact.problem import Load, Loads
+from incipient.contact.safety import SafetyFactor, safety_factor
+from incipient.contact.verdict import Verdict, judge
 from incipient.geometry.closest import exposed, require_on_grain, touching
 from incipient.geometry.contacts import Contacts
 
@@ -12,10 +14,18 @@ __all__ = [
     "Cases",
     "Classification",
     "Contacts",
+    "IncipientMotion",
     "Load",
+    "Loads",
     "Mode",
+    "SafetyFactor",
+    "Verdict",
     "classify",
-    "criteria",
     "exposed",
+    "incipient_motion",
+    "judge",
+    "judge_many",
+    "require_on_grain",
+    "safety_factor",
+    "touching",
 ]
-__all__ += ["judge_many", "require_on_grain", "touching"]

@@ -1,7 +1,7 @@
-"""Many cases at once: the exact judge's safety factor and mode for each, of one set of contacts or of many.
+"""Many contact problems at once: the safety factor and mode of each, by the kernels that judge a single one.
 
-Cases with equally many contacts are judged together: in the plane by `planar_rows`, in space by `spatial_rows`. What
-lies too near to a boundary for that, and what is not right, is judged one by one.
+Cases with equally many contacts are judged together. Those without friction, with coincident contacts, in a plane other
+than that of the first two coordinates, or for which no motion is found are judged one by one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,14 +17,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers, unwarned
-from incipient.contact.exact.judge import MassAndInertia, judged
-from incipient.contact.exact.motion_modes import Mode
-from incipient.contact.exact.release import LARGEST, SYMMETRIC
-from incipient.contact.friction_law import FRICTIONLESS
-from incipient.contact.loads.planar_rows import MOST_CONTACTS, judged_in_plane
-from incipient.contact.loads.rows import Answers, Rows
-from incipient.contact.loads.spatial_rows import in_no_plane, judged_in_space
-from incipient.contact.model import Load, Loads
+from incipient.contact.acceleration import (
+    MODES,
+    MOTIONS,
+    NO_LOAD,
+    Mode,
+    classify_motions,
+    is_inertia,
+)
+from incipient.contact.friction import FRICTIONLESS
+from incipient.contact.impulses import LARGEST
+from incipient.contact.problem import Load, Loads, contact_frames, wrench_basis
+from incipient.contact.safety import SAFETY, TOLERANCE
+from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
 from incipient.parallel import end_with_parent
@@ -32,11 +37,12 @@ from incipient.parallel import end_with_parent
 __all__ = ["LABELS", "Batch", "Cases", "Loads", "judge_batch", "judge_many"]
 
 CHUNK = 10_000  # cases at a time
-FEW = 100  # cases in space up to which they are judged one by one: compiled loops take a second to be there
-HUGE = 1e12  # sizes of forces and arms, or one over them, beyond which a case is judged by itself
-APART = 1e-9  # of the longest arm: contacts nearer to each other with the same normal are judged one by one
+SMALLEST = 1e-100  # squares of smaller magnitudes vanish: such cases are judged one by one
+APART = 1e-9  # of the longest arm: nearer contacts with the same normal are judged one by one
+SOLID = 1e-8  # determinant of the moments of a case's unit vectors above which they are in no plane
+KEPT = 4  # motions kept of a case
 FAILED = -1  # the mode of a case that cannot be judged
-LABELS = ("rest", "moves", *(one.label for one in Mode if one is not Mode.REST))
+LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.REST))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +81,16 @@ class Cases:
     def __len__(self) -> int:
         return len(self.friction)
 
-    def part(self, rows: Integers | slice) -> Cases:
+    def part(self, rows: Integers | Booleans | slice) -> Cases:
         """The cases at places `rows`."""
         return Cases(*(getattr(self, item.name)[rows] for item in fields(self)))
+
+    def turned(self, shift: int) -> Cases:
+        """The cases with coordinates exchanged in a circle."""
+        vectors = ("points", "normals", "force", "couple", "weight", "centre")
+        rolled = {name: np.roll(getattr(self, name), shift, axis=-1) for name in vectors}
+        inertia = np.roll(self.inertia, (shift, shift), axis=(1, 2))
+        return replace(self, **rolled, inertia=inertia)
 
     @property
     def contacts(self) -> Integers:
@@ -86,7 +99,7 @@ class Cases:
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, float, MassAndInertia | None]:
-        """One of them, as `exact.judged` takes it; raises SceneError."""
+        """One of them, as `judged` takes it; raises SceneError."""
         held = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])
@@ -97,11 +110,11 @@ class Cases:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What the exact judge says of n cases."""
+    """Verdicts of the exact criterion on n cases."""
 
     factors: Floats  # (n,) safety factors; NaN where a case fails
     held: Booleans  # (n,) whether the load as it is is balanced
-    modes: Integers  # (n,) places in `labels`, which are as of `exact.Exact.label`; FAILED where a case fails
+    modes: Integers  # (n,) places in `labels`, which are those of `Exact.label`; FAILED where a case fails
     labels: tuple[str, ...]
     alone: int  # how many were judged one by one
     reasons: dict[int, str]  # why cases fail, by their places
@@ -211,124 +224,167 @@ def _joined(parts: list[Batch]) -> Batch:
 
 def _judged(cases: Cases) -> Batch:
     count = len(cases)
-    found = Answers(
-        np.full(count, np.nan),
-        np.zeros(count, dtype=bool),
-        np.full(count, FAILED, dtype=np.int64),
-        np.ones(count, dtype=bool),
-    )
+    factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    modes, left = np.full(count, FAILED), np.ones(count, dtype=bool)
+    reasons: dict[int, str] = {}
     with unwarned():
-        for places, rows, in_plane in _groups(cases):
+        for places, rows in _groups(cases):
             try:
-                answers = judged_in_plane(rows) if in_plane else judged_in_space(rows)
+                factors[places], held[places], modes[places] = rows.verdicts()
+            except (ArithmeticError, ValueError):  # numbers out of all proportion
+                continue  # each is judged by itself
+            left[places] = modes[places] == FAILED
+        for place in np.flatnonzero(left).tolist():
+            try:
+                exact = judged(*cases.case(place))
+            except SceneError as error:
+                reasons[place] = str(error)
             except (
                 Exception
-            ):  # without numba, or numbers out of all proportion: each is judged by itself
-                continue
-            for item in fields(found):
-                getattr(found, item.name)[places] = getattr(answers, item.name)
-        reasons, left = dict[int, str](), np.flatnonzero(found.doubtful)
-        known: dict[bytes, int] = {}  # what comes several times is judged once
-        for place in left.tolist():
-            key = b"".join(getattr(cases, item.name)[place].tobytes() for item in fields(cases))
-            first = known.setdefault(key, place)
-            if first == place:
-                _put_alone(cases, place, found, reasons)
+            ) as error:  # numbers out of all proportion; one case does not end the others
+                why = shortened(error) or type(error).__name__
+                reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
             else:
-                for name in ("factors", "held", "modes"):
-                    getattr(found, name)[place] = getattr(found, name)[first]
-                if first in reasons:
-                    reasons[place] = reasons[first]
-    return Batch(found.factors, found.held, found.modes, LABELS, len(left), reasons)
+                factors[place], held[place] = exact.safety.value, not exact.moves
+                modes[place] = LABELS.index(exact.label)
+            if place in reasons:
+                factors[place], held[place] = np.nan, False
+    return Batch(factors, held, modes, LABELS, int(left.sum()), reasons)
 
 
-def _put_alone(cases: Cases, place: int, found: Answers, reasons: dict[int, str]) -> None:
-    """Judge one case by itself."""
-    found.factors[place], found.held[place], found.modes[place] = np.nan, False, FAILED
-    try:
-        exact = judged(*cases.case(place))
-    except SceneError as error:
-        reasons[place] = str(error)
-    except Exception as error:  # numbers out of all proportion; one case does not end the others
-        why = shortened(error) or type(error).__name__
-        reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
-    else:
-        found.factors[place], found.held[place] = exact.safety.value, not exact.moves
-        found.modes[place] = LABELS.index(exact.label)
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """n dimensionless problems of k contacts: inward normals (n, k, 3), wrenches (n, 6, 3k) of unit local forces."""
+
+    inward: Floats
+    columns: Floats
+    friction: Floats
+    inertia: Floats  # (n, 3, 3) over mass and squared arm
+    # Unit wrenches (n, 6) and their magnitudes (n,).
+    flow: Floats
+    weight: Floats
+    flow_size: Floats
+    weight_size: Floats
+    planar: bool
+
+    def verdicts(self) -> tuple[Floats, Booleans, Integers]:
+        """Safety factors, whether held, and modes as of `LABELS`, (n,); FAILED where no motion is found."""
+        count, kept = len(self.friction), [0, 1, 5] if self.planar else [0, 1, 2, 3, 4, 5]
+        columns = np.ascontiguousarray(self.columns[:, kept])
+        arguments = self._cones(columns), self.flow[:, kept].copy(), self.weight[:, kept].copy()
+        linear = arguments[0].shape[2] if self.planar else 0
+        low, high, weight_held, _ = SAFETY(*arguments, linear, rows=count)
+        unit = np.where(self.weight_size > 0.0, self.weight_size, self.flow_size)
+        ratio = unit / np.where(self.flow_size > 0.0, self.flow_size, unit)
+        held = (low * ratio <= 1.0 + TOLERANCE) & (high * ratio >= 1.0 - TOLERANCE)
+        modes = np.where(held, 0, 1)
+        moving = np.flatnonzero(~held & np.isfinite(self.inertia[:, 0, 0]))
+        if len(moving):
+            modes[moving] = self._modes(moving, columns[moving], kept)
+        return np.where(weight_held > 0.0, high * ratio, 0.0), held, modes
+
+    def _cones(self, columns: Floats) -> Floats:
+        """Wrenches (n, m, h) of the edges of friction cones in 2-D, of unit circular cones in 3-D."""
+        cosine = 1.0 / np.hypot(1.0, self.friction)[:, None, None, None]
+        sine = self.friction[:, None, None, None] * cosine
+        local = columns.reshape(*columns.shape[:2], -1, 3)
+        normal, shear = cosine * local[..., :1], sine * local[..., 1:]
+        if self.planar:
+            shear, normal = np.zeros(0), normal + sine * local[..., 1:2] * [1.0, -1.0]
+        parts = [normal] if self.planar else [normal, shear]
+        return np.concatenate(parts, axis=3).reshape(*columns.shape[:2], -1)
+
+    def _modes(self, moving: Integers, columns: Floats, kept: list[int]) -> Integers:
+        """The modes of the rows that move."""
+        whole = (
+            self.flow_size[moving, None] * self.flow[moving]
+            + self.weight_size[moving, None] * self.weight[moving]
+        )
+        whole = whole / np.linalg.norm(whole, axis=1, keepdims=True)
+        inverse = np.broadcast_to(np.eye(6), (len(moving), 6, 6)).copy()
+        inverse[:, 3:, 3:] = np.linalg.inv(self.inertia[moving])
+        small = np.ascontiguousarray(inverse[:, kept][:, :, kept])
+        arguments = columns, small, self.friction[moving], whole[:, kept].copy()
+        found, accelerations, _ = MOTIONS(*arguments, KEPT, rows=len(moving))
+        best = np.zeros((len(moving), 6))
+        best[:, kept] = accelerations[:, 0, :-1]
+        scale = np.linalg.norm((small @ whole[:, kept, None])[..., 0], axis=1)
+        kinds = classify_motions(best, self.columns[moving], scale, self.inward[moving])[2]
+        return np.where((found > 0) & (kinds > 0), kinds + 1, FAILED)
 
 
-def _groups(cases: Cases) -> Iterator[tuple[Integers, Rows, bool]]:
-    """Places of cases with equally many contacts that can be judged together, and whether they are in a plane."""
+def _groups(cases: Cases) -> Iterator[tuple[Integers, _Rows]]:
+    """Places of cases that can be judged together, and their problems."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)
-        rows, right = _rows(cases.part(places), count)
-        places, rows = places[right], rows.part(right)
+        some = cases.part(places)
         left = np.ones(len(places), dtype=bool)
-        for axis in (2, 1, 0):
-            flat = (
-                np.flatnonzero(left & _in_plane(rows, axis))
-                if count <= MOST_CONTACTS
-                else np.empty(0, int)
-            )
-            left[flat] = False
-            if len(flat):
-                yield places[flat], rows.part(flat).turned(axis), True
-        left &= in_no_plane(rows)
-        if len(cases) > FEW and left.any():
-            yield places[left], rows.part(left), False
+        for shift in range(3):  # until the plane is that of the first two coordinates
+            turned = some.turned(shift)
+            usual, solid, planar = _usual(turned, count)
+            if (flat := left & usual & planar).any():
+                yield places[flat], _rows(turned.part(flat), count, True)
+            left &= ~planar
+        if (left := left & usual & solid).any():
+            yield places[left], _rows(turned.part(left), count, False)
 
 
-def _in_plane(rows: Rows, axis: int) -> Booleans:
-    """Whether nothing leaves the plane across an axis, (n,)."""
-    others = [other for other in range(3) if other != axis]
-    out = [rows.arms[..., axis], rows.inward[..., axis]]
-    out += [
-        wrench[:, [axis, *(3 + other for other in others)]] for wrench in (rows.flow, rows.weight)
-    ]
-    turning = np.nan_to_num(rows.inertia[:, axis, others])
-    return ~np.concatenate([*out, turning], axis=1).any(axis=1)
-
-
-def _rows(cases: Cases, count: int) -> tuple[Rows, Booleans]:
-    """Cases of so many contacts in numbers of order one, and which of them are right and of usual sizes, (n,)."""
-    points, normals = cases.points[:, :count], cases.normals[:, :count]
-    arms = points - cases.centre[:, None]
+def _rows(cases: Cases, count: int, planar: bool) -> _Rows:
+    """The dimensionless problems of cases of so many contacts."""
+    arms = cases.points[:, :count] - cases.centre[:, None]
     reach = np.linalg.norm(arms, axis=2).max(axis=1)
-    lengths = np.linalg.norm(normals, axis=2)
-    inertia = cases.inertia / (cases.mass * reach**2)[:, None, None]
+    normals = cases.normals[:, :count].reshape(-1, 3)
+    inward = -normals / np.linalg.norm(normals, axis=1)[:, None]
+    frames = contact_frames(inward, np.eye(3)[2] if planar else None)
+    basis = wrench_basis((arms / reach[:, None, None]).reshape(-1, 3), frames)
     flow = np.concatenate([cases.force, cases.couple / reach[:, None]], axis=1)
     weight = np.concatenate([cases.weight, np.zeros_like(cases.weight)], axis=1)
-    rows = Rows(
-        arms / reach[:, None, None],
-        -normals / lengths[..., None],
+    sizes = np.linalg.norm(flow, axis=1), np.linalg.norm(weight, axis=1)
+    flow, weight = (
+        wrench / np.where(size > 0.0, size, 1.0)[:, None]
+        for wrench, size in zip((flow, weight), sizes, strict=True)
+    )
+    return _Rows(
+        inward.reshape(len(cases), count, 3),
+        basis.reshape(6, len(cases), -1).transpose(1, 0, 2),
         cases.friction,
-        inertia,
+        cases.inertia / (cases.mass * reach**2)[:, None, None],
         flow,
         weight,
+        *sizes,
+        planar,
     )
-    sizes = np.stack([reach, *(np.linalg.norm(one, axis=1) for one in (flow, weight))], axis=1)
-    right = ((sizes < HUGE) & (sizes > 1.0 / HUGE)).all(axis=1) & np.isfinite(rows.arms).all(
-        axis=(1, 2)
-    )
-    right &= (np.abs(lengths - 1.0) <= UNIT_TOLERANCE).all(axis=1)
+
+
+def _usual(cases: Cases, count: int) -> tuple[Booleans, Booleans, Booleans]:
+    """Which cases of so many contacts are right, which are in no plane, and which in that of the first axes, (n,)."""
+    arms, normals = cases.points[:, :count] - cases.centre[:, None], cases.normals[:, :count]
+    reach = np.linalg.norm(arms, axis=2).max(axis=1)
+    loads = np.stack([cases.force, cases.weight], axis=1)
+    sizes = np.linalg.norm(loads, axis=2).sum(axis=1) + np.linalg.norm(cases.couple, axis=1) / reach
+    across = [arms[..., 2], normals[..., 2], loads[..., 2], cases.couple[:, :2]]
+    planar = ~np.concatenate([*across, np.nan_to_num(cases.inertia[:, 2, :2])], axis=1).any(axis=1)
+    lengths = np.linalg.norm(loads, axis=2, keepdims=True)
+    loads = loads / np.maximum(lengths, 1e-300)
+    vectors = np.concatenate([arms / reach[:, None, None], normals, loads], axis=1)
+    solid = np.linalg.det(np.nan_to_num(vectors.transpose(0, 2, 1) @ vectors)) > SOLID
+    both = vectors[:, :count], normals
+    one, other = np.triu_indices(count, 1)
+    apart = np.maximum(*(np.abs(part[:, one] - part[:, other]).max(axis=2) for part in both))
+    whole = np.linalg.norm(cases.force + cases.weight, axis=1)
+    whole = whole + np.linalg.norm(cases.couple, axis=1) / reach
+    right = (apart > APART).all(axis=1) & np.isfinite(sizes) & (sizes > 0.0)
+    right &= ((lengths > SMALLEST) | (loads == 0.0)).all(axis=(1, 2)) & (reach > SMALLEST)
+    right &= (whole > NO_LOAD * sizes) & np.isfinite(vectors).all(axis=(1, 2))
+    right &= (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= UNIT_TOLERANCE).all(axis=1)
     right &= (cases.friction > FRICTIONLESS) & (cases.friction <= LARGEST)
-    right &= ((rows.arms * rows.inward).sum(axis=2) <= 0.0).any(axis=1) & _are_apart(rows)
+    right &= ((arms * normals).sum(axis=2) >= 0.0).any(axis=1)
+    ratio = np.trace(cases.inertia, axis1=1, axis2=2) / (cases.mass * reach**2)
     unknown = np.isnan(cases.mass) & np.isnan(cases.inertia).all(axis=(1, 2))
-    return rows, right & (unknown | _is_inertia(cases.mass, inertia))
-
-
-def _are_apart(rows: Rows) -> Booleans:
-    """Whether no two contacts are one, (n,)."""
-    both = np.concatenate([rows.arms, rows.inward], axis=2)
-    first, second = np.triu_indices(both.shape[1], 1)
-    return np.asarray((np.abs(both[:, first] - both[:, second]).max(axis=2) > APART).all(axis=1))
-
-
-def _is_inertia(mass: Floats, inertia: Floats) -> Booleans:
-    """Whether masses (n,) and inertias (n, 3, 3) over them are positive, and neither tiny nor huge, (n,)."""
-    usual = np.isfinite(mass) & (mass > 0.0) & (np.abs(inertia) < HUGE).all(axis=(1, 2))
-    table = np.where(usual[:, None, None], inertia, np.eye(3))
-    largest = np.abs(table).max(axis=(1, 2))
-    usual &= np.abs(table - table.transpose(0, 2, 1)).max(axis=(1, 2)) <= SYMMETRIC * largest
-    return np.asarray(usual & (np.linalg.eigvalsh(table)[:, 0] > largest / HUGE))
+    return (
+        right
+        & (unknown | is_inertia(cases.mass, cases.inertia) & (np.abs(np.log10(ratio)) < 12.0)),
+        solid,
+        planar,
+    )

@@ -16,8 +16,8 @@ import numpy as np
 from ..accuracy.goal import components, slopes
 from ..accuracy.safetybar import Errors
 from ..arrays import Floats
-from ..contact.equilibrium import safety_factor
-from ..contact.loads.error_box import ErrorBox, safety_range
+from ..contact.robustness import ErrorBox, safety_range
+from ..contact.safety import safety_factor
 from ..results.errorbars import ErrorBars
 from ..results.loads import Couples, Forces
 from .search import Found

@@ -22,8 +22,8 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.equilibrium import SafetyFactor, safety_factor
-from ..contact.loads.error_box import ErrorBox, safety_range
+from ..contact.robustness import ErrorBox, safety_range
+from ..contact.safety import SafetyFactor, safety_factor
 
 SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
 # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and couple.

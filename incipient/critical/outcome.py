@@ -137,7 +137,7 @@ class Threshold:
 
     def why_none(self) -> str:
         """Why there is no critical flow, in words."""
-        if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
+        if self.factor == 0.0 and self.verdict["safety_status"] == "NO_RESERVE":
             return f"zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
             remedy = "with body.settle = true it first rolls and tips to a place where it rests"

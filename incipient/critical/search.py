@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..contact import Load
-from ..contact.equilibrium import SafetyStatus, safety_factor
+from ..contact.safety import SafetyStatus, safety_factor
 from ..effects.effect import SlowestFlow
 from ..effects.known import EFFECTS
 from ..errors import ConvergenceError, SceneError
@@ -29,7 +29,7 @@ from ..simulation.steady import loads_at, make_as_fast
 from .loadpath import LoadPath, flow_of
 
 if TYPE_CHECKING:
-    from ..contact.exact.rocking import Rocking
+    from ..contact.rocking import Rocking
 
 Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
 
@@ -151,11 +151,11 @@ class CriticalSearch:
         """The outcome where contacts hold the grain against no load, or not its weight; None if they do hold it."""
         value, load = self.trials[-1].safety_factor, self._load(slow)
         status = safety_factor(load, self._contacts, self._friction).status
-        if status is SafetyStatus.AT_ONCE and (found := self._of_rocking(slow)):
+        if status is SafetyStatus.NO_RESERVE and (found := self._of_rocking(slow)):
             return found
         if value > 0.0:
             return None
-        held = status is SafetyStatus.AT_ONCE
+        held = status is SafetyStatus.NO_RESERVE
         return self._ended(
             0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it"
         )

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.equilibrium import safety_factor
+from ..contact.safety import safety_factor
 from ..critical.outcome import Threshold
 from ..parallel import Comm
 from ..planning.driving_force import DisplacedFluid

@@ -6,8 +6,8 @@ from typing import Any
 
 from ..arrays import spatial
 from ..contact import Contacts, Load
-from ..contact.exact.judge import MassAndInertia
-from ..contact.exact.rocking import Rocking, follow
+from ..contact.rocking import Rocking, follow
+from ..contact.verdict import MassAndInertia
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
@@ -128,4 +128,4 @@ def may_rock(verdict: dict[str, Any]) -> bool:
 
     Contacts that hold it up to some part of the load open where it moves, and then the load is another one.
     """
-    return verdict["moves"] and verdict["safety_status"] == "AT_ONCE"
+    return verdict["moves"] and verdict["safety_status"] == "NO_RESERVE"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..contact.loads.error_box import Interval
+    from ..contact.robustness import Interval
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class SafetyBar:
         """What the error bars mean for the verdict."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
-            from ..contact.loads.error_box import held_words
+            from ..contact.robustness import held_words
 
             between = f"safety factor 0, {held_words(self.some, self.every)}"
         if self.frozen is not None:

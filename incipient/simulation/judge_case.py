@@ -15,7 +15,7 @@ from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
-from ..contact.uncertainty import StandardErrors, probabilities
+from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Floats, unit
 from ..contact import Contacts, Load
-from ..contact.equilibrium import safety_factor
+from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..geometry.space.beds import SphereHeap
 from .deposition import DOWN, Spheres, rolled

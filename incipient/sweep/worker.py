@@ -78,9 +78,7 @@ def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
     # The kernel counts the largest memory from here, or it is that of all cases so far.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-    names = (
-        ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
-    )
+    names = ("incipient", "numpy", "scipy") if task == "judge" else ("incipient", "numpy")
     result, reason, versions = None, "", {name: version(name) for name in names}
     with _logged() as said:
         said.append(_where(comm))

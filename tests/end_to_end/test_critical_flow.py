@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.coarse_runs import farther
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.critical.outcome import Threshold
 from incipient.critical.threshold import find_threshold
 from incipient.evaluation.contact_verdict import load_of

@@ -10,15 +10,8 @@ from hypothesis import strategies as st
 from random_contacts import KINDS, Case, motion_misses, random_case, safety_misses
 
 from incipient.contact import Contacts, Load
-from incipient.contact.equilibrium import (
-    Mode,
-    SafetyStatus,
-    Uniqueness,
-    incipient_motion,
-    safety_factor,
-)
-from incipient.contact.exact import spatial_motion
-from incipient.errors import ConvergenceError
+from incipient.contact.acceleration import Mode, Uniqueness, incipient_motion
+from incipient.contact.safety import SafetyStatus, safety_factor
 
 seeds = st.integers(min_value=10**6, max_value=10**9)
 
@@ -282,6 +275,8 @@ class TestNothingChanges:
             split.load, split.contacts, split.friction, split.mass, split.inertia
         )
         assert parts.contact_forces[which] == pytest.approx(parts.contact_forces[-1])
+        if whole.uniqueness is Uniqueness.FAMILY:
+            return  # which member of a continuous family is found is not determined
         assert 2.0 * parts.contact_forces[-1] == pytest.approx(
             whole.contact_forces[which], abs=1e-9
         )
@@ -307,78 +302,3 @@ def test_stronger_flow_moves_what_a_weaker_one_moves(kind):
             assert math.isclose(
                 safety_factor(load, case.contacts, case.friction).value, 1.0 / factor, rel_tol=1e-7
             )
-
-
-def moving_seeds(count: int) -> list[int]:
-    """Seeds of cases in space with one motion, which is known."""
-    found: list[int] = []
-    for seed in range(10**6, 10**6 + 1000):
-        _, motion = judge(random_case(seed))
-        if motion.moves and motion.uniqueness is Uniqueness.NOT_EXCLUDED:
-            found.append(seed)
-        if len(found) == count:
-            break
-    return found
-
-
-def cycles(*_: object) -> None:
-    raise RuntimeError("too many iterations")
-
-
-class TestSecondWays:
-    """What is asked when the usual way fails, which it rarely does: made to fail here."""
-
-    @pytest.mark.parametrize("seed", range(40))
-    def test_without_least_squares(self, seed, monkeypatch):
-        case = random_case(seed)
-        safety, motion = judge(case)
-        monkeypatch.setattr("incipient.contact.exact.fans.nnls", cycles)
-        monkeypatch.setattr("incipient.contact.exact.release.nnls", cycles)
-        monkeypatch.setattr("incipient.contact.exact.least.nnls", cycles)
-        safety_too, motion_too = judge(case)
-        assert misses(case, safety_too, motion_too) < 1e-8
-        assert safety_too.status is safety.status
-        assert safety_too.interval == (
-            None if safety.interval is None else pytest.approx(safety.interval)
-        )
-        assert motion_too.moves is motion.moves
-
-    @pytest.mark.parametrize("seed", range(40))
-    def test_smallest_forces_by_cone_program(self, seed, monkeypatch):
-        case = random_case(seed)
-        _, motion = judge(case)
-        monkeypatch.setattr("incipient.contact.exact.least._projected", lambda *_: None)
-        monkeypatch.setattr("incipient.contact.exact.least._on_facets", lambda *_: None)
-        safety, motion_too = judge(case)
-        assert misses(case, safety, motion_too) < 1e-8
-        # They minimise a square, which the program knows to 1e-11: the forces themselves to the root of that.
-        close = 1e-11**0.5 * max(1.0, float(np.abs(motion.contact_forces).max(initial=0.0)))
-        assert motion_too.contact_forces == pytest.approx(motion.contact_forces, abs=close)
-
-    @pytest.mark.parametrize("failures", [1, 12, 51])
-    def test_other_starts(self, failures, monkeypatch):
-        newton = spatial_motion.newton
-        for seed in moving_seeds(5):
-            case = random_case(seed)
-            _, motion = judge(case)
-            calls: list[int] = []
-
-            def stubborn(law, starts, steps=14, calls=calls):
-                calls.append(len(starts))
-                return starts[:0] if len(calls) <= failures else newton(law, starts, steps)
-
-            with monkeypatch.context() as patch:
-                patch.setattr(spatial_motion, "newton", stubborn)
-                safety, found = judge(case)
-            assert misses(case, safety, found) < 1e-8
-            assert len(calls) > failures
-            assert any(
-                np.allclose(solution.acceleration, motion.acceleration, atol=1e-7)
-                for solution in found.solutions
-            )
-
-    def test_no_solution_is_named(self, monkeypatch):
-        case = random_case(moving_seeds(1)[0])
-        monkeypatch.setattr(spatial_motion, "newton", lambda law, starts, steps=14: starts[:0])
-        with pytest.raises(ConvergenceError, match="Coulomb"):
-            incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)

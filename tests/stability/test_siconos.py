@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 from random_contacts import Case, motion_misses, random_case
 
-from incipient.contact.equilibrium import IncipientMotion, Uniqueness, incipient_motion
+from incipient.contact.acceleration import IncipientMotion, Uniqueness, incipient_motion
 
 numerics = pytest.importorskip("siconos.numerics")
 

@@ -13,7 +13,7 @@ import pytest
 from test_random_releases import followed
 
 from incipient.body import contact_motion
-from incipient.contact.exact.impulses import contact_impulses
+from incipient.contact.impulses import contact_impulses
 
 numerics = pytest.importorskip("siconos.numerics")
 

@@ -165,7 +165,7 @@ def test_goals_are_relative() -> None:
 
 def test_slope_of_the_safety_factor() -> None:
     """In a pocket: the change that its slope foretells is the change of its logarithm."""
-    from incipient.contact.exact.judge import judged
+    from incipient.contact.verdict import judged
     from incipient.evaluation.contact_verdict import load_of
 
     text, pocket = (

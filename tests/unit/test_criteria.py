@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Classification, Contacts, Load, Mode, touching
-from incipient.contact.paper import criteria
-from incipient.contact.paper import friction as coulomb
-from incipient.contact.paper.modes import Criterion, simultaneous
-from incipient.contact.paper.sharing import can_vanish, equal_shares
+from incipient.contact import paper as criteria
+from incipient.contact.paper import equations as coulomb
+from incipient.contact.paper.equations import can_vanish, equal_shares
+from incipient.contact.paper.outcomes import Criterion, category, simultaneous
 from incipient.errors import SceneError
 from incipient.geometry import Disc, HalfDiscs, rest
 
@@ -314,6 +314,26 @@ class TestHowThePrintIsRead:
 
 
 class TestTable:
+    @pytest.mark.parametrize("couple", [[0.0, 0.3, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.2]])
+    def test_sphere_under_a_pure_couple_rotates_away_from_the_surface(self, couple):
+        # F_tau is tangential at the contact: (7) = 0, no reaction, no friction, hence no counter torque by (8).
+        contacts = Contacts([[0.0, 0.0, -0.5]], [[0.0, 0.0, -1.0]])
+        found = criteria.classify(Load([0, 0, 0], couple, [0, 0, 0], [0, 0, 0]), contacts, 0.5)
+        assert (found.minimum_7, found.mode.row) == (0.0, "5b")
+        assert not found.reaction.any() and not found.friction_force.any()
+        assert found.couple.tolist() == couple
+
+    def test_row_4_is_item_4_of_the_list(self):
+        # Minima (2) > 0 and (7) < 0: the only row that leads to item 4; pivotting alone is 5a.
+        rows = {
+            key: simultaneous(*key[:2], bool(key[2]), bool(key[3]))
+            for key in product((-1, 0, 1), (-1, 0, 1), (0, 1), (0, 1))
+        }
+        items = {key: category(mode, True) for key, mode in rows.items()}
+        four = {key for key, item in items.items() if item and item.item == "4"}
+        assert four == {(1, -1, 0, 1), (1, -1, 1, 1)}
+        assert items[-1, -1, 0, 1].item == "5" and "pivotting" in rows[-1, -1, 0, 1].wording
+
     def test_every_combination_has_its_row(self):
         # Keys: signs of minima (2) and (7), then F != 0 by (24), tau != 0 by (25).
         rows = {

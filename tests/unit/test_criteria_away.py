@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load
-from incipient.contact.paper import criteria
+from incipient.contact import paper as criteria
 from incipient.contact.paper.away import Axis, away, kinds_of_axes, levers, nearest_axis
-from incipient.contact.paper.modes import Category, Mode, category
+from incipient.contact.paper.outcomes import Category, Mode, category
 from incipient.errors import SceneError
 
 DOWN = [0.0, -1.0, 0.0]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.paper import criteria
-from incipient.contact.paper.distribution import distribute, measures
+from incipient.contact import paper as criteria
+from incipient.contact.paper.equations import distribute, measures
 
 DOWN = [0.0, 0.0, -1.0]
 

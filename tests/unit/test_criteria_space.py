@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load, Mode
-from incipient.contact.paper import criteria
-from incipient.contact.paper.modes import Category
+from incipient.contact import paper as criteria
+from incipient.contact.paper.outcomes import Category
 
 DOWN = [0.0, 0.0, -1.0]
 

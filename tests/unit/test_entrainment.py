@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from incipient import make_plan
 from incipient.contact import Contacts, Load
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.entrainment.find import Motion, find_entrainment
 from incipient.entrainment.laws import Gaussian
 from incipient.entrainment.outcome import Entrainment

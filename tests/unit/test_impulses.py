@@ -9,9 +9,9 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ContactLaw, ContactMotion, turns, wrenches
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.contact.exact.impulses import contact_impulses, one_contact, resisted_impulses
-from incipient.contact.exact.motion import incipient_motion
-from incipient.contact.model import Load
+from incipient.contact.acceleration import incipient_motion
+from incipient.contact.impulses import contact_impulses, one_contact, resisted_impulses
+from incipient.contact.problem import Load
 from incipient.geometry.closest import NearBed
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement

@@ -11,15 +11,9 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.equilibrium import (
-    ContactState,
-    Mode,
-    Uniqueness,
-    incipient_motion,
-    safety_factor,
-)
-from incipient.contact.exact.release import frictionless, release
-from incipient.contact.exact.spatial_motion import coulomb, spatial_solutions
+from incipient.contact.acceleration import MOTIONS, ContactState, Mode, Uniqueness, incipient_motion
+from incipient.contact.problem import ContactProblem
+from incipient.contact.safety import safety_factor
 from incipient.errors import SceneError
 
 DOWN, UP = [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]
@@ -428,17 +422,21 @@ class TestConsistency:
         normals = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
         points = 0.5 * normals + 0.1 * random.normal(size=normals.shape) * [1.0, 1.0, 0.0]
         acting = load(random.normal(size=2), 0.3 * random.normal())
-        case = release(acting, Contacts(points, normals), 0.4, 1.0, 0.1 * np.eye(3))
         flat = incipient_motion(acting, Contacts(points, normals), 0.4, 1.0, 0.1 * np.eye(3))
-        in_space = spatial_solutions(case, coulomb(case), frictionless(case), rest=not flat.moves)
+        problem = ContactProblem.of(acting, Contacts(points, normals), 0.4)
+        wrench, size = problem.wrench(1.0)
+        unit, inverse = np.linalg.norm(wrench), np.eye(6)
+        inverse[3:, 3:] *= problem.reach**2 / 0.1
+        one = problem.columns[None], inverse[None], np.array([0.4]), wrench[None] / unit
+        (count,), in_space, _ = MOTIONS(*one, 12)
         known = [
             [*solution.acceleration, *solution.angular_acceleration] for solution in flat.solutions
         ]
-        units = case.force_unit / np.array([1.0] * 3 + [case.grasp.reach] * 3)
-        assert in_space or not flat.moves
+        units = size * unit / np.array([1.0] * 3 + [problem.reach] * 3)
+        assert count or not flat.moves
         if flat.uniqueness is not Uniqueness.FAMILY:
-            for candidate in in_space:
-                misses = np.abs(units * candidate.acceleration - np.array(known)).max(axis=1)
+            for candidate in in_space[0, :count, :6]:
+                misses = np.abs(units * candidate - np.array(known)).max(axis=1)
                 assert misses.min() < 1e-7
 
 

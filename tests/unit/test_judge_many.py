@@ -19,7 +19,7 @@ from scenes import message
 from incipient import cli
 from incipient.arrays import Floats
 from incipient.contact import Cases, judge_many
-from incipient.contact.exact.judge import judged
+from incipient.contact.verdict import judged
 from incipient.errors import OutputError
 from incipient.progress import Silent
 from incipient.simulation import batch_table

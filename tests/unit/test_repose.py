@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from incipient.contact import Load
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import judge
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement

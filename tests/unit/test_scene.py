@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from scenes import BOX, FLOW_SCALE, message, scene
 
 from incipient.contact import Load
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.plane import beds as bed_geometry
 from incipient.geometry.plane import grains as grain_geometry

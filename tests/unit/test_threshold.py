@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from incipient.contact import Load
-from incipient.contact.equilibrium import safety_factor
+from incipient.contact.safety import safety_factor
 from incipient.critical.bars import CriticalBars, CriticalGoal
 from incipient.critical.loadpath import LoadPath
 from incipient.critical.outcome import with_error

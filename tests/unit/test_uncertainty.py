@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.uncertainty import (
+from incipient.contact.robustness import (
     Probability,
     StandardErrors,
     draw,

@@ -1,1 +1,358 @@
-"""The paper's criteria of incipient motion, with its modified Coulomb friction: the first of two judges."""
+"""The paper's criteria of incipient motion at the significant reaction surface: the first of two judges.
+
+Equation numbers are the label keys of the paper's source; how its print is read stands in docs/paper.md.
+Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
+"""
+
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.contact.paper import equations, outcomes
+from incipient.contact.paper.away import Away, away
+from incipient.contact.paper.equations import (
+    Distribution,
+    can_vanish,
+    distribute,
+    equal_shares,
+)
+from incipient.contact.paper.outcomes import Category, Criterion, Mode
+from incipient.contact.problem import Load, require_outward
+from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
+
+TOLERANCE = 1e-9
+Located = Literal["force", "couple"]
+
+
+@dataclass(frozen=True, eq=False)
+class Minima:
+    """The significant reaction surfaces of the force (2) and of the couple (7)."""
+
+    # (n,): the minimised quantities at every contact.
+    projections_2: Floats
+    projections_7: Floats
+    # The signs of the minima, 0 within the tolerance.
+    sign_2: int
+    sign_7: int
+    # The contacts at which they are attained.
+    surface_2: tuple[int, ...]
+    surface_7: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Distributions:
+    """The answer of the whole contact surface to the force, to the couple, and to both together.
+
+    The table of outcomes does without them; they are what the paper offers where one significant reaction
+    surface is not enough. `force_left`, `couple_left` (3,): force and couple that `of_both` does not balance.
+    """
+
+    of_force: Distribution  # P = F_flow&g
+    of_couple: Distribution  # P = F_tau of (6) at each contact
+    of_both: Distribution  # P = F_flow&g + F_tau
+    force_left: Floats
+    couple_left: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Classification:
+    """The verdict of the paper's criteria with every quantity on the way to it.
+
+    Arrays with a first axis of k belong to the contacts `significant`, the place x* of the paper; reaction
+    and friction forces there already carry their `share`. Forces act on the grain, couples are about its
+    centre.
+    """
+
+    mode: Mode
+    category: Category | None  # the item of the paper's list of modes, with 6(a) and 6(b) apart
+    criterion: Criterion
+    force: Floats  # F by (3), (24), or the force of uncoupling below (8); (3,)
+    couple: Floats  # tau by the formula below (3), by (8) or (25); (3,)
+    F_flow_and_g: Floats  # (9), (3,)
+    tau_flow_and_g: Floats  # (21) about the centre, (3,)
+    minimum_2: float
+    minimum_7: float
+    minima: Minima
+    located_by: Located
+    common_position: bool  # (2) and (7) share a contact, as the simultaneous criteria assume
+    away_from_surface: bool  # minimum (7) > 0: the couple presses on no contact
+    significant: tuple[int, ...]
+    share: Floats  # (k,)
+    F_tau: Floats  # (6), (k, 3)
+    F_flow_g_and_tau: Floats  # the force that presses on x*, (k, 3)
+    quantity_22: Floats  # n_in . F_flow_g_and_tau, negative: pressed; (k,)
+    quantity_23: Floats  # negative: the reaction at x* counters the couple; (k,)
+    C_friction: Floats  # 1: sticks, below: slips, 0: not pressed; (k,)
+    reaction: Floats  # (k, 3)
+    friction_force: Floats  # (k, 3)
+    couple_about_contact: (
+        Floats  # tau - r ^ F of the load, zero: no tendency to turn about x*; (k, 3)
+    )
+    held_by_sharing: (
+        bool  # an unequal sharing among the significant contacts makes the couple vanish
+    )
+    obstructed_by: tuple[int, ...]  # contacts that the motion found would have to pass through
+    force_scale: float
+    couple_scale: float
+    friction: float
+    tolerance: float
+    load: Load
+    contacts: Contacts
+
+    @cached_property
+    def distributions(self) -> Distributions:
+        """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
+        load, arms = self.load, self.contacts.points - self.load.centre
+        from_force = np.broadcast_to(load.force, arms.shape)
+        from_couple = _tangential_force(load.couple, arms)
+        of_force, of_couple, of_both = (
+            distribute(
+                pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance
+            )
+            for pressing in (from_force, from_couple, from_force + from_couple)
+        )
+        left = load.force + of_both.force, load.couple + of_both.couple
+        return Distributions(of_force, of_couple, of_both, *left)
+
+    @cached_property
+    def away(self) -> Away | None:
+        """Which contact normals exclude the axis of the couple through the centre; None without a couple."""
+        size, reach = _norm(self.load.couple), self.couple_scale / max(self.force_scale, 1e-300)
+        if size <= self.couple_scale * self.tolerance:
+            return None
+        return away(
+            self.contacts, self.load.centre, self.load.couple / size, self.tolerance * reach
+        )
+
+    @property
+    def moves(self) -> bool:
+        """Whether the grain begins to move by these criteria."""
+        return self.mode.moves
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as numbers, strings and lists for JSON."""
+        stored = {
+            "row": self.mode.row,
+            "wording": self.mode.wording,
+            "moves": self.moves,
+            **_plain(self),
+        }
+        return stored | {"away": _plain(self.away), "distributions": _plain(self.distributions)}
+
+
+def classify(
+    load: Load,
+    contacts: Contacts,
+    friction: float,
+    located_by: Located | None = None,
+    tolerance: float = TOLERANCE,
+) -> Classification:
+    """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
+
+    `friction` is the coefficient of static friction zeta. `located_by` chooses which minimum gives x* when
+    force and couple act together; None: that of the force (2) unless the force lifts everywhere, then that of
+    the couple (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |couple| / arm count
+    as zero, couples below that times the longest arm |x - c|.
+
+    Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
+    normals point into the grain.
+    """
+    arms = _arms(load, contacts, friction)
+    reach = float(np.linalg.norm(arms, axis=1).max())
+    acting = (load.flow_force, load.weight, load.flow_couple / reach)
+    force_scale = float(sum(np.linalg.norm(part) for part in acting))
+    scales = force_scale * tolerance, force_scale * reach * tolerance  # what counts as zero
+    criterion = _criterion(load, scales)
+    minima = _minima(load, contacts, arms, scales, tolerance)
+    located = _located(criterion, minima, located_by)
+    at = minima.surface_2 if located == "force" else minima.surface_7
+    answer = _reaction_at(load, contacts, arms, list(at), friction)
+    moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["couple"]) > scales[1]
+    # The resultant couples (k, 3) if each of the significant contacts in turn carried everything.
+    whole = (answer["reaction"] + answer["friction_force"]) / answer["share"][:, None]
+    held = not turns or can_vanish(load.couple + np.cross(arms[list(at)], whole), scales[1])
+    leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
+    mode = _mode(criterion, minima, moves, turns, held, leaves)
+    common = bool(set(minima.surface_2) & set(minima.surface_7))
+    return Classification(
+        mode=mode,
+        category=outcomes.category(mode, common),
+        criterion=criterion,
+        F_flow_and_g=load.force,
+        tau_flow_and_g=load.couple,
+        minimum_2=float(minima.projections_2.min()),
+        minimum_7=float(minima.projections_7.min()),
+        minima=minima,
+        located_by=located,
+        common_position=common,
+        away_from_surface=minima.sign_7 > 0,
+        significant=at,
+        held_by_sharing=held,
+        obstructed_by=_obstacles(mode, contacts, list(at), answer, scales),
+        force_scale=force_scale,
+        couple_scale=force_scale * reach,
+        friction=float(friction),
+        tolerance=tolerance,
+        load=load,
+        contacts=contacts,
+        **answer,
+    )
+
+
+def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
+    """r = x - c of every contact, (n, 3); refuses friction and arms that make no sense."""
+    if not (np.isfinite(friction) and friction >= 0.0):
+        raise SceneError(
+            f"friction {friction} is not a coefficient; give a finite number that is not negative"
+        )
+    arms = contacts.points - load.centre
+    lengths = np.linalg.norm(arms, axis=1)
+    if lengths.min() <= 1e-12 * lengths.max():
+        raise SceneError(
+            f"contact {int(np.argmin(lengths))} lies at the centre of mass; give surface points"
+        )
+    require_outward(contacts, load.centre)
+    return np.asarray(arms)
+
+
+def _criterion(load: Load, scales: tuple[float, float]) -> Criterion:
+    pushed, turned = _norm(load.force) > scales[0], _norm(load.couple) > scales[1]
+    if pushed:
+        return Criterion.SIMULTANEOUS if turned else Criterion.TRANSLATION_ONLY
+    return Criterion.ROTATION_ONLY if turned else Criterion.NO_LOAD
+
+
+def _minima(
+    load: Load, contacts: Contacts, arms: Floats, scales: tuple[float, float], tolerance: float
+) -> Minima:
+    """(2) and (7) at every contact, their signs and where they are least."""
+    toward = -contacts.normals @ load.force
+    # The lever of the couple on the normal: (7) is -lever |lever|, and has the same minimisers as -lever.
+    lengths = np.linalg.norm(arms, axis=1)
+    lever = lengths * (contacts.normals * _tangential_force(load.couple, arms)).sum(axis=1)
+    force_zero, couple_zero = scales
+    if _norm(load.couple) > couple_zero:
+        couple_zero = tolerance * _norm(
+            load.couple
+        )  # its sign is a matter of direction, not of size
+    return Minima(
+        projections_2=toward,
+        projections_7=-lever * np.abs(lever),
+        sign_2=_sign(toward.min(), force_zero),
+        sign_7=_sign((-lever).min(), couple_zero),
+        surface_2=_indices_of_least(toward, force_zero),
+        surface_7=_indices_of_least(-lever, couple_zero),
+    )
+
+
+def _tangential_force(couple: Floats, arms: Floats) -> Floats:
+    """(6): F_tau = tau ^ r / |r|^2 at the ends of the arms, (n, 3); the part of tau along r has none."""
+    return np.asarray(np.cross(couple, arms) / (arms * arms).sum(axis=1, keepdims=True))
+
+
+def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Located:
+    """Which of the two minima is taken as x*."""
+    if criterion is Criterion.ROTATION_ONLY:
+        return "couple"
+    if criterion is not Criterion.SIMULTANEOUS:
+        return "force"
+    if wish not in (None, "force", "couple"):
+        raise SceneError(f"located_by {wish!r} is unknown; give 'force' or 'couple'")
+    return wish or ("force" if minima.sign_2 <= 0 else "couple")
+
+
+def _reaction_at(
+    load: Load, contacts: Contacts, arms: Floats, at: list[int], coefficient: float
+) -> dict[str, Any]:
+    """The quantities at x* and the resultants (24), (25); without a couple (3), without a force (8)."""
+    arm, normals = arms[at], contacts.normals[at]
+    share = equal_shares(contacts.points[at], normals)
+    from_couple = _tangential_force(load.couple, arm)
+    pressing = load.force + from_couple
+    toward = -(normals * pressing).sum(axis=1)
+    against = (np.cross(arm, -normals) @ load.couple) * np.abs(toward)
+    reaction = share[:, None] * equations.reaction(pressing, normals)
+    friction_force = share[:, None] * equations.friction(pressing, normals, coefficient)
+    return {
+        "share": share,
+        "F_tau": from_couple,
+        "F_flow_g_and_tau": pressing,
+        "quantity_22": toward,
+        "quantity_23": against,
+        "C_friction": equations.C_friction(pressing, normals, coefficient),
+        "reaction": reaction,
+        "friction_force": friction_force,
+        "couple_about_contact": load.couple - np.cross(arm, load.force),
+        "force": load.force + (reaction + friction_force).sum(axis=0),
+        "couple": load.couple + np.cross(arm, reaction + friction_force).sum(axis=0),
+    }
+
+
+def _mode(
+    criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool
+) -> Mode:
+    """The row of the table."""
+    if criterion is Criterion.NO_LOAD:
+        return Mode.NO_INCIPIENT_MOTION
+    if criterion is Criterion.TRANSLATION_ONLY:
+        return outcomes.translation_only(minima.sign_2, moves, held)
+    if criterion is Criterion.ROTATION_ONLY:
+        return outcomes.rotation_only(minima.sign_7, turns, leaves)
+    return outcomes.simultaneous(minima.sign_2, minima.sign_7, moves, turns)
+
+
+def _obstacles(
+    mode: Mode,
+    contacts: Contacts,
+    at: list[int],
+    answer: dict[str, Any],
+    scales: tuple[float, float],
+) -> tuple[int, ...]:
+    """Contacts that the motion found would press the grain into: where the paper's assumption fails.
+
+    Where x* sticks the grain can only turn about it, with the load's couple about x*; else it follows F. With
+    several contacts x* the grain is obstructed if it is whichever of them it turns about.
+    """
+    if not mode.moves:
+        return ()
+    if (answer["C_friction"] < 1.0 - TOLERANCE).any():
+        met = (contacts.normals @ answer["force"] > scales[0])[None]
+    else:
+        arms = contacts.points[None] - contacts.points[at][:, None]
+        velocity = np.cross(answer["couple_about_contact"][:, None], arms)
+        reach = max(float(np.linalg.norm(arms, axis=2).max()), 1e-300)
+        met = (velocity * contacts.normals).sum(axis=2) > scales[1] * reach
+    if not met.any(axis=1).all():
+        return ()
+    return tuple(int(k) for k in np.flatnonzero(met.any(axis=0)))
+
+
+def _indices_of_least(values: Floats, tolerance: float) -> tuple[int, ...]:
+    return tuple(int(k) for k in np.flatnonzero(values <= values.min() + tolerance))
+
+
+def _sign(value: float, zero: float) -> int:
+    return 0 if abs(value) <= zero else int(np.sign(value))
+
+
+def _norm(value: Floats) -> float:
+    return float(np.linalg.norm(value))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Category):
+        return {"item": value.item, "wording": value.wording}
+    if isinstance(value, Enum):
+        return value.name if isinstance(value, Mode) else value.value
+    if is_dataclass(value) and not isinstance(value, type):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value

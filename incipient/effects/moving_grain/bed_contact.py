@@ -15,7 +15,7 @@ from ...arrays import Floats, spatial
 from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from ...body.rigidbody import RigidBody
 from ...body.state import BodyState
-from ...contact.exact.motion_modes import contact_states, mode
+from ...contact.acceleration import MODES, states_and_modes
 from ...errors import SceneError
 from ...geometry.closest import NearBed
 from ...geometry.contacts import ClosestPoints
@@ -144,10 +144,13 @@ class BedContact:
         if not len(contacts):
             return FLIGHT
         turns = bool(speeds[1] > self._still)
-        states = contact_states(contacts.velocities, turns, self._still)
         spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
         normals = np.array([spatial(one) for one in contacts.normals])
-        return mode(states, normals, spin, self._still / self._near.grain.size).label
+        motion, turning = spatial(contacts.velocities)[None], (turns * spin)[None]
+        still = np.array([[self._still]])
+        slow = still / self._near.grain.size
+        modes = states_and_modes(motion, normals[None], turning, still, slow)[1]
+        return MODES[modes[0]].label
 
     # -- the pocket -------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from ...body.state import BodyState
 from ...contact import Contacts
-from ...contact.equilibrium import safety_factor
+from ...contact.safety import safety_factor
 from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, mass_and_inertia, standing

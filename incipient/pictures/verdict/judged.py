@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...contact import Contacts, Load, equilibrium
+from ...contact import Contacts, Load, incipient_motion
 from ...errors import ConvergenceError, OutputError, SceneError
 
 _NO_FORCE = 1e-8  # of the largest contact force
@@ -187,7 +187,7 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
     """The smallest contact forces (n, 3) that balance the load: those of a grain that rests, whatever its mass."""
     reach = float(np.linalg.norm(contacts.points - load.centre, axis=1).max())
     try:
-        rest = equilibrium.incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
+        rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
     except ConvergenceError:
         return None
     return None if rest.moves else rest.contact_forces

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from ...contact import Contacts, Load, equilibrium
+from ...contact import Contacts, Load, incipient_motion
 from ...critical.outcome import with_error
 from ...errors import ConvergenceError, OutputError
 from ...evaluation.contact_verdict import mass_and_inertia
@@ -128,7 +128,7 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])
     try:
-        return equilibrium.incipient_motion(stronger, contacts, friction, mass, inertia).to_dict()
+        return incipient_motion(stronger, contacts, friction, mass, inertia).to_dict()
     except ConvergenceError:
         return None
 
@@ -140,7 +140,7 @@ def critical_sentence(stored: dict[str, Any]) -> str:
         return "There is no threshold: no strength of this flow moves the grain."
     if factor is None:
         return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
-    if factor == 0.0 and status == "AT_ONCE":
+    if factor == 0.0 and status == "NO_RESERVE":
         return (
             f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
         )

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import spatial
-from incipient.contact.exact.judge import MassAndInertia, judged
-from incipient.contact.exact.safety import safety_factor
-from incipient.contact.model import Load
+from incipient.contact.problem import Load
+from incipient.contact.safety import safety_factor
+from incipient.contact.verdict import MassAndInertia, judged
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed

@@ -1,4 +1,8 @@
-"""The paper's modified Coulomb friction over a general contact surface Gamma_c, with its scales c_1 and c_2.
+"""The paper's modified Coulomb friction, its sharing among contacts, and its distribution over a contact surface.
+
+Arrays are rows of contacts: normals (n, 3) out of the grain, forces (3,) or (n, 3), one for each contact. A contact
+answers only where the force presses the grain onto it, n . F > 0: the Heaviside factor H of the paper. Over a general
+contact surface Gamma_c
 
     F_c   = c_1 int (F_reaction + F_friction) H(n . P) dGamma_c
     tau_c = c_1 int r ^ (F_reaction + F_friction) H(n . P) dGamma_c,    c_1 = c_2 / int H(n . P) dGamma_c
@@ -9,13 +13,75 @@ c_1 = (n* . P) / int (n . P)(n . n*) H dGamma_c. On a plane under a force that g
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.paper import friction as coulomb
-from incipient.contact.paper.sharing import equal_shares
+from incipient.contact.friction import FrictionCone
 from incipient.geometry.contacts import Contacts
+
+SAME_PLACE = 1e-9  # of the size of the contact surface
+
+
+def pressing(force: Floats, normals: Floats) -> Floats:
+    """n_out . F where it is positive, else zero: how hard the force presses on each contact, (n,)."""
+    return np.maximum((normals * force).sum(axis=1), 0.0)
+
+
+def tangential(force: Floats, normals: Floats) -> Floats:
+    """F - (n . F) n: the part of the force along each contact, (n, 3)."""
+    return force - (normals * force).sum(axis=1, keepdims=True) * normals
+
+
+def reaction(force: Floats, normals: Floats) -> Floats:
+    """(31): (n_out . F) n_in H(n_out . F), the force (n, 3) of the bed on the grain along the normals."""
+    return -pressing(force, normals)[:, None] * normals
+
+
+def C_friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
+    """min {1, zeta (n_out . F) / |F - (n_out . F) n_out|}, (n,): the fraction of friction mobilised.
+
+    One where the contact is pressed and sticks, less where it slips, zero where it is not pressed.
+    """
+    press, along = pressing(force, normals), np.linalg.norm(tangential(force, normals), axis=1)
+    return np.where(press > 0.0, FrictionCone(coefficient).mobilised(press, along), 0.0)
+
+
+def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
+    """(33): -C_friction [F - (n_out . F) n_out], the friction (n, 3) of the bed on the grain."""
+    return -C_friction(force, normals, coefficient)[:, None] * tangential(force, normals)
+
+
+def equal_shares(points: Floats, normals: Floats) -> Floats:
+    """Equal shares (k,) that sum to one; contacts at one place with one normal count as one between them."""
+    size = max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max()), 1e-300)
+    apart = np.abs(points[:, None] - points[None]).max(axis=2) > SAME_PLACE * size
+    turned = np.abs(normals[:, None] - normals[None]).max(axis=2) > SAME_PLACE
+    shares = 1.0 / (~(apart | turned)).sum(axis=1)
+    return np.asarray(shares / shares.sum())
+
+
+def can_vanish(couples: Floats, tolerance: float) -> bool:
+    """Whether some sharing makes the sum of shares times `couples` (k, 3) vanish to `tolerance`.
+
+    True if the origin lies in their convex hull; by Caratheodory's theorem rank + 1 of them then suffice.
+    """
+    rank = int(np.linalg.matrix_rank(couples, tol=tolerance))
+    return any(
+        _encloses_origin(couples[list(some)], tolerance)
+        for size in range(1, min(rank + 1, len(couples)) + 1)
+        for some in combinations(range(len(couples)), size)
+    )
+
+
+def _encloses_origin(corners: Floats, tolerance: float) -> bool:
+    """Whether the origin is in the simplex of a few corners (k, 3)."""
+    scale = max(float(np.abs(corners).max()), tolerance)
+    system = np.vstack([corners.T / scale, np.ones(len(corners))])
+    shares = np.linalg.lstsq(system, np.array([0.0, 0.0, 0.0, 1.0]), rcond=None)[0]
+    rest = np.abs(shares @ corners).max()
+    return bool(rest <= tolerance and abs(shares.sum() - 1.0) <= 1e-9 and shares.min() >= -1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +123,9 @@ def distribute(
     c_1 = _scale(
         pressed, normals, measure, at, equal_shares(contacts.points[at], normals[at]), tolerance
     )
-    held = coulomb.C_friction(pressing, normals, friction) * (pressed > 0.0)
+    held = C_friction(pressing, normals, friction) * (pressed > 0.0)
     reaction = -(c_1 * measure * pressed)[:, None] * normals
-    along = -(c_1 * measure * held)[:, None] * coulomb.tangential(pressing, normals)
+    along = -(c_1 * measure * held)[:, None] * tangential(pressing, normals)
     area = float(measure[pressed > 0.0].sum())
     return Distribution(
         pressing=pressing,

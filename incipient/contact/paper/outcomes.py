@@ -114,9 +114,10 @@ def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
 def rotation_only(couple_sign: int, turns: bool, leaves: bool) -> Mode:
     """The outcome without a force: row 5, or row 1 if friction stops the turn, tau = 0 by (8).
 
+    Minimum (7) = 0 is a rotation away from the surface, which the paper defines by the absence of a counter torque.
     `leaves`: the force of uncoupling that is left then points away from every contact.
     """
-    if couple_sign > 0:
+    if couple_sign >= 0:
         return Mode.AWAY_ROTATION
     if turns:
         return Mode.PIVOTTING

@@ -1,0 +1,338 @@
+"""Signorini's and Coulomb's laws at the contacts, as equations, and the impulses that obey them over a time step.
+
+With local velocities u = W p + b (normal, two tangential at each of k contacts) and local impulses p,
+
+    0 <= u_N, 0 <= p_N, u_N p_N = 0,    |p_T| <= friction p_N, and where u_T is not zero p_T opposes it in full
+
+(Moreau 1988; Jean 1999, Comput. Methods Appl. Mech. Eng. 177, 235), that is p = projection of p - r u onto the cylinder
+of radius friction max(0, p_N - r u_N), for any r > 0 (Alart and Curnier 1991). Accelerations and forces at the instant
+of release obey the same equations (`acceleration`). They are not convex: Newton's method is started from several p.
+
+Rolling resistance is friction of the same form: a torque against the turn about the tangents of at most a coefficient
+times p_N (Ai, Chen, Rotter and Ooi 2011, Powder Technol. 206, 269, with a rigid spring).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain, product
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import brentq
+
+from incipient.arrays import Floats
+from incipient.contact.friction import FrictionCone
+from incipient.contact.problem import Kernel
+from incipient.contact.safety import add, dot
+from incipient.errors import ConvergenceError
+
+LARGEST = 1e6  # friction used in the equations where it is larger or infinite
+GOOD = 1e-9  # what a solution may miss the laws by, dimensionless
+EXACT = 1e-13  # the same where the laws are linear: what is held must not creep
+RANK = 1e-9  # singular values below it, relative to the largest, count as zero
+REGULAR = (
+    1e-12  # added to the diagonal of W, relative to its mean, for impulses that are not unique
+)
+STEPS, PATIENCE = 14, 300  # of Newton's method, the latter where the former do not converge
+CONVERGED, STALLED = (
+    1e-12,
+    1e-11,
+)  # residuals of a solution; the latter if one more step leaves no better
+HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
+SHIFT = 1e-11  # of the derivative, which may be singular
+SWEEPS = (100, 5000)  # of the Gauss-Seidel iteration
+RANDOM_STARTS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombLaw:
+    """The laws at k contacts: `gain` W (3k, 3k), `free` b (3k,); p - r u is p @ onto + offset."""
+
+    gain: Floats
+    free: Floats
+    friction: float
+    onto: Floats
+    offset: Floats
+
+    @classmethod
+    def of(cls, gain: Floats, free: Floats, friction: float) -> CoulombLaw:
+        """The laws with r the inverse of the mean diagonal of W at each contact."""
+        step = np.repeat(3.0 / gain.diagonal().reshape(-1, 3).sum(axis=1), 3)
+        onto = np.eye(len(step)) - gain.T * step
+        return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
+
+    def residual(self, local: Floats) -> float:
+        """How far p (k, 3) misses the laws."""
+        trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
+        pressure = np.maximum(trial[:, 0], 0.0)
+        shear = np.hypot(trial[:, 1], trial[:, 2])
+        projected = trial * FrictionCone(self.friction).mobilised(pressure, shear)[:, None]
+        projected[:, 0] = pressure
+        return float(np.abs(local - projected).max())
+
+    def newton(self, starts: Floats, steps: int = PATIENCE) -> Floats:
+        """Solutions (s', k, 3) reached from starts (s, k, 3), by STEPS steps or, if these reach none, by `steps`."""
+        flat = np.ascontiguousarray(starts.reshape(len(starts), -1))
+        return np.asarray(
+            NEWTON(self.onto, self.offset, self.friction, flat, STEPS, steps)
+        ).reshape(-1, *starts.shape[1:])
+
+    def solutions(self, start: Floats) -> Iterator[Floats]:
+        """Sets of solutions (s', k, 3), each from more and farther starts than the one before, from p (k, 3) on."""
+        path = [start]
+        for part in np.linspace(0.0, 0.95, 20):
+            path.extend(replace(self, friction=part * self.friction).newton(path[-1][None]))
+        yield self.newton(np.array(path))
+        random = np.random.default_rng(0)  # the same every time: answers must not change
+        sizes = 10.0 ** random.uniform(-2.0, 1.0, (RANDOM_STARTS, 1, 1))
+        for sweeps in SWEEPS:
+            yield self.newton(self._gauss_seidel(start, sweeps)[None])
+            yield self.newton(sizes * random.normal(size=(RANDOM_STARTS, *start.shape)))
+
+    def _gauss_seidel(self, start: Floats, sweeps: int) -> Floats:
+        """p (k, 3) after solving for one contact after the other."""
+        local = start.copy()
+        for _ in range(sweeps):
+            for k in range(len(local)):
+                here = slice(3 * k, 3 * k + 3)
+                own = self.gain[here, here]
+                others = self.free[here] + self.gain[here] @ local.ravel() - own @ local[k]
+                local[k] = one_contact(own, others, self.friction)
+        return local
+
+
+def contact_impulses(
+    gain: Floats, free: Floats, friction: Floats, start: Floats | None = None
+) -> Floats:
+    """The impulses (k, 3) at contacts that obey both laws; of several solutions that next to `start`.
+
+    Args:
+        gain: W (3k, 3k), the velocities at the contacts per impulse there; need not be symmetric.
+        free: b (3k,), the velocities there without impulses.
+        friction: (k,) coefficients of the contacts.
+        start: (k, 3) impulses to start from, such as those of the last step.
+
+    Raises:
+        ConvergenceError: no impulses were found.
+    """
+    count, speed = len(friction), float(np.abs(free).max(initial=0.0))
+    if speed == 0.0 or free[::3].min(initial=0.0) >= 0.0:
+        return np.zeros((count, 3))
+    size = float(gain.diagonal().mean())
+    # At contacts with less friction tangential velocities are scaled down and impulses up: one coefficient for all.
+    coefficients = np.minimum(friction, LARGEST)
+    most = float(coefficients.max())
+    weight = np.ones((count, 3))
+    weight[:, 1:] = (coefficients / most if most > 0.0 else np.zeros(count))[:, None]
+    scale = weight.ravel()
+    w, b, unit = scale[:, None] * gain * scale / size, scale * free / speed, speed / size
+    local = _by_cases(CoulombLaw.of(w, b, most))
+    if local is not None:
+        return np.asarray(unit * weight * local)
+    w += REGULAR * np.eye(3 * count)
+    law = CoulombLaw.of(w, b, most)
+    sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
+    starts = [np.zeros((count, 3)), sticking]
+    if start is not None:
+        starts.insert(0, start / (np.where(weight > 0.0, weight, 1.0) * unit))
+    for solutions in chain([law.newton(np.array(starts))], law.solutions(sticking)):
+        for local in solutions:
+            if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
+                return np.asarray(unit * weight * local)
+    raise ConvergenceError(
+        "the impulses at the contacts of the moving grain were not found: use shorter steps"
+    )
+
+
+def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: float) -> Floats:
+    """The impulses (2k, 3) at k contacts that resist rolling: those of the contacts, then their torques.
+
+    The torque stands for friction at a second contact whose pressure p' is p_N of the first: Signorini's law
+    gives that if the normal velocity of the second is p' - p_N.
+
+    Args:
+        gain, free: W (6k, 6k) and b (6k,); after those of the contacts a triple each, the first unused, then the
+            turns about both tangents, times a length.
+        friction: (k,) coefficients of the contacts.
+        rolling: the largest torque over that length and the pressure.
+
+    Raises ConvergenceError if no impulses were found.
+    """
+    count = len(friction)
+    pressures = 3 * np.arange(count)
+    torques = pressures + 3 * count
+    size = float(gain[pressures, pressures].mean())
+    gain, free = gain.copy(), free.copy()
+    gain[torques], gain[:, torques], free[torques] = 0.0, 0.0, 0.0
+    gain[torques, torques], gain[torques, pressures] = size, -size
+    return contact_impulses(gain, free, np.concatenate([friction, np.full(count, rolling)]))
+
+
+def _by_cases(law: CoulombLaw) -> Floats | None:
+    """Impulses (k, 3) of one or two contacts in 2-D, where each case is linear; None: there are none.
+
+    A contact sticks, slides either way or opens. Where impulses are not unique these are the smallest.
+    """
+    count = len(law.free) // 3
+    if count > 2 or law.gain[2::3].any() or law.free[2::3].any():
+        return None
+    sticks = np.eye(2, 3)
+    slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
+    # Between two contacts that stick friction may hold any load: that is taken only if nothing else is found.
+    each = (sticks, *slides, np.zeros((0, 3)))
+    for cases in product(each if count == 1 else each[::-1], repeat=count):
+        pushes, zero = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))
+        sizes = np.linalg.lstsq(zero @ law.gain @ pushes.T, -zero @ law.free, rcond=RANK)[0]
+        local = (sizes @ pushes).reshape(-1, 3)
+        if law.residual(local) <= EXACT * max(1.0, float(np.abs(local).max())):
+            return np.asarray(local)
+    return None
+
+
+def one_contact(gain: Floats, free: Floats, friction: float) -> Floats:
+    """The impulse (3,) at a single contact, W (3, 3) positive definite: none, sticking, or sliding.
+
+    Sliding, p_T = -(W_TT + a)^-1 (W_TN p_N + b_T) and u_N = 0 for the a >= 0 at which |p_T| = friction p_N, which
+    exists, since the friction needed falls to none as a grows.
+    """
+    if free[0] >= 0.0:
+        return np.zeros(3)
+    stuck = np.linalg.solve(gain, -free)
+    if stuck[0] >= 0.0 and np.hypot(stuck[1], stuck[2]) <= friction * stuck[0]:
+        return np.asarray(stuck)
+    if friction == 0.0:
+        return np.array([-free[0] / gain[0, 0], 0.0, 0.0])
+
+    def sliding(part: float) -> Floats:
+        """The impulse (3,) that leaves no normal velocity, with a = trace part/(1 - part)."""
+        a = float(np.trace(gain)) * part / (1.0 - part)
+        answer = np.linalg.inv(gain[1:, 1:] + a * np.eye(2))
+        normal = (-free[0] + gain[0, 1:] @ answer @ free[1:]) / (
+            gain[0, 0] - gain[0, 1:] @ answer @ gain[1:, 0]
+        )
+        return np.array([normal, *(-answer @ (gain[1:, 0] * normal + free[1:]))])
+
+    def lacking(part: float) -> float:
+        """The friction needed beyond the coefficient."""
+        if part >= 1.0:
+            return -1.0
+        normal, one, two = sliding(part)
+        return float(np.hypot(one, two) / normal - friction) if normal > 0.0 else 1.0
+
+    if lacking(0.0) <= 0.0:
+        return sliding(0.0)
+    return sliding(float(brentq(lacking, 0.0, 1.0, xtol=1e-15, rtol=1e-14)))
+
+
+# From here on kernels, which numba compiles (`problem.Kernel`).
+
+
+def newton(
+    onto: Floats, offset: Floats, friction: float, starts: Floats, few: int, many: int
+) -> Floats:
+    """Solutions (s', h) of Coulomb's law by damped Newton steps from starts (s, h), `many` if `few` reach none."""
+    count, width = starts.shape
+    force, trial, miss = starts.copy(), np.empty((count, width)), np.empty((count, width))
+    merit, done, near = np.empty(count), np.zeros(count), np.zeros(count)
+    solutions, reached = np.empty((count, width)), 0
+    derivative, start = np.empty((width, width)), np.empty(width)
+    for i in range(count):
+        merit[i] = _miss(onto, offset, friction, force[i], trial[i], miss[i])
+    for step in range(many):
+        if reached == count or (step == few and reached > 0):
+            break
+        for i in range(count):
+            if done[i] > 0.0:
+                continue
+            size, was_near = max(1.0, dot(force[i], force[i])), near[i]
+            near[i] = 1.0 if merit[i] <= STALLED**2 * size else 0.0
+            if merit[i] <= CONVERGED**2 * size or was_near * near[i] > 0.0:
+                done[i] = 1.0
+                solutions[reached] = force[i]
+                add(solutions[reached], -1.0, miss[i])
+                reached += 1
+                continue
+            _differentiate(onto, friction, trial[i], derivative)
+            change, part, lowest, best = miss[i].copy(), 1.0, np.inf, 1.0
+            solve(derivative, change)
+            start[:] = force[i]
+            for tried in range(HALVINGS + 1):
+                force[i] = start
+                add(force[i], -(part if tried < HALVINGS else best), change)
+                value = _miss(onto, offset, friction, force[i], trial[i], miss[i])
+                if value < (1.0 - FALL * part) * merit[i] or tried == HALVINGS:
+                    break
+                if value < lowest:
+                    best, lowest = part, value
+                part *= 0.5
+            merit[i] = value
+    return solutions[:reached]
+
+
+def _miss(
+    onto: Floats, offset: Floats, friction: float, force: Floats, trial: Floats, miss: Floats
+) -> float:
+    """Fill in the trial f - r A and what forces (h,) miss their projection by; returns its square."""
+    trial[:] = offset
+    for i in range(len(force)):
+        add(trial, force[i], onto[i])
+    for i in range(0, len(force), 3):
+        pressure = max(trial[i], 0.0)
+        shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)
+        kept = min(friction * pressure / shear, 1.0)
+        miss[i] = force[i] - pressure
+        miss[i + 1] = force[i + 1] - kept * trial[i + 1]
+        miss[i + 2] = force[i + 2] - kept * trial[i + 2]
+    return dot(miss, miss)
+
+
+def _differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> None:
+    """Fill in the generalised Jacobian (h, h) of the miss; at kinks one of the one-sided derivatives."""
+    for i in range(0, len(trial), 3):
+        pressure = max(trial[i], 0.0)
+        shear = max(math.hypot(trial[i + 1], trial[i + 2]), 1e-300)
+        kept = min(friction * pressure / shear, 1.0)
+        slips, pressed = 1.0 if kept < 1.0 else 0.0, 1.0 if pressure > 0.0 else 0.0
+        one, two = slips * trial[i + 1] / shear, slips * trial[i + 2] / shear
+        wider = friction * pressed
+        for j in range(len(trial)):
+            normal, first, second = onto[j, i], onto[j, i + 1], onto[j, i + 2]
+            longer = one * first + two * second
+            out[i, j] = -pressed * normal
+            out[i + 1, j] = -wider * one * normal - kept * (first - one * longer)
+            out[i + 2, j] = -wider * two * normal - kept * (second - two * longer)
+    for i in range(len(trial)):
+        out[i, i] += 1.0 + SHIFT
+
+
+def solve(matrix: Floats, right: Floats) -> None:
+    """Solve in place, by elimination with partial pivoting; an unknown without pivot becomes zero."""
+    count = len(right)
+    for column in range(count):
+        pivot = column
+        for row in range(column + 1, count):
+            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
+                pivot = row
+        if matrix[pivot, column] == 0.0:
+            continue
+        right[pivot], right[column] = right[column], right[pivot]
+        for entry in range(column, count):
+            held = matrix[column, entry]
+            matrix[column, entry] = matrix[pivot, entry]
+            matrix[pivot, entry] = held
+        for row in range(column + 1, count):
+            factor = matrix[row, column] / matrix[column, column]
+            if factor != 0.0:
+                right[row] -= factor * right[column]
+                for entry in range(column + 1, count):
+                    matrix[row, entry] -= factor * matrix[column, entry]
+    for row in range(count - 1, -1, -1):
+        for other in range(row + 1, count):
+            right[row] -= matrix[row, other] * right[other]
+        right[row] = right[row] / matrix[row, row] if matrix[row, row] != 0.0 else 0.0
+
+
+NEWTON = Kernel(newton)

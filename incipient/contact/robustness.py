@@ -1,0 +1,418 @@
+"""What errors of load and friction mean for the verdict: bounds over a box of loads, and probabilities by sampling.
+
+A load of a box is weight + s (flow + directions u) with |u_i| <= 1. What contacts hold is a convex cone, so
+
+- whether some load is held at a factor is one conic program, with s u among its unknowns;
+- all loads are held at a factor exactly if those at the corners of the box are. That corners move proves nothing.
+
+Sampled cases have normal and independent errors (friction is cut off at zero). The influence of an input is its
+first-order share of the variance of the margin s / (1 + s), s the safety factor: Sobol's first index for independent
+inputs, from the means over classes of the input of equal size, corrected for their number (epsilon squared).
+"""
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.contact.batch import judge_batch
+from incipient.contact.paper import classify
+from incipient.contact.problem import ContactProblem, Load, Loads, leave_plane
+from incipient.contact.safety import SAFETY, TOLERANCE, balanced_interval
+from incipient.contact.verdict import MassAndInertia
+from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
+
+Interval = tuple[float, float]
+CLASSES = 20  # at most, of an input, with ten cases in each at least
+AXES = "xyz"
+WITHIN = 2.0  # standard errors of every input within which bounds are proved
+DOUBT = 0.05  # chance that a probability of which no case was drawn is larger than said
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBox:
+    """Errors of the flow's load, and of the coefficient of friction."""
+
+    # (6, m): changes of force and torque about the centre of mass, of which each load has any fraction from -1 to 1.
+    error_directions: Floats
+    friction: float = 0.0  # by how much friction may be smaller or larger
+
+    @classmethod
+    def of(cls, errors: Floats) -> "ErrorBox":
+        """The box of errors (6,) of force and torque, each up to its magnitude."""
+        return cls(np.diag(errors)[:, np.asarray(errors) > 0.0])
+
+    def corners(self) -> Floats:
+        """No change, and the changes (1 + 2^m, 6) of the load at the corners."""
+        count = self.error_directions.shape[1]
+        signs = np.array([[0.0] * count, *itertools.product((-1.0, 1.0), repeat=count)])
+        return np.asarray(signs @ self.error_directions.T)
+
+
+@dataclass(frozen=True, eq=False)
+class SafetyRange:
+    """What the loads of a box have in common."""
+
+    # The smallest and the largest factor at which some load of the box, or every load, is held; None if there is none.
+    possible: Interval | None
+    guaranteed: Interval | None
+    # The safety factors of all loads are between them.
+    low: float
+    high: float
+    worst: Load  # of the load and those at the corners, that which is held at the fewest factors
+
+    @property
+    def rests(self) -> bool:
+        """Whether every load of the box is held as it is."""
+        return _contains(self.guaranteed, 1.0)
+
+    @property
+    def moves(self) -> bool:
+        """Whether no load of the box is held as it is."""
+        return not _contains(self.possible, 1.0)
+
+    def widened(self, ratio: float) -> "SafetyRange":
+        """The range where all factors may be larger or smaller by a ratio of at least one."""
+        if ratio == 1.0:
+            return self
+        if math.isinf(ratio):
+            return replace(self, possible=(0.0, math.inf), guaranteed=None, low=0.0, high=math.inf)
+        some, every = self.possible, self.guaranteed
+        less = None if every is None else (ratio * every[0], every[1] / ratio)
+        return replace(
+            self,
+            possible=some and (some[0] / ratio, some[1] * ratio),
+            guaranteed=less if less and less[0] <= less[1] else None,
+            low=self.low / ratio,
+            high=self.high * ratio,
+        )
+
+    @property
+    def width(self) -> float:
+        """How much longer `possible` is than `guaranteed`, on the scale of s / (1 + s)."""
+        return _extent(self.possible) - _extent(self.guaranteed)
+
+
+def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox) -> SafetyRange:
+    """The factors at which some load of a box and every load of it are held. Raises SceneError as `safety_factor`."""
+    firm = _spatial(ContactProblem.of(load, contacts, friction + box.friction), box)
+    loose = firm
+    if box.friction > 0.0:
+        loose = ContactProblem.of(load, contacts, max(friction - box.friction, 0.0))
+        loose = _spatial(loose, box)
+    low, high, firm_holds, _ = balanced_interval(firm)
+    some = None if math.isnan(low) else (low, high)
+    if box.error_directions.shape[1]:
+        some = _possible(firm, box, firm_holds)
+    every, worst, loose_holds = _guaranteed(loose, box, load)
+    return SafetyRange(
+        possible=some,
+        guaranteed=every,
+        low=every[1] if loose_holds and every is not None else 0.0,
+        high=some[1] if firm_holds and some is not None else 0.0,
+        worst=worst,
+    )
+
+
+def held_words(some: Interval | None, every: Interval | None) -> str:
+    """At which multiples of the flow's load a grain is held, for one whose safety factor is zero."""
+    if some is None:
+        return "no multiple of the flow's load holds it"
+    if some[1] == 0.0:
+        return "any part of the flow's load moves it"
+    may = f"{_ends(some)} times the flow's load may hold it"
+    if every is None:
+        return f"{may}, none for certain"
+    return f"{may}, {_ends(every)} times do for certain"
+
+
+def _spatial(problem: ContactProblem, box: ErrorBox) -> ContactProblem:
+    """The problem without its plane if errors leave it."""
+    plane, directions = problem.plane, box.error_directions
+    leaves = plane is not None and leave_plane(plane, directions)
+    return replace(problem, plane=None) if leaves else problem
+
+
+def _possible(problem: ContactProblem, box: ErrorBox, weight_held: bool) -> Interval | None:
+    """The smallest and the largest factor at which some load of the box is held.
+
+    s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, which count as further contact forces.
+    """
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach]])
+    flow = problem.flow * problem.flow_size
+    ways = np.array([problem.within(way) for way in (box.error_directions.T / units)]).T
+    size = problem.flow_size + float(np.linalg.norm(ways))
+    ways, count = ways / size, ways.shape[1]
+    columns, one = problem.cone_columns, np.eye(count)
+    none = np.zeros((count, columns.shape[1]))
+    rows = np.block([[ways, np.zeros_like(ways), columns], [one, one, none]])
+    target = np.append(problem.within(flow) / size - ways.sum(axis=1), np.full(count, -2.0))
+    unit = float(np.linalg.norm(target))
+    weight = np.append(problem.within(problem.weight), np.zeros(count))
+    linear = 2 * count + (0 if problem.generators is None else columns.shape[1])
+    low, high, _, _ = SAFETY(rows[None], target[None] / unit, weight[None], linear)
+    if math.isnan(low[0]):
+        return (0.0, 0.0) if weight_held else None
+    ratio = (problem.weight_size or size * unit) / (size * unit)
+    return (0.0 if weight_held else float(low[0]) * ratio), float(high[0]) * ratio
+
+
+def _guaranteed(
+    problem: ContactProblem, box: ErrorBox, load: Load
+) -> tuple[Interval | None, Load, bool]:
+    """The factors at which loads at all corners are held, the load held at the fewest, and whether the weight is."""
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach]])
+    corners = box.corners()
+    flows = problem.flow * problem.flow_size + corners / units
+    sizes = np.linalg.norm(flows, axis=1)
+    flows = np.array([problem.within(flow) for flow in flows / np.maximum(sizes, 1e-300)[:, None]])
+    count, columns = len(flows), problem.cone_columns
+    weights = np.tile(problem.within(problem.weight), (count, 1))
+    linear = 0 if problem.generators is None else columns.shape[1]
+    low, high, held, _ = SAFETY(
+        np.repeat(columns[None], count, axis=0), flows, weights, linear, rows=count
+    )
+    ratio = (problem.weight_size or sizes) / np.where(sizes > 0.0, sizes, 1.0)
+    low, high = low * ratio, np.where(np.isinf(high), high, high * ratio)
+    lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
+    worst = load.shifted(corners[int(np.argmin(lengths))])
+    common = float(low.max()), float(high.min())
+    is_common = not np.isnan(low).any() and common[0] <= common[1]
+    return (common if is_common else None), worst, bool(held.all())
+
+
+def _contains(interval: Interval | None, factor: float) -> bool:
+    return (
+        interval is not None
+        and interval[0] <= factor + TOLERANCE
+        and interval[1] >= factor - TOLERANCE
+    )
+
+
+def _ends(interval: Interval) -> str:
+    return f"{interval[0]:.4g} to {interval[1]:.4g}"
+
+
+def _extent(interval: Interval | None) -> float:
+    """The length of an interval of safety factors s on the scale of s / (1 + s)."""
+    return 0.0 if interval is None else 1.0 / (1.0 + interval[0]) - 1.0 / (1.0 + interval[1])
+
+
+@dataclass(frozen=True, eq=False)
+class StandardErrors:
+    """Standard errors of the flow's force and torque (3,) and of the friction coefficient.
+
+    `about`: the point (3,) that the torque was measured about; an error of the force then moves the torque
+    about the centre of mass as well. None: the centre of mass.
+    """
+
+    flow_force: Floats = field(default_factory=lambda: np.zeros(3))
+    flow_couple: Floats = field(default_factory=lambda: np.zeros(3))
+    friction: float = 0.0
+    about: Floats | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("flow_force", "flow_couple"):
+            value = np.array(getattr(self, name), dtype=float)
+            if value.shape != (3,) or not (np.isfinite(value).all() and (value >= 0.0).all()):
+                raise SceneError(
+                    f"standard errors: {name} is not three numbers of at least 0; give such"
+                )
+            object.__setattr__(self, name, value)
+        if not (np.isfinite(self.friction) and self.friction >= 0.0):
+            raise SceneError(
+                f"standard errors: friction is {self.friction}; give a number of at least 0"
+            )
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """The standard error of each input that has one, by its name."""
+        named = {f"flow_force {AXES[k]}": float(self.flow_force[k]) for k in range(3)}
+        named |= {f"flow_couple {AXES[k]}": float(self.flow_couple[k]) for k in range(3)}
+        named["friction"] = float(self.friction)
+        return {name: size for name, size in named.items() if size > 0.0}
+
+    def arm(self, centre: Floats) -> Floats:
+        """From the centre of mass to the point that the torque is measured about, (3,)."""
+        return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
+
+    def box(self, centre: Floats) -> ErrorBox:
+        """The loads and frictions of which no input is off by more than two standard errors; `centre` of mass (3,)."""
+        ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
+        ways[3:, :3] = np.cross(self.arm(centre), ways[:3, :3].T).T
+        return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
+
+
+@dataclass(frozen=True)
+class Probability:
+    """A probability, its standard error, and both in words.
+
+    Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), which is what is known of it
+    after n cases without prior knowledge; it is not zero where all cases agree. `words`: "34.1 +- 1.5%"; where no
+    case was drawn, or no other, the bound that it is on the right side of with a chance of 95%: "<0.3%".
+    """
+
+    value: float
+    standard_error: float
+    words: str
+
+    @classmethod
+    def of(cls, count: int, total: int) -> "Probability":
+        """The probability of what happened in `count` of `total` cases, with its standard error."""
+        mean = (count + 1.0) / (total + 2.0)
+        error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
+        extreme = count in (0, total)
+        # The bound where all cases agree; as many decimals as it or the standard error have.
+        percent = 100.0 * (1.0 - DOUBT ** (1.0 / (total + 1.0)) if extreme else error)
+        digits = max(1, -math.floor(math.log10(percent)))
+        words = f"{100.0 * count / total:.{digits}f} +- {percent:.{digits}f}%"
+        if extreme:
+            words = f"<{percent:.{digits}f}%" if count == 0 else f">{100.0 - percent:.{digits}f}%"
+        return cls(count / total, error, words)
+
+
+@dataclass(frozen=True)
+class Within:
+    """What is certain while no input is off by more than two standard errors."""
+
+    # The smallest and the largest safety factor.
+    low: float
+    high: float
+    certain: bool  # whether all of these cases rest, or all move
+    sentence: str
+
+    @classmethod
+    def of(cls, bounds: SafetyRange) -> "Within":
+        """A range of safety factors in words."""
+        certain = bounds.rests or bounds.moves
+        says = "it moves for certain" if bounds.moves else "it rests for certain"
+        says = says if certain else "it may rest and it may move"
+        factors = f"safety factor between {bounds.low:.4g} and {bounds.high:.4g}"
+        if bounds.high == 0.0:
+            factors = f"safety factor 0, {held_words(bounds.possible, bounds.guaranteed)}"
+        words = f"while no input is off by more than {WITHIN:g} standard errors {says}, {factors}"
+        return cls(bounds.low, bounds.high, certain, words)
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """How likely each mode is, and what that depends on."""
+
+    samples: int
+    seed: int
+    # Probability of each mode met, by the paper's criteria and by the exact one, the most likely first.
+    criteria: dict[str, Probability]
+    equilibrium: dict[str, Probability]
+    # Probability that the grain moves, by the paper's criteria and by the exact one.
+    moves_criteria: Probability
+    moves_equilibrium: Probability
+    same: Probability  # that the judges agree on whether it does
+    margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
+    influence: dict[str, float]  # first-order share of each input
+    interactions: float  # what is left of the variance
+    most: str | None  # the input that matters most; None: the margin does not vary
+    within: Within  # what is certain
+
+    @property
+    def sentence(self) -> str:
+        """The outcome in a sentence."""
+        said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
+        if self.most is not None:
+            share = self.influence[self.most]
+            said += f"; what matters most is {self.most}, {share:.0%} of the variance of the margin"
+        return said
+
+
+def probabilities(
+    load: Load,
+    contacts: Contacts,
+    friction: float,
+    errors: StandardErrors,
+    samples: int = 1000,
+    seed: int = 0,
+    mass_and_inertia: MassAndInertia | None = None,
+) -> Probabilities:
+    """Judge `samples` cases drawn around a load and friction with standard errors.
+
+    Without `mass_and_inertia` the exact criterion says only whether the grain rests or moves.
+
+    Raises SceneError as `classify` does, and for less than one sample.
+    """
+    if samples < 1:
+        raise SceneError(f"samples is {samples}; draw at least one case")
+    drawn = draw(load, friction, errors, samples, seed)
+    force, torque = (
+        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES])
+        for name in ("flow_force", "flow_couple")
+    )
+    loads = Loads(
+        force, torque + np.cross(errors.arm(load.centre), force), load.weight, load.centre
+    )
+    coefficients = drawn["friction"]
+    paper = [classify(loads.load(i), contacts, coefficients[i]).mode for i in range(samples)]
+    exact = judge_batch(loads, contacts, coefficients, mass_and_inertia)
+    moves = np.array([mode.moves for mode in paper])
+    finite = np.isfinite(exact.factors)
+    margin = np.where(finite, np.divide(exact.factors, 1.0 + exact.factors, where=finite), 1.0)
+    influence = influences({name: drawn[name] for name in errors.sizes}, margin)
+    return Probabilities(
+        samples=samples,
+        seed=seed,
+        criteria=_shares(mode.label for mode in paper),
+        equilibrium=_shares(exact.mode_names),
+        moves_criteria=Probability.of(int(moves.sum()), samples),
+        moves_equilibrium=Probability.of(int((~exact.held).sum()), samples),
+        same=Probability.of(int((moves != exact.held).sum()), samples),
+        # The nearest of the factors, since some may be infinite.
+        margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
+        influence=influence,
+        interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
+        most=max(influence, key=lambda name: influence[name]) if influence else None,
+        within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
+    )
+
+
+def draw(
+    load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
+) -> dict[str, Floats]:
+    """Independent values (samples,) of every input by name: ``flow_force x`` ... ``flow_couple z``, ``friction``.
+
+    Torques are about `errors.about`; an input without error keeps its value.
+    """
+    noise = np.random.default_rng(seed).standard_normal((samples, 7))
+    force = load.flow_force + noise[:, :3] * errors.flow_force
+    torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
+    torque = torque + noise[:, 3:6] * errors.flow_couple
+    drawn = {f"flow_force {AXES[k]}": force[:, k] for k in range(3)}
+    drawn |= {f"flow_couple {AXES[k]}": torque[:, k] for k in range(3)}
+    return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
+
+
+def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
+    """First-order share of every input (n,) in the variance of an output (n,); empty if that does not vary."""
+    if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
+        return {}
+    return {name: _correlation_ratio(values, output) for name, values in inputs.items()}
+
+
+def _correlation_ratio(values: Floats, output: Floats) -> float:
+    """Epsilon squared of the output over classes of the input of equal size."""
+    classes = max(2, min(CLASSES, len(output) // 10))
+    parts = np.array_split(output[np.argsort(values, kind="stable")], classes)
+    within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
+    total = float(((output - output.mean()) ** 2).sum())
+    free = len(output) - classes
+    if free <= 0:
+        return 0.0
+    return min(1.0, max(0.0, 1.0 - within / free * (len(output) - 1) / total))
+
+
+def _shares(labels: Iterable[str]) -> dict[str, Probability]:
+    counted = Counter(labels)
+    total = counted.total()
+    return {label: Probability.of(count, total) for label, count in counted.most_common()}

@@ -1,0 +1,695 @@
+"""The safety factor: how much the flow's load may grow before the contacts cannot balance it.
+
+One conic program, max s such that G f + s flow + weight = 0 with f in the product of friction cones K, and one
+solver for a single case and for millions: an interior-point method on the homogeneous self-dual embedding
+
+    a x = b tau,   a^T y + z = c tau,   b.y - c.x = kappa,   x, z in K,   tau, kappa >= 0,
+
+with the scaling of Nesterov and Todd (1997) and the predictor and corrector of Mehrotra (1992), as in Vandenberghe,
+The CVXOPT linear and quadratic cone program solvers (2010). Whether a program has a solution, none or no largest one
+follows from tau and kappa. The scaled rows are orthonormalised, so that Newton's matrix is never squared. The first
+`linear` entries of a vector are non-negative, the others triples in the unit cone |(y, z)| <= x.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.contact.problem import ContactProblem, Kernel, Load
+from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
+
+TOLERANCE = 1e-9  # dimensionless imbalance, or distance outside a cone, that counts as none
+NO_FORCE = (
+    1e-7  # contact forces and cone margins below it, relative to the largest force, count as zero
+)
+ENDLESS = (
+    1e6  # a dimensionless factor above it is infinite if the contacts balance the flow's load alone
+)
+ITERATIONS = 60
+STEP = 0.998  # of the longest step inside the cones
+CLOSED = 1e-13  # duality gap at which a program is solved
+CERTIFIED = 1e-11  # what a certificate of no, or no largest, solution may miss
+PROJECTIONS, INSIDE = (
+    12,
+    0.02,
+)  # between cones and equilibrium, before the conic program; the margin aimed at
+ROUND_OFF = 1e-15  # of a certificate's equations
+RANK = 1e-8  # of the largest row: a row shorter than it depends on the others
+OPTIMAL, INFEASIBLE, UNBOUNDED = 0, 1, 2
+DIRECTIONS = 36  # of the flow, tried before the smallest and the largest factor are refined
+RESOLUTION = 1e-5  # of the interval between two directions
+
+
+class SafetyStatus(Enum):
+    """Why the safety factor is what it is."""
+
+    CRITICAL = "a larger multiple of the flow's load is not balanced"
+    UNLIMITED = "contact forces balance the flow's load at any size"
+    NO_FLOW = "there is no flow load, and the weight is held"
+    NO_RESERVE = "the weight is held, but no part of the flow's load"
+    HELD_BY_FLOW = (
+        "the weight alone is not held; with the flow's load at the factors of the interval it is"
+    )
+    UNHELD = "neither the weight alone nor any multiple of the flow's load with it is held"
+
+
+class ConeState(Enum):
+    """Where a contact force is in its friction cone."""
+
+    UNLOADED = "no force"
+    INSIDE = "inside the friction cone"
+    EDGE = "on the edge of the friction cone"
+
+
+@dataclass(frozen=True, eq=False)
+class SafetyFactor:
+    """The safety factor and the contact forces that show it.
+
+    `value`: the largest s >= 0 such that forces in the friction cones balance weight + s times the flow's
+    load; math.inf if there is no largest; 0 if the weight alone is not held. `interval`: the smallest and the
+    largest s that are balanced, None if none is. `held`: whether 1 is in it. `contact_forces` (n, 3) on the
+    grain balance the load at `factor`: the largest of the interval; if that is infinite 1, or twice the
+    smallest if 1 is not in it; NaN, with zero forces, if there is no interval. `contact_states`: of these
+    forces; `jams`: forces in the cones can balance one another, so contact forces have no bound; `residual`:
+    how far equilibrium and cones are missed, relative to the largest force.
+    """
+
+    value: float
+    status: SafetyStatus
+    interval: tuple[float, float] | None
+    held: bool
+    contact_forces: Floats
+    contact_states: tuple[ConeState, ...]
+    factor: float
+    jams: bool
+    residual: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as numbers, strings and lists for JSON; infinity and NaN as None."""
+        plain = {item.name: getattr(self, item.name) for item in fields(self)}
+        plain |= {"status": self.status.name, "wording": self.status.value}
+        plain["contact_forces"] = self.contact_forces.tolist()
+        plain["contact_states"] = [state.name for state in self.contact_states]
+        for name in ("value", "factor"):
+            plain[name] = plain[name] if math.isfinite(plain[name]) else None
+        if self.interval is not None:
+            plain["interval"] = [end if math.isfinite(end) else None for end in self.interval]
+        return plain
+
+
+def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFactor:
+    """The largest s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
+
+    At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
+    at most `friction` N. In 2-D, and where friction is zero or infinite, the program is linear.
+
+    Raises SceneError if friction is negative or not a number; it may be infinite.
+    """
+    problem = ContactProblem.of(load, contacts, friction)
+    low, high, weight_held, local = balanced_interval(problem)
+    interval = None if math.isnan(low) else (low, high)
+    factor = math.nan if interval is None else high
+    if math.isinf(factor):
+        factor = 1.0 if low < 1.0 else 2.0 * low
+        local = forces_that_balance(problem, problem.wrench(factor)[0])
+        local = None if local is None else problem.wrench(factor)[1] * local
+    if interval is None or local is None:
+        local = np.zeros((len(problem), 3))
+    local = problem.cone.project(local)
+    return SafetyFactor(
+        value=high if weight_held and interval else 0.0,
+        status=_status(problem, interval, weight_held),
+        interval=interval,
+        held=bool(low <= 1.0 + TOLERANCE and high >= 1.0 - TOLERANCE),
+        contact_forces=problem.forces(local),
+        contact_states=_states(problem, local, factor),
+        factor=factor,
+        jams=can_jam(problem),
+        residual=_residual(problem, local, factor),
+    )
+
+
+def balanced_interval(problem: ContactProblem) -> tuple[float, float, bool, Floats | None]:
+    """The smallest and largest factor that is balanced (NaN if none), whether the weight is, and forces (k, 3).
+
+    The local forces, in the load's unit, balance the load at the largest factor if that is finite.
+    """
+    if problem.flow_size == 0.0 and problem.weight_size == 0.0:
+        return 0.0, math.inf, True, None
+    low, high, weight_held, factors = _asked(problem, problem.flow, problem.weight)
+    unit = problem.weight_size or problem.flow_size
+    ratio = unit / problem.flow_size if problem.flow_size > 0.0 else 1.0
+    ends = low * ratio, (high if math.isinf(high) else high * ratio)
+    return *ends, weight_held, unit * problem.local(factors)
+
+
+def forces_that_balance(problem: ContactProblem, wrench: Floats) -> Floats | None:
+    """Local forces (k, 3) in the cones that balance a wrench (6,): the shortest, or those most inside; or None."""
+    if not wrench.any():
+        return np.zeros((len(problem), 3))
+    size = float(np.linalg.norm(wrench))
+    low, _, _, factors = _asked(problem, np.zeros(6), wrench / size)
+    return None if math.isnan(low) else size * problem.local(factors)
+
+
+def can_jam(problem: ContactProblem) -> bool:
+    """Whether contact forces in the cones, not all zero, balance one another."""
+    cosine, sine = problem.cone.scaling[:2]
+    push = problem.frames[:, 0].sum(axis=0)
+    inward = problem.frames @ push
+    if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
+        return False  # every force in the cones has a part along the same direction
+    columns, step = problem.cone_columns, 3 if problem.generators is None else 1
+    pressure = np.zeros(columns.shape[1])
+    pressure[::step] = 1.0
+    target = np.zeros(len(columns) + 1)
+    target[-1] = -1.0
+    rows = np.vstack([columns, pressure])
+    return not math.isnan(_intervals(rows, np.zeros(len(target)), target, problem)[0])
+
+
+def _asked(
+    problem: ContactProblem, flow: Floats, weight: Floats
+) -> tuple[float, float, bool, Floats]:
+    return _intervals(problem.cone_columns, problem.within(flow), problem.within(weight), problem)
+
+
+def _intervals(
+    columns: Floats, flow: Floats, weight: Floats, problem: ContactProblem
+) -> tuple[float, float, bool, Floats]:
+    """`safety_rows` of a single case."""
+    linear = 0 if problem.generators is None else columns.shape[1]
+    low, high, held, forces = SAFETY(columns[None], flow[None], weight[None], linear)
+    return float(low[0]), float(high[0]), bool(held[0]), forces[0]
+
+
+def _status(
+    problem: ContactProblem, interval: tuple[float, float] | None, weight_held: bool
+) -> SafetyStatus:
+    if interval is None:
+        return SafetyStatus.UNHELD
+    if not weight_held:
+        return SafetyStatus.HELD_BY_FLOW
+    if problem.flow_size == 0.0:
+        return SafetyStatus.NO_FLOW
+    if math.isinf(interval[1]):
+        return SafetyStatus.UNLIMITED
+    held = interval[1] * problem.flow_size > TOLERANCE * problem.weight_size
+    return SafetyStatus.CRITICAL if held else SafetyStatus.NO_RESERVE
+
+
+def _states(problem: ContactProblem, local: Floats, factor: float) -> tuple[ConeState, ...]:
+    """Where forces (k, 3) are in their cones, for each contact given."""
+    sizes = np.linalg.norm(local, axis=1)
+    unit = max(sizes.max(), 0.0 if math.isnan(factor) else problem.wrench(factor)[1])
+    edges = problem.cone.margin(local) <= NO_FORCE * sizes
+    states = [
+        (ConeState.EDGE if edge else ConeState.INSIDE) if loaded else ConeState.UNLOADED
+        for edge, loaded in zip(edges, sizes > NO_FORCE * unit, strict=True)
+    ]
+    return tuple(states[i] for i in problem.copy.tolist())
+
+
+def _residual(problem: ContactProblem, local: Floats, factor: float) -> float:
+    """The worst imbalance, relative to the load or the largest force."""
+    if math.isnan(factor):
+        return 0.0
+    wrench, size = problem.wrench(factor)
+    missed = np.abs(problem.columns @ local.ravel() + size * wrench).max()
+    return float(missed / (max(size, np.abs(local).max()) or 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Directed:
+    """The safety factor with the flow's load turned by `angle` radians about the axis."""
+
+    angle: float
+    load: Load
+    safety: SafetyFactor
+
+    @property
+    def value(self) -> float:
+        """The safety factor."""
+        return self.safety.value
+
+
+@dataclass(frozen=True, eq=False)
+class SafetyOverDirection:
+    """The directions of the flow that move the grain most easily and least easily."""
+
+    smallest: Directed
+    largest: Directed
+
+
+def safety_over_direction(
+    load: Load, contacts: Contacts, friction: float, axis: Floats | None = None
+) -> SafetyOverDirection:
+    """The smallest and the largest safety factor with the flow's force and torque turned about an axis.
+
+    `axis` (3,): up, against the weight, if None. A plane case has two directions, the given one and its mirror
+    image. In 3-D 36 directions are tried and the neighbourhoods of the best and the worst are searched by
+    Brent's method; an extreme that lies unnoticed between two of them is missed.
+
+    Raises SceneError if there is neither weight nor axis, or the axis is zero.
+    """
+    about = -load.weight if axis is None else np.array(axis, dtype=float)
+    length = float(np.linalg.norm(about))
+    if about.shape != (3,) or not (np.isfinite(length) and length > 0.0):
+        raise SceneError(
+            "direction: no axis to turn the flow about; give three components, not all zero"
+        )
+
+    def at(angle: float) -> Directed:
+        """The safety factor of the flow turned by an angle."""
+        unit = about / length
+        force, torque = (_turned(part, unit, angle) for part in (load.flow_force, load.couple))
+        turned = Load(force, torque, load.weight, load.centre)
+        return Directed(angle, turned, safety_factor(turned, contacts, friction))
+
+    across = [contacts.points[:, 2], contacts.normals[:, 2], load.flow_couple[:2], about[2:]]
+    across += [load.flow_force[2:], load.weight[2:], load.centre[2:]]
+    planar = not any(part.any() for part in across)
+    tried = [at(angle) for angle in np.linspace(0.0, 2 * np.pi, 2 if planar else DIRECTIONS, False)]
+    low, high = min(tried, key=_bounded), max(tried, key=_bounded)
+    if planar:
+        return SafetyOverDirection(low, high)
+    low = min(low, _minimum(at, _bounded, low.angle), key=_bounded)
+    return SafetyOverDirection(
+        low, max(high, _minimum(at, lambda found: -_bounded(found), high.angle), key=_bounded)
+    )
+
+
+def _minimum(
+    at: Callable[[float], Directed], cost: Callable[[Directed], float], middle: float
+) -> Directed:
+    """The least cost near an angle, which is right if the cost falls and then rises there."""
+    from scipy.optimize import minimize_scalar  # which takes time to import
+
+    width = 2.0 * math.pi / DIRECTIONS
+    best = minimize_scalar(
+        lambda angle: cost(at(angle)),
+        bounds=(middle - width, middle + width),
+        method="bounded",
+        options={"xatol": 2.0 * RESOLUTION * width},
+    )
+    return at(float(best.x))
+
+
+def _bounded(directed: Directed) -> float:
+    """s / (1 + s), which is finite where the safety factor s is not."""
+    return directed.value / (1.0 + directed.value) if math.isfinite(directed.value) else 1.0
+
+
+def _turned(vector: Floats, axis: Floats, angle: float) -> Floats:
+    """A vector (3,) turned about a unit axis (Rodrigues)."""
+    along = vector @ axis * axis
+    return np.asarray(
+        along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
+    )
+
+
+# From here on kernels, which numba compiles (`problem.Kernel`).
+
+
+def safety_rows(
+    columns: Floats, flow: Floats, weight: Floats, linear: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Intervals of balanced factors of n problems, by `_interval`: low, high, whether the weight is held, (n,), forces.
+
+    columns: (n, m, h) wrenches of unit forces in the cones; flow, weight: (n, m) of length one, or zero
+    """
+    count, _, width = columns.shape
+    low, high, held = np.empty(count), np.empty(count), np.zeros(count)
+    forces = np.zeros((count, width))
+    for i in range(count):
+        low[i], high[i], held[i] = _interval(
+            columns[i].copy(), flow[i].copy(), weight[i].copy(), linear, forces[i]
+        )
+    return low, high, held, forces
+
+
+def _interval(
+    q: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
+) -> tuple[float, float, bool]:
+    """The smallest and largest factor of the flow that is balanced, NaN if none, and whether the weight is held.
+
+    Forces (h,) that balance the load at the largest factor, or the weight if there is no flow, are filled in, in units
+    of the weight, or of the flow without a weight.
+    """
+    has_flow, has_weight = largest(flow) > 0.0, largest(weight) > 0.0
+    rank = _orthonormalise(q, flow, weight)
+    flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
+    q, f, w = q[:rank], flow[:rank], weight[:rank]
+    held = weight_missed <= TOLERANCE and _margin(q, w, linear, forces) >= -TOLERANCE
+    if not has_flow:
+        return (0.0, np.inf, True) if held else (np.nan, np.nan, False)
+    if flow_missed > TOLERANCE:  # forces and flow are independent: one factor at most
+        factor = -dot(flow[rank:], weight[rank:]) / flow_missed**2
+        if held or factor <= 0.0:
+            return (0.0, 0.0, True) if held else (np.nan, np.nan, False)
+        add(weight, factor, flow)
+        fits = length(weight[rank:]) <= TOLERANCE * (1.0 + factor)
+        fits = fits and _margin(q, w, linear, forces) >= -TOLERANCE
+        return (factor, factor, False) if fits else (np.nan, np.nan, False)
+    if weight_missed > TOLERANCE:
+        return np.nan, np.nan, False
+    if not has_weight:
+        alone = _margin(q, f, linear, forces) >= -TOLERANCE
+        forces[:] = 0.0
+        return 0.0, np.inf if alone else 0.0, True
+    f_size, w_size = length(f), length(w)
+    if w_size == 0.0 or f_size == 0.0:
+        return np.nan, np.nan, False
+    table, target, answer = np.empty((rank, q.shape[1] + 1)), -w / w_size, forces.copy()
+    table[:, 0], table[:, 1:] = f / f_size, q
+    status, value = _conic(table, target, -1.0, linear + 1, forces)
+    unit = w_size / f_size
+    if status == INFEASIBLE:
+        forces[:] = answer
+        return (0.0, 0.0, True) if held else (np.nan, np.nan, False)
+    high = np.inf if status == UNBOUNDED else max(-value, 0.0) * unit
+    if high > ENDLESS and (status == UNBOUNDED or _margin(q, f, linear, answer) >= -TOLERANCE):
+        high = np.inf
+    else:
+        _balance(q, f * high + w, forces, w_size)
+    if held:
+        return 0.0, high, True
+    status, value = _conic(table, target, 1.0, linear + 1, answer)
+    return max(value, 0.0) * unit, high, False
+
+
+def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
+    """Scale forces (h,) by a unit and move them by the least that makes them balance a wrench."""
+    for j in range(len(forces)):
+        forces[j] *= unit
+    for i in range(len(q)):
+        add(forces, -wrench[i] - dot(q[i], forces), q[i])
+
+
+def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
+    """How far inside the cones forces (h,) can be that balance a wrench, relative to it; they are filled in.
+
+    The shortest forces if they are inside, otherwise those most inside: max m such that q f + wrench = 0 and
+    f - m e is in the cones, e the axes of all cones.
+    """
+    size = length(wrench)
+    forces[:] = 0.0
+    if size == 0.0:
+        return 0.0
+    for i in range(len(q)):
+        add(forces, -wrench[i], q[i])
+    inside = cone_margin(forces, linear)
+    if inside >= 0.0:
+        return inside / size
+    axes, width = np.zeros(len(forces)), len(forces)
+    axes[:linear], axes[linear::3] = 1.0, 1.0
+    for _ in range(PROJECTIONS):
+        _push_inside(forces, linear, INSIDE * size)
+        _balance(q, wrench, forces, 1.0)
+        inside = cone_margin(forces, linear)
+        if inside >= 0.0:
+            return inside / size
+    push = q @ axes
+    most = length(push)
+    if most <= RANK * width:  # the axes balance one another: such forces can be added
+        add(forces, -inside, axes)
+        return 0.0
+    table, answer = np.empty((len(q), width + 1)), np.empty(width)
+    table[:, 0], table[:, 1:] = -push / most, q
+    _, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
+    forces[:] = answer
+    add(forces, -value / most, axes)
+    _balance(q, wrench, forces, size)
+    return -value / most
+
+
+def _push_inside(forces: Floats, linear: int, margin: float) -> None:
+    """Move forces (h,) to the nearest that are inside their cones by a margin."""
+    for j in range(linear):
+        forces[j] = max(forces[j], margin)
+    for j in range(linear, len(forces), 3):
+        normal = forces[j] - margin
+        shear = max(math.hypot(forces[j + 1], forces[j + 2]), 1e-300)
+        if shear > normal:
+            size = max(0.5 * (normal + shear), 0.0)
+            forces[j] = size + margin
+            forces[j + 1] *= size / shear
+            forces[j + 2] *= size / shear
+
+
+def _orthonormalise(rows: Floats, one: Floats, other: Floats) -> int:
+    """The rank r of rows (m, h), of which the first r become orthonormal, with the same steps on two columns (m,)."""
+    count, size = len(rows), 0.0
+    for rank in range(count):
+        best, most = rank, -1.0
+        for i in range(rank, count):
+            long = length(rows[i])
+            if long > most:
+                best, most = i, long
+        size = max(size, most)
+        if most <= RANK * size:
+            return rank
+        for j in range(rows.shape[1]):
+            rows[rank, j], rows[best, j] = rows[best, j], rows[rank, j]
+            rows[rank, j] /= most
+        one[rank], one[best] = one[best], one[rank]
+        other[rank], other[best] = other[best], other[rank]
+        one[rank], other[rank] = one[rank] / most, other[rank] / most
+        for _ in range(2):
+            for i in range(rank + 1, count):
+                part = dot(rows[rank], rows[i])
+                add(rows[i], -part, rows[rank])
+                one[i] -= part * one[rank]
+                other[i] -= part * other[rank]
+    return count
+
+
+def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
+    """Minimise cost x[0] subject to a x = b with x in the cones: status and value; x[1:] is filled in.
+
+    The value is that of the dual program, which is known to round-off; if there is no least one, `answer` is left.
+    """
+    m, n = a.shape
+    x, z, dx, dz, missed, lam, size, turn, c, goal, p, scaled_missed = np.zeros((12, n))
+    y, dy, lacking, rho, beta, pull = np.zeros((6, m))
+    q, lower = np.empty((m, n)), np.empty((m, m))
+    x[:linear] = 1.0
+    x[linear::3] = 1.0
+    z[:] = x
+    degree = 1.0 + linear + (n - linear) // 3
+    tau, kappa, nearest, closest, value = 1.0, 1.0, np.inf, np.inf, 0.0
+    for _ in range(ITERATIONS):
+        for j in range(n):
+            missed[j] = -z[j]
+        missed[0] += cost * tau
+        for i in range(m):
+            lacking[i] = b[i] * tau - dot(a[i], x)
+            add(missed, -y[i], a[i])
+        cx, by, gap = cost * x[0], dot(b, y), dot(x, z) + tau * kappa
+        if tau <= -cx * CERTIFIED and largest(lacking) <= ROUND_OFF - cx * CERTIFIED:
+            return UNBOUNDED, -np.inf
+        if tau <= by * CERTIFIED and largest(missed) <= ROUND_OFF + by * CERTIFIED:
+            return INFEASIBLE, np.inf
+        error = (largest(missed) + gap / tau) / (tau + abs(by))
+        if error + largest(lacking) / tau < nearest:
+            nearest = error + largest(lacking) / tau
+            for j in range(1, n):
+                answer[j - 1] = x[j] / tau
+        if error < closest:
+            closest, value = error, by / tau
+        if error <= CLOSED or error > 1e3 * closest < 1e-6:
+            break
+        if not _scaling(x, z, linear, size, turn):
+            break
+        c[:] = 0.0
+        c[0] = cost * size[0]
+        _scale(size, turn, linear, z, 1.0, lam)
+        _scale(size, turn, linear, missed, 1.0, scaled_missed)
+        for i in range(m):
+            _scale(size, turn, linear, a[i], 1.0, q[i])
+        _factorise(q, lower)
+        beta[:], rho[:], p[:] = b, lacking, 0.0
+        _forward(lower, beta)
+        _forward(lower, rho)
+        p[0] = -c[0]
+        for i in range(m):
+            pull[i] = beta[i] + q[i, 0] * c[0]
+            add(p, pull[i], q[i])
+        slope, rest = dot(p, p) + kappa / tau, by - cx - kappa
+        dx[:], dz[:], dtau, dkappa, eta, target, step = 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0
+        for corrects in range(2):
+            _correct(lam, dx, dz, linear, target, goal)
+            change = target - tau * kappa - dtau * dkappa
+            for j in range(n):
+                dz[j] = goal[j] - eta * scaled_missed[j]
+                dx[j] = dz[j]
+            for i in range(m):
+                dy[i] = eta * rho[i] - dot(q[i], dz)
+                add(dx, dy[i], q[i])
+            dtau = (c[0] * dx[0] - dot(beta, dy) + change / tau - eta * rest) / slope
+            dkappa = (change - kappa * dtau) / tau
+            add(dx, dtau, p)
+            add(dy, dtau, pull)
+            for j in range(n):
+                dz[j] = goal[j] - dx[j]
+            step = min(_longest(lam, dx, linear), _longest(lam, dz, linear))
+            step = min(step, -tau / min(dtau, -0.5 * tau), -kappa / min(dkappa, -0.5 * kappa))
+            if corrects == 0:
+                eta = 1.0 - (1.0 - min(step, 1.0)) ** 3
+                target = (1.0 - eta) * gap / degree
+        step = min(1.0, STEP * step)
+        _backward(lower, dy)
+        _scale(size, turn, linear, dx, 1.0, goal)
+        add(x, step, goal)
+        _scale(size, turn, linear, dz, -1.0, goal)
+        add(z, step, goal)
+        add(y, step, dy)
+        tau, kappa = tau + step * dtau, kappa + step * dkappa
+    return OPTIMAL, value
+
+
+def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
+    """Fill in T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on an edge."""
+    for i in range(linear):
+        if x[i] <= 0.0 or z[i] <= 0.0:
+            return False
+        size[i] = math.sqrt(x[i] / z[i])
+    for i in range(linear, len(x), 3):
+        of_x, of_z = _determinant(x, i), _determinant(z, i)
+        if not (of_x > 0.0 and of_z > 0.0):
+            return False
+        of_x, of_z = math.sqrt(of_x), math.sqrt(of_z)
+        along = (x[i] * z[i] + x[i + 1] * z[i + 1] + x[i + 2] * z[i + 2]) / (of_x * of_z)
+        both = math.sqrt(2.0 * (1.0 + along))
+        first = (x[i] / of_x + z[i] / of_z) / both
+        over = 1.0 / math.sqrt(2.0 * (first + 1.0))
+        size[i], turn[i] = math.sqrt(of_x / of_z), (first + 1.0) * over
+        for j in (i + 1, i + 2):
+            turn[j] = (x[j] / of_x - z[j] / of_z) / both * over
+    return True
+
+
+def _scale(
+    size: Floats, turn: Floats, linear: int, vector: Floats, sign: float, out: Floats
+) -> None:
+    """Fill in T vector, or with a negative sign T^-1 vector."""
+    for i in range(linear):
+        out[i] = vector[i] * size[i] if sign > 0.0 else vector[i] / size[i]
+    for i in range(linear, len(vector), 3):
+        factor = size[i] if sign > 0.0 else 1.0 / size[i]
+        one, two, three = vector[i], vector[i + 1], vector[i + 2]
+        along = 2.0 * (turn[i] * one + sign * (turn[i + 1] * two + turn[i + 2] * three))
+        out[i] = factor * (along * turn[i] - one)
+        out[i + 1] = factor * (along * sign * turn[i + 1] + two)
+        out[i + 2] = factor * (along * sign * turn[i + 2] + three)
+
+
+def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out: Floats) -> None:
+    """Fill in the u with lam o u = target e - lam o lam - p o q, o being the product of the cones."""
+    for i in range(linear):
+        out[i] = (target - p[i] * q[i]) / lam[i] - lam[i]
+    for i in range(linear, len(lam), 3):
+        a, b, c = lam[i], lam[i + 1], lam[i + 2]
+        one = target - p[i] * q[i] - p[i + 1] * q[i + 1] - p[i + 2] * q[i + 2]
+        two = -p[i] * q[i + 1] - q[i] * p[i + 1]
+        three = -p[i] * q[i + 2] - q[i] * p[i + 2]
+        along = (a * one - b * two - c * three) / max(_determinant(lam, i), 1e-300)
+        out[i] = along - a
+        out[i + 1] = (two - along * b) / a - b
+        out[i + 2] = (three - along * c) / a - c
+
+
+def _longest(x: Floats, step: Floats, linear: int) -> float:
+    """The longest step, at most two, with which a vector stays in the cones."""
+    most = 2.0
+    for i in range(linear):
+        if step[i] < 0.0:
+            most = min(most, -x[i] / step[i])
+    for i in range(linear, len(x), 3):
+        a, c = _determinant(step, i), max(_determinant(x, i), 0.0)
+        b = x[i] * step[i] - x[i + 1] * step[i + 1] - x[i + 2] * step[i + 2]
+        root = math.sqrt(max(b * b - a * c, 0.0)) - b
+        if root > 0.0 and (a < 0.0 or b < 0.0):
+            most = min(most, c / root)
+    return most
+
+
+def cone_margin(x: Floats, linear: int) -> float:
+    """The least distance of the entries and triples of a vector from the edge of their cones."""
+    least = np.inf
+    for i in range(linear):
+        least = min(least, x[i])
+    for i in range(linear, len(x), 3):
+        least = min(least, x[i] - math.hypot(x[i + 1], x[i + 2]))
+    return least
+
+
+def _determinant(x: Floats, i: int) -> float:
+    """x^2 - y^2 - z^2 of a triple without cancellation."""
+    shear = math.hypot(x[i + 1], x[i + 2])
+    return (x[i] - shear) * (x[i] + shear)
+
+
+def _factorise(rows: Floats, lower: Floats) -> None:
+    """Make rows (m, n) orthonormal and fill in the triangle (m, m) that takes them back: modified Gram-Schmidt."""
+    for i in range(len(rows)):
+        lower[i], after, before = 0.0, length(rows[i]), np.inf
+        while after < 0.5 * before:  # what cancelled is taken away once more
+            before = after
+            for j in range(i):
+                part = dot(rows[j], rows[i])
+                lower[i, j] += part
+                add(rows[i], -part, rows[j])
+            after = length(rows[i])
+        lower[i, i] = after
+        rows[i] /= after
+
+
+def _forward(lower: Floats, v: Floats) -> None:
+    for i in range(len(v)):
+        for j in range(i):
+            v[i] -= lower[i, j] * v[j]
+        v[i] /= lower[i, i]
+
+
+def _backward(lower: Floats, v: Floats) -> None:
+    for i in range(len(v) - 1, -1, -1):
+        for j in range(i + 1, len(v)):
+            v[i] -= lower[j, i] * v[j]
+        v[i] /= lower[i, i]
+
+
+def dot(a: Floats, b: Floats) -> float:
+    """The scalar product."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+def add(total: Floats, factor: float, vector: Floats) -> None:
+    """Add a multiple of a vector."""
+    for i in range(len(total)):
+        total[i] += factor * vector[i]
+
+
+def length(vector: Floats) -> float:
+    """Euclidean length."""
+    return math.sqrt(dot(vector, vector))
+
+
+def largest(vector: Floats) -> float:
+    """Magnitude of the largest entry."""
+    most = 0.0
+    for i in range(len(vector)):
+        most = max(most, abs(vector[i]))
+    return most
+
+
+SAFETY = Kernel(safety_rows)

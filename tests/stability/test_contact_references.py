@@ -1,0 +1,166 @@
+"""The safety factor against programs written here with scipy, at any scale, and for a patch that spins.
+
+In 3-D friction cones are cut by tangent planes until the linear program's forces are inside: its value is exact.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from random_contacts import random_case
+from scipy.optimize import linprog
+
+from incipient.contact import Cases, Contacts, Load, incipient_motion, judge_many, safety_factor
+from incipient.contact.verdict import judged
+
+LARGE = 1e3  # a factor above it is not told from an infinite one by the linear programs
+SEEDS = {"3-D": range(5000, 5240), "2-D": range(220)}
+
+
+def planar_case(seed):
+    """Load, contacts and friction of one to five contacts around a disc, or near it."""
+    random = np.random.default_rng([2, seed])
+    angle = random.uniform(-np.pi, 0.2, int(random.integers(1, 6)))
+    tilt = angle + 0.3 * random.normal(size=len(angle)) * (seed % 3 > 0)
+    zero = 0.0 * angle
+    points = np.column_stack([np.cos(angle), np.sin(angle), zero])
+    normals = np.column_stack([np.cos(tilt), np.sin(tilt), zero])
+    force, torque = np.append(random.normal(size=2), 0.0), [0.0, 0.0, 0.3 * random.normal()]
+    load = Load(force, torque, [0.0, -random.choice([0.5, 1.0, 3.0]), 0.0], np.zeros(3))
+    return load, Contacts(points, normals), float(random.choice([0.1, 0.4, 1.0]))
+
+
+def reference(load, contacts, friction):
+    """The smallest and the largest balanced factor, by linear programs with cuts; None if there is none."""
+    arms, normals = contacts.points - load.centre, contacts.normals
+    k = len(arms)
+    across = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    one = np.cross(normals, across)
+    one /= np.linalg.norm(one, axis=1)[:, None]
+    local = np.stack([-normals, one, np.cross(normals, one)], axis=1)
+    forces = local.reshape(-1, 3).T
+    wrenches = np.vstack([forces, np.cross(np.repeat(arms, 3, axis=0), forces.T).T])
+    flow = np.concatenate([load.flow_force, load.flow_couple])
+    balance = np.column_stack([wrenches, flow])
+    weight = np.concatenate([load.weight, np.zeros(3)])
+
+    def extreme(sign):
+        cuts = [
+            (i, angle)
+            for i in range(k)
+            for angle in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+        ]
+        bounds = [(0, None) if j % 3 == 0 else (None, None) for j in range(3 * k)] + [(0, LARGE)]
+        cost = np.zeros(3 * k + 1)
+        cost[-1] = sign
+        for _ in range(60):
+            rows = np.zeros((len(cuts), 3 * k + 1))
+            for row, (i, angle) in zip(rows, cuts, strict=True):
+                row[3 * i : 3 * i + 3] = -friction, math.cos(angle), math.sin(angle)
+            tight = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+            zero = np.zeros(len(cuts))
+            found = linprog(cost, rows, zero, balance, -weight, bounds, "highs", options=tight)
+            if found.x is None:
+                return None
+            table = found.x[:-1].reshape(-1, 3)
+            outside = np.hypot(table[:, 1], table[:, 2]) - friction * table[:, 0]
+            if outside.max() <= 1e-10 * max(1.0, np.abs(table).max()):
+                break
+            for i in np.flatnonzero(outside > 1e-11):
+                cuts.append((i, math.atan2(table[i, 2], table[i, 1])))
+        return found.x[-1]
+
+    ends = extreme(1.0), extreme(-1.0)
+    return None if None in ends else ends
+
+
+@pytest.mark.parametrize("kind", SEEDS)
+def test_random_cases_against_programs_with_cuts(kind):
+    """240 cases in 3-D and 220 in 2-D: the ends of the interval of balanced factors, or that there is none."""
+    statuses = set()
+    for seed in SEEDS[kind]:
+        if kind == "3-D":
+            case = random_case(seed)
+            load, contacts, friction = case.load, case.contacts, case.friction
+        else:
+            load, contacts, friction = planar_case(seed)
+        found, expected = (
+            safety_factor(load, contacts, friction),
+            reference(load, contacts, friction),
+        )
+        statuses.add(found.status.name)
+        if expected is None:
+            assert found.interval is None, seed
+            continue
+        low, high = found.interval
+        assert low == pytest.approx(expected[0], rel=1e-6, abs=1e-7), seed
+        if expected[1] > 0.999 * LARGE:
+            assert high > LARGE, seed
+        else:
+            assert high == pytest.approx(expected[1], rel=1e-6, abs=1e-7), seed
+    assert {"CRITICAL", "UNLIMITED", "HELD_BY_FLOW", "UNHELD"} <= statuses
+
+
+@pytest.mark.parametrize("unit", [1e-13, 1e13])
+def test_units_of_force_change_nothing(unit):
+    """Forces of 1e-13 N are judged as forces of 1 N, one by one and in batches."""
+    for seed in range(30):
+        case = random_case(seed)
+        load = case.load
+        parts = load.flow_force, load.flow_couple, load.weight
+        scaled = Load(*(unit * part for part in parts), load.centre)
+        inert = case.mass, case.inertia
+        before = judged(load, case.contacts, case.friction, inert)
+        after = judged(scaled, case.contacts, case.friction, inert)
+        assert (after.label, after.safety.status) == (before.label, before.safety.status)
+        assert after.safety.value == pytest.approx(before.safety.value, rel=1e-9)
+    count = 40
+    points = np.random.default_rng(0).normal(size=(count, 4, 3)) - [0.0, 0.0, 2.0]
+    points /= np.linalg.norm(points, axis=2, keepdims=True)
+    force = np.random.default_rng(1).normal(size=(count, 3))
+    rows = points, points, unit * force, np.zeros((count, 3))
+    weight, friction = np.tile([0.0, 0.0, -2.0 * unit], (count, 1)), np.full(count, 0.5)
+    unknown = np.full(count, np.nan), np.full((count, 3, 3), np.nan)
+    batch = judge_many(Cases(*rows, weight, np.zeros((count, 3)), friction, *unknown))
+    assert batch.alone == 0
+    one = Load(force[3], np.zeros(3), [0.0, 0.0, -2.0], np.zeros(3))
+    alone = safety_factor(one, Contacts(points[3], points[3]), 0.5)
+    assert batch.factors[3] == pytest.approx(alone.value, rel=1e-9)
+
+
+def test_what_older_programs_answered_wrongly():
+    """By hand: friction of 1e-6 holds 1e-6 of the weight, and contacts 1.4e-9 apart hold what one place holds."""
+    flat = Contacts([[x, y, -0.1] for x in (-1, 1) for y in (-1, 1)], [[0.0, 0.0, -1.0]] * 4)
+    load = Load([0.25, 0.0, 0.0], [0.0, 0.025, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
+    assert safety_factor(load, flat, 1e-6).value == pytest.approx(4e-6, rel=1e-6)
+    places = 1.4e-9 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    near = Contacts(places + np.array([0.0, 0.0, -1.0]), [[0.0, 0.0, -1.0]] * 3)
+    # Friction holds the push, whose torque about the place is balanced: 0.5 W / F.
+    load = Load([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
+    assert safety_factor(load, near, 0.5).value == pytest.approx(1.25, rel=1e-6)
+
+
+def test_a_patch_by_its_corners_is_an_upper_bound_when_it_spins():
+    """Square of side 1, friction 0.5: all the load at the corners holds mu W sqrt(2)/2 = 0.354 about its normal.
+
+    Even pressure holds mu W times the mean distance, (sqrt(2) + ln(1 + sqrt(2)))/6 = 0.383: 0.191. Points inside the
+    patch cannot lower the factor, since rigid statics leaves the pressure free.
+    """
+    corners = np.array([[x, y, -0.5] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
+    grid = np.linspace(-0.5, 0.5, 5)
+    inside = np.array([[x, y, -0.5] for x in grid for y in grid])
+    spin = Load(np.zeros(3), [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], np.zeros(3))
+    for points in (corners, inside):
+        contacts = Contacts(points, np.tile([0.0, 0.0, -1.0], (len(points), 1)))
+        assert safety_factor(spin, contacts, 0.5).value == pytest.approx(0.5 * math.sqrt(0.5))
+    even = 0.5 * (math.sqrt(2.0) + math.log(1.0 + math.sqrt(2.0))) / 6.0
+    assert even == pytest.approx(0.191, abs=5e-4)
+
+
+def test_a_family_down_to_rest():
+    """A disc fitted between two walls and turned may be braked as hard as one likes: alpha from tau / J to nothing."""
+    walls = Contacts([[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    load = Load(np.zeros(3), [0.0, 0.0, 0.2], np.zeros(3), np.zeros(3))
+    motion = incipient_motion(load, walls, 0.5, 1.0, 0.1 * np.eye(3))
+    assert motion.uniqueness.name == "FAMILY" and not motion.moves
+    assert motion.solutions[-1].angular_acceleration[2] == pytest.approx(2.0)
