@@ -146,7 +146,7 @@ class BedContact:
         turns = bool(speeds[1] > self._still)
         spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
         normals = np.array([spatial(one) for one in contacts.normals])
-        motion, turning = spatial(contacts.velocities)[None], (turns * spin)[None]
+        motion, turning = spatial(contacts.velocities)[None], (float(turns) * spin)[None]
         still = np.array([[self._still]])
         slow = still / self._near.grain.size
         modes = states_and_modes(motion, normals[None], turning, still, slow)[1]
