@@ -1,12 +1,13 @@
 """Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Point
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.rest import clearance
@@ -91,6 +92,7 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
     remedy, slack = "add points or shorten the domain", 0.0
     if bed.kind == "polyline":
         reaches = ((bed.points[0][0], bed.points[-1][0]),)
+        yield from _steps_at_the_ends(bed.points, domain)
     elif domain.gdim == 3:  # a height map may not reach as far as the domain
         reaches, slack = shape.extent, 1e-9
         remedy = "enlarge its cell, change its offset or shrink the domain"
@@ -104,6 +106,15 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
     if highest >= domain.ceiling:
         why = f"rises to {'xyz'[domain.gdim - 1]} = {highest:g}, the top is at {domain.ceiling:g}"
         yield problem("bed", why, "enlarge domain.height or lower the bed")
+
+
+def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Problem]:
+    """Vertical steps where the flow enters or leaves, which would have only one of their two sides."""
+    for (before, _), (after, _) in pairwise(points):
+        at_an_end = any(abs(after - end) <= 1e-9 * domain.length for end in domain.spans[0])
+        if before == after and at_an_end:
+            why = f"has a step at x = {after:g}, an end of the domain"
+            yield problem("bed", why, "leave out one of its two points, or move it inward")
 
 
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:

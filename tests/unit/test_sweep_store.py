@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from incipient.errors import OutputError
+from incipient.reporting.sweep import part
 from incipient.sweep import store as stores
 from incipient.sweep.cases import SweepCase
 from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, network_of
@@ -109,6 +110,29 @@ def test_a_changed_case_is_noticed_and_waits_again(
     anew = rows(path)
     assert [row["id"] for row in anew] == [row["id"] for row in whole]
     assert anew[3]["drag"] == 3.0 and anew[3]["a.x"] == 3
+
+
+@pytest.mark.parametrize("scene", ["5", '"words"', "[" * 5000 + "]" * 5000, None])
+@pytest.mark.parametrize("task", ["judge", "threshold"])
+def test_a_scene_that_is_none_is_damaged_whatever_its_checksum(
+    tmp_path: Path, task: str, scene: str | None
+) -> None:
+    """As somebody who wants to harm may write it; reports of such files ended without a reason."""
+    path = tmp_path / "sweep.sqlite"
+    filled(path)
+    changed(path, "CREATE TABLE anew AS SELECT * FROM cases")  # without NOT NULL
+    changed(path, "DROP TABLE cases")
+    changed(path, "ALTER TABLE anew RENAME TO cases")
+    changed(path, "UPDATE cases SET scene = ?, task = ? WHERE id = 'case0'", scene, task)
+    with sqlite3.connect(path) as base:
+        base.row_factory = sqlite3.Row
+        row = base.execute("SELECT * FROM cases WHERE id = 'case0'").fetchone()
+        base.execute("UPDATE cases SET checksum = ? WHERE id = 'case0'", (stores._checksum(row),))
+    base.close()
+    assert [row["id"] for row in rows(path) if row["status"] == DAMAGED] == ["case0"]
+    page = part(path)
+    assert "39 computed, 0 failed, 1 damaged" in page.statements[0]
+    assert not any("First case" in section.title for section in page.sections)
 
 
 def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None:
