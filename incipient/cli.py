@@ -240,8 +240,8 @@ def _system_errors_reported() -> Iterator[None]:
     except (OSError, ImportError) as error:
         if any(words in str(error) for words in _UNLOADED):
             raise OutputError(f"the memory is too small ({shortened(error)}); {_MORE}") from error
-        of_a_library = isinstance(error, ImportError) or not error.errno
-        if of_a_library or error.filename is None:  # or of the standard output
+        # Of a library, or of the standard output.
+        if isinstance(error, ImportError) or not error.errno or error.filename is None:
             raise
         remedy = "give another name or directory, or make room"
         name = shortened(error.filename, 300)
