@@ -27,6 +27,9 @@ DEFECT, INTERRUPTED = 70, 130
 UNREAD = (
     128 + signal.SIGPIPE
 )  # as of programs that the system ends because nobody reads what they print
+_MORE = "ask for less at once, or give the program more"
+# What the loader of libraries says where there is no memory left for one.
+_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
@@ -233,10 +236,12 @@ def _system_errors_reported() -> Iterator[None]:
         raise
     except MemoryError as error:
         why = shortened(error) or "no more can be had"
-        remedy = "ask for less at once, or give the program more"
-        raise OutputError(f"the memory is too small ({why}); {remedy}") from error
-    except OSError as error:
-        if not error.errno or error.filename is None:  # of a library, or of the standard output
+        raise OutputError(f"the memory is too small ({why}); {_MORE}") from error
+    except (OSError, ImportError) as error:
+        if any(words in str(error) for words in _UNLOADED):
+            raise OutputError(f"the memory is too small ({shortened(error)}); {_MORE}") from error
+        # Of a library, or of the standard output.
+        if isinstance(error, ImportError) or not error.errno or error.filename is None:
             raise
         remedy = "give another name or directory, or make room"
         name = shortened(error.filename, 300)

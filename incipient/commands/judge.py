@@ -47,10 +47,10 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
                 raise SceneError(
                     "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
                 )
-            case = load_case(options.case, options.overrides)
             if options.series is not None:
-                _judge_series(case, options)
+                _judge_series(load_case_without_load(options.case, options.overrides), options)
                 return 0
+            case = load_case(options.case, options.overrides)
             judgement = judge_case(case)
             print(text(case, judgement))
             if options.out is not None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
 from ..results.quantity import HIGH, LOW
 from ..results.si import FLOW
+from ..sweep.quantities import scene_of
 from ..sweep.store import DAMAGED, DONE, FAILED, Store
 from ..sweep.table import rows
 from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
@@ -75,14 +76,13 @@ def part(file: Path) -> PagePart:
 
 
 def _scenes(store: Store) -> dict[str, str]:
-    """The scene of the first case of each source, as TOML."""
+    """The scene of the first case of each source, as TOML; none of a damaged case."""
     first: dict[str, str] = {}
     for stored in store.first_of_sources():
-        text = stored["scene"]
         if stored["status"] != DAMAGED:
-            first[stored["source"]] = (
-                tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
-            )
+            with suppress(ValueError, TypeError, AttributeError, RecursionError):
+                scene, is_case = scene_of(stored), stored["task"] == "judge"
+                first[stored["source"]] = tomli_w.dumps(scene) if is_case else stored["scene"]
     return first
 
 

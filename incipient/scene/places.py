@@ -1,12 +1,13 @@
 """Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Point
 from ..errors import SceneError
 from ..geometry.closest import clearance
 from ..geometry.placement import Placement
@@ -18,6 +19,7 @@ from .surface import Surface
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
+FARTHEST = 1e6  # extents of the domain, in sizes of what lies in it
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _SPACING, _PLACES = (
@@ -37,7 +39,7 @@ def misplaced(scene: SceneSections) -> list[Problem]:
         scene.contact,
     )
     finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
-    found = [*_resolution(domain, grain, finest)]
+    found = [*_resolution(domain, grain, finest)] or [*_extents(domain, grain, shape)]
     if bed is not None and not found:
         found = (
             [*_forms(bed, shape, domain, grain, scene.numerics.max_cells)]
@@ -62,14 +64,30 @@ def misplaced(scene: SceneSections) -> list[Problem]:
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
     """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
-    names = ("length", "height") if domain.gdim == 2 else ("length", "width", "height")
-    for name, start, extent in zip(names, domain.origin, domain.extents, strict=True):
+    for name, start, extent in zip(_names(domain), domain.origin, domain.extents, strict=True):
         apart = math.ulp(abs(start) + extent)
         needed = finest * min(extent, extent if grain is None else grain.size)
         if 4.0 * apart > needed:
             key = "origin" if abs(start) > extent else name
             why = f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
             yield problem(f"domain.{key}", why, "move the scene towards zero, or make it smaller")
+
+
+def _names(domain: Domain) -> tuple[str, ...]:
+    return ("length", "height") if domain.gdim == 2 else ("length", "width", "height")
+
+
+def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
+    """Extents so many times the size of a grain, or of the forms of a bed in space, that gmsh confuses its points."""
+    sizes = {"the grain": math.inf if grain is None else grain.size}
+    if domain.gdim == 3 and bed is not None:
+        sizes["a form of the bed"] = bed.feature
+    what, size = min(sizes.items(), key=lambda item: item[1])
+    for name, extent in zip(_names(domain), domain.extents, strict=True):
+        if extent > FARTHEST * size:
+            why = f"is {extent:g}, {extent / size:.2g} times the size of {what}"
+            remedy = f"give at most {FARTHEST:g} times that size"
+            yield problem(f"domain.{name}", why, remedy)
 
 
 def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> Iterator[Problem]:
@@ -91,6 +109,7 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
     remedy, slack = "add points or shorten the domain", 0.0
     if bed.kind == "polyline":
         reaches = ((bed.points[0][0], bed.points[-1][0]),)
+        yield from _steps_at_the_ends(bed.points, domain)
     elif domain.gdim == 3:  # a height map may not reach as far as the domain
         reaches, slack = shape.extent, 1e-9
         remedy = "enlarge its cell, change its offset or shrink the domain"
@@ -104,6 +123,15 @@ def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
     if highest >= domain.ceiling:
         why = f"rises to {'xyz'[domain.gdim - 1]} = {highest:g}, the top is at {domain.ceiling:g}"
         yield problem("bed", why, "enlarge domain.height or lower the bed")
+
+
+def _steps_at_the_ends(points: Sequence[Point], domain: Domain) -> Iterator[Problem]:
+    """Vertical steps where the flow enters or leaves, which would have only one of their two sides."""
+    for (before, _), (after, _) in pairwise(points):
+        at_an_end = any(abs(after - end) <= 1e-9 * domain.length for end in domain.spans[0])
+        if before == after and at_an_end:
+            why = f"has a step at x = {after:g}, an end of the domain"
+            yield problem("bed", why, "leave out one of its two points, or move it inward")
 
 
 def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:

@@ -43,7 +43,7 @@ def read_numbers(
             section, f"{path} is no table ({error})", f"write the numbers {names} a line"
         ) from None
     rows = [(k, row) for k, row in rows if row and not row[0].lstrip().startswith("#")]
-    if rows and not any(_is_number(cell) for cell in rows[0][1]):
+    if rows and all(map(_is_name, rows[0][1])):
         rows = rows[1:]
     if not fewest <= len(rows) <= most:
         number = {1: "one", 2: "two", 3: "three"}.get(fewest, str(fewest))
@@ -101,6 +101,16 @@ def _numbers(
         remedy = f"write {number} finite numbers {names} a line"
         raise about_file(section, f'{place} is "{",".join(row)[:40]}"', remedy)
     return tuple(float(cell) for cell in row)
+
+
+def _is_name(cell: str) -> bool:
+    """Whether a cell names a column; "nan", "0;1" and digits of another script are broken numbers."""
+    first = cell.strip()[:1]
+    try:
+        float(cell)
+    except ValueError:
+        return bool(first) and not first.isnumeric() and first not in "+-."
+    return False
 
 
 def _is_number(cell: str) -> bool:

@@ -55,7 +55,8 @@ class Verdicts:
         lines += [
             f"{mode:<19} {count} ({count / self.cases:.2%})" for mode, count in self.modes.items()
         ]
-        lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
+        if self.modes:
+            lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
         if self.failed:
             lines.append(f"{'not judged':<20}{self.failed}, the first:")
             lines += [f"  row {row}: {reason}" for row, reason in self.reasons.items()]

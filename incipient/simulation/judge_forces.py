@@ -49,16 +49,21 @@ def load_case_without_load(path: Path, overrides: Sequence[str]) -> Case:
     except SceneError as error:
         if not any(name in str(error) for name in LOAD):
             raise
+    messages = []
     for zeros in (("[0.0, 0.0]", "0.0"), ("[0.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]")):
         none = [f"{name}={zero}" for name, zero in zip(LOAD, zeros, strict=True)]
         try:
             case = load_case(path, [*none, *overrides])
         except SceneError as error:
-            last = error
+            message = str(error)
+            for setting in none:  # nobody gave them
+                message = message.replace(f" --set {setting}", "")
+            messages.append(message)
         else:
             said = "".join(f", with {one}" for one in none)
             return case.model_copy(update={"title": case.title.replace(said, "")})
-    raise last
+    of_others = (said for said in messages if not any(name in said for name in LOAD))
+    raise SceneError(next(of_others, messages[0]))
 
 
 def judge_forces(

@@ -21,6 +21,7 @@ from .request import FlowPast, Surveyed
 
 TOUCHING = 1e-6  # of the diameter: gaps of contacts
 ACROSS = 12  # points of the raster of the bed along the smallest diameter
+MOST_POINTS = 10**8  # of it, which take some 6 GiB
 MARGIN = 3.0  # median diameters from the edge of a measured bed within which no grain is surveyed
 SHIFTED = (
     0.25  # of the diameter by which a measured grain may have to move to rest on its neighbours
@@ -60,7 +61,14 @@ class Surface:
                     f"bed: is less than {2 * MARGIN:g} median grains wide; give a larger one"
                 )
         step = 2.0 * float(spheres.radii.min()) / ACROSS
-        counts = np.maximum(np.ceil((high - low) / step).astype(int), 2)
+        wanted = np.maximum(np.ceil((high - low) / step), 2.0)
+        if wanted.prod() > MOST_POINTS:
+            size = " x ".join(f"{extent:g}" for extent in high - low)
+            raise SceneError(
+                f"bed: its surface, {size}, takes {wanted.prod():.2g} points, {ACROSS} across the smallest grain, more "
+                f"than {MOST_POINTS:.2g}; give a smaller one, or leave out its smallest grains"
+            )
+        counts = wanted.astype(int)
         sides = [
             a + (b - a) * (np.arange(n) + 0.5) / n
             for a, b, n in zip(low, high, counts, strict=True)

@@ -21,11 +21,19 @@ def found(stored: Mapping[str, Any] | sqlite3.Row, keys: Sequence[str]) -> dict[
 
     Raises ValueError, LookupError, TypeError or AttributeError: the case is damaged.
     """
-    scene = (json.loads if stored["task"] == "judge" else tomllib.loads)(stored["scene"])
+    scene = scene_of(stored)
     row = {key: _shown(value) for key in keys if (value := at(scene, key)) is not None}
     if stored["result"]:
         row |= quantities(stored["task"], json.loads(stored["result"]))
     return row
+
+
+def scene_of(stored: Mapping[str, Any] | sqlite3.Row) -> dict[str, Any]:
+    """The scene of a case as plain data; raises ValueError, TypeError, AttributeError or RecursionError: damaged."""
+    scene = (json.loads if stored["task"] == "judge" else tomllib.loads)(stored["scene"])
+    if not isinstance(scene, dict):
+        raise TypeError("a scene is a table of keys")
+    return scene
 
 
 def _shown(value: Any) -> Any:

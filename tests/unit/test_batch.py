@@ -308,6 +308,15 @@ def test_the_command_judges_a_series(tmp_path: Path, capsys: Any) -> None:
     assert stored["events"][0]["impulse"] == pytest.approx(0.25)
     samples = (tmp_path / "out" / "series.csv").read_text().splitlines()
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
+    case = tmp_path / "without_load.toml"
+    lines = case_of(tmp_path).read_text().splitlines(keepends=True)
+    case.write_text("".join(one for one in lines if not one.startswith("flow_")))
+    assert cli.main(["judge", str(case), "--series", str(path)]) == 0  # which it never reads
+    assert "25.000% of the time" in capsys.readouterr().out
+    case.write_text(case.read_text().replace("friction =", "# friction ="))
+    assert cli.main(["judge", str(case), "--series", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert f"{case}: contacts.friction: is missing" in said and "flow_force" not in said
     path.write_text("time,force_x\n1,x\n")
     assert cli.main(order) == 2 and "could not convert string 'x'" in capsys.readouterr().err
     path.write_text("time,force_x,force_x\n1,2,3\n")

@@ -409,6 +409,22 @@ BETWEEN = [
         {"bed": Polyline(points=[(0, 0), (5, 1)])},
         "bed: reaches from x = 0 to 5, the domain from 0 to 12; add points or shorten the domain",
     ),
+    (  # gmsh could "not recover an edge"; in space all memory went into the estimate of cells
+        {"domain": Domain(length=12, height=1e9)},
+        "domain.height: is 1e+09, 1e+09 times the size of the grain; give at most 1e+06 times that size",
+    ),
+    (  # the mesh had the lower side alone
+        {"fluid": FLOW_SCALE, "body": None, "bed": Polyline(points=[(0, 1), (0, 0), (12, 0)])},
+        "bed: has a step at x = 0, an end of the domain; leave out one of its two points, or move it inward",
+    ),
+    (  # the mesh had a ramp from end to end
+        {
+            "fluid": FLOW_SCALE,
+            "body": None,
+            "bed": Polyline(points=[(0, 0), (12, 0), (12, 1), (15, 1)]),
+        },
+        "bed: has a step at x = 12, an end of the domain; leave out one of its two points, or move it inward",
+    ),
     (
         {"bed": Sinusoidal(amplitude=7, wavelength=4)},
         "bed: rises to y = 7, the top is at 6; enlarge domain.height or lower the bed",

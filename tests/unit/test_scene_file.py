@@ -305,7 +305,7 @@ def with_bed(tmp_path: Path, rows: str) -> Path:
 
 
 def test_a_polyline_is_read_beside_the_scene_and_saved_with_it(tmp_path, monkeypatch):
-    path = with_bed(tmp_path, "x,y\n# surveyed\n-1, 0\n\n6,0.5\n12,0.25\n")
+    path = with_bed(tmp_path, "x [m], (y)\n# surveyed\n-1, 0\n\n6,0.5\n12,0.25\n")
     scene = load(path)
     assert scene.bed == Polyline(points=[(-1, 0), (6, 0.5), (12, 0.25)])
     elsewhere = tmp_path / "elsewhere"
@@ -335,6 +335,10 @@ def test_a_polyline_from_python_is_read_in_the_working_directory(tmp_path, monke
         (
             "x,y\n0,0\n1,2,3\n",
             'survey/bed.csv line 3 is "1,2,3"; write two finite numbers x, y a line',
+        ),
+        *(  # taken for a heading, and missing from the bed without a word
+            (f"{row}\n0,0\n12,0\n", f'survey/bed.csv line 1 is "{row}"; write two finite numbers')
+            for row in ("٣,٤", "nan,nan", "-1;0", "1e,2e", ",", "x,0")
         ),
         (
             "0,0\nhere,there\n",

@@ -55,6 +55,13 @@ def on_pocket(size: float, azimuth: float = 0.0) -> Pocket:
     return found
 
 
+def test_a_bed_too_large_for_its_grains_is_refused() -> None:
+    """Thirty grains on a box of 1e9 asked for 89 GiB: 12 points across a grain of 1 are 1.2e10 x 96."""
+    spheres = Spheres(np.zeros((30, 3)), np.full(30, 0.5), np.array([1e9, 8.0]))
+    with pytest.raises(SceneError, match=r"bed: its surface, 1e\+09 x 8, takes 1.2e\+12 points"):
+        Surface.of(spheres)
+
+
 def test_neighbours_of_one_height_do_not_rest_on_each_other():
     """Spheres of a level layer, moved up and down by round-off, carry none of the six beside them."""
     below, above = layer(), layer() + np.array([1.0 / math.sqrt(3.0), 0.0, math.sqrt(2.0 / 3.0)])

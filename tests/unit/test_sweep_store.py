@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from incipient.errors import OutputError
+from incipient.reporting.sweep import part
 from incipient.sweep import store as stores
 from incipient.sweep.cases import SweepCase
 from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, network_of
@@ -109,6 +110,30 @@ def test_a_changed_case_is_noticed_and_waits_again(
     anew = rows(path)
     assert [row["id"] for row in anew] == [row["id"] for row in whole]
     assert anew[3]["drag"] == 3.0 and anew[3]["a.x"] == 3
+
+
+def test_scenes_that_are_none_are_damaged_whatever_their_checksum(tmp_path: Path) -> None:
+    """As somebody who wants to harm may write them; a report of such a file ended without a reason."""
+    path, forged = tmp_path / "sweep.sqlite", ["5", '"words"', "[" * 5000 + "]" * 5000, None]
+    filled(path)
+    changed(path, "CREATE TABLE anew AS SELECT * FROM cases")  # without NOT NULL
+    changed(path, "DROP TABLE cases")
+    changed(path, "ALTER TABLE anew RENAME TO cases")
+    with sqlite3.connect(path) as base:
+        base.row_factory = sqlite3.Row
+        tried = [(task, scene) for task in ("judge", "threshold") for scene in forged]
+        for number, (task, scene) in enumerate(tried):
+            content = scene, task, f"source {number}", f"case{number}"
+            base.execute("UPDATE cases SET scene = ?, task = ?, source = ? WHERE id = ?", content)
+            row = base.execute("SELECT * FROM cases WHERE id = ?", content[3:]).fetchone()
+            new = stores._checksum(row), *content[3:]
+            base.execute("UPDATE cases SET checksum = ? WHERE id = ?", new)
+    base.close()
+    assert [row["status"] for row in rows(path)] == [DAMAGED] * 8 + [DONE] * 32
+    page = part(path)
+    assert "32 computed, 0 failed, 8 damaged" in page.statements[0]
+    titles = [section.title for section in page.sections if "First case" in section.title]
+    assert titles == ["First case of made"]
 
 
 def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None:
