@@ -11,7 +11,7 @@ from .simplices import Simplices, measures
 def grid_cells(grid: Grid) -> Simplices:
     """The cells of a grid: a rectangle's diagonals alternate, a box's six tetrahedra share one.
 
-    That of a box leads from the next corner of the whole box inwards: no tetrahedron has all of its corners on walls.
+    Unless all are parallel, that of a box leads from its next corner inwards: no tetrahedron has all corners on walls.
     In such a one at a corner of the box the velocity of order two vanishes, and the pressure there is not determined.
     """
     counts = np.array([len(ends) for ends in grid.ends])
@@ -23,7 +23,9 @@ def grid_cells(grid: Grid) -> Simplices:
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, gdim)
     first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
     first = first.reshape(-1, gdim)
-    if gdim == 3:
+    if gdim == 3 and grid.parallel:
+        inwards = np.ones_like(first)
+    elif gdim == 3:
         inwards = np.where(first < counts / 2 * [1, not grid.half, 1], 1, -1)
     else:
         inwards = np.column_stack([np.ones(len(first), int), 2 * (first.sum(axis=1) % 2) - 1])

@@ -36,6 +36,8 @@ class RandomMotion:
         self.made: Floats = mesh.geometry.x.copy()
         self._gdim, self._radius, self._bend = mesh.geometry.dim, radius, bend
         self._random = np.random.default_rng(seed)
+        # Throws go by the places of the nodes, so that they do not depend on how nodes are numbered.
+        self._rank = np.argsort(np.lexsort(np.round(self.made, 9).T))
         self._sides = _mid_sides(compat.geometry_dofs(mesh), self._gdim)
         on_side = np.isclose(self.made[:, : self._gdim], 0.0) | np.isclose(
             self.made[:, : self._gdim], 1.0
@@ -55,7 +57,7 @@ class RandomMotion:
         directions = self._random.standard_normal((len(self.made), self._gdim))
         lengths = self._random.random((len(self.made), 1)) ** (1 / self._gdim)
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return radius * lengths * directions * self._may_move
+        return radius * (lengths * directions)[self._rank] * self._may_move
 
 
 def _mid_sides(cells: NDArray[np.int32], gdim: int) -> NDArray[np.int32]:

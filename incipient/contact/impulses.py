@@ -335,4 +335,4 @@ def solve(matrix: Floats, right: Floats) -> None:
         right[row] = right[row] / matrix[row, row] if matrix[row, row] != 0.0 else 0.0
 
 
-NEWTON = Kernel(newton)
+NEWTON = Kernel(newton, interpreted=20)

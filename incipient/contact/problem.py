@@ -22,7 +22,8 @@ from incipient.geometry.contacts import Contacts, freeze
 PLANAR = 1e-12  # dimensionless distance from its plane up to which a case is planar
 SOLID = 1e-6  # determinant of the normals' second moments above which they span space
 SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal normals are one
-INTERPRETED = 20  # calls of a kernel before it is compiled: loading numba takes as long as they do
+# Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
+INTERPRETED = 240
 SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
@@ -238,16 +239,19 @@ class Kernel:
     """A function of loops over numbers that runs as it is at first and is compiled by numba if it is called often.
 
     Compiled code is kept in `__pycache__`, or where NUMBA_CACHE_DIR says.
+
+    Args:
+        function: its first argument ends in a matrix for each row.
+        interpreted: rows with three equations before it is compiled.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function = function
-        self.left = INTERPRETED
+    def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
+        self.function, self.left = function, interpreted
         self.compiled: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any, rows: int = 1) -> Any:
-        """Call it for so many rows."""
-        self.left -= rows
+        """Call it for so many rows, whose work goes by the cube of the number of equations."""
+        self.left -= rows * (arguments[0].shape[-2] / 3) ** 3
         if self.left < 0 and self.compiled is None:
             self.compiled = _compiled(self.function) or self.function
         return (self.compiled or self.function)(*arguments)

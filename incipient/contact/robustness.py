@@ -159,7 +159,8 @@ def _possible(problem: ContactProblem, box: ErrorBox, weight_held: bool) -> Inte
     if math.isnan(low[0]):
         return (0.0, 0.0) if weight_held else None
     ratio = (problem.weight_size or size * unit) / (size * unit)
-    return (0.0 if weight_held else float(low[0]) * ratio), float(high[0]) * ratio
+    largest = float(high[0]) * ratio
+    return (0.0 if weight_held else float(low[0]) * ratio), largest if largest > TOLERANCE else 0.0
 
 
 def _guaranteed(

@@ -320,7 +320,8 @@ class ResolvedWalls:
         across = max(ACROSS, round((high - low) / (2.0 * COLUMN * self.depth * coarse)))
         half = geometry.symmetric
         ends = graded_ends(columns, 1.0), layer_ends(across, 1.0, half), rows
-        return Grid((along, (low, high), upright), ends, names.of_box(half), half)
+        shape = along, (low, high), upright
+        return Grid(shape, ends, names.of_box(half), half, parallel=True)
 
     def _duct(self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
         """The mesh of a duct: rows and layers grow with the distances from floor, top and sides."""

@@ -49,7 +49,8 @@ def channel_grid(
         high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
         layers = max(layers, round(ROWS * rubbing / coarse))
     across = layer_ends(layers, GRADING if walls.sides else 1.0, half)
-    return Grid((along, (low, high), upright), (along_ends, across, rows), names.of_box(half), half)
+    ends = along_ends, across, rows
+    return Grid((along, (low, high), upright), ends, names.of_box(half), half, parallel=True)
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:

@@ -76,7 +76,7 @@ class SafetyBar:
         if not modes:
             return "it moves"
         if not self.complete:
-            return f"it moves, but how ({' or '.join(modes)}) is not certain"
+            return f"it moves ({' or '.join(modes)}, at this load and at the worst within the bars)"
         return f"it moves ({modes[0]})" if len(modes) == 1 else f"it moves, by {' or '.join(modes)}"
 
 

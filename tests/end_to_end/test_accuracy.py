@@ -290,7 +290,10 @@ def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) ->
     found = run(loads(STREAM + "accuracy=0.01\n")).adaptation
     assert found is not None and found.met
     first, second = found.trials[:2]
-    assert (first.estimate, first.note) == (None, "not compared: no step was accepted")
+    assert (first.estimate, first.note) == (
+        None,
+        "not compared: no step was accepted, in a run to compare with",
+    )
     assert (first.step, second.step) == (0.1, 0.05)
     assert second.note == "" and second.unknowns > first.unknowns
 

@@ -94,7 +94,10 @@ def test_two_ranks_find_the_same(command, scene: Path) -> None:
             ("--data", "percent.csv"),
             "percent.csv has the Shields number 0.003 with the probability 50",
         ),
-        (("--gusts", "nowhere"), "--gusts: nowhere/gusts.json cannot be read; give the directory"),
+        (
+            ("--gusts", "nowhere"),
+            "--gusts: nowhere/gusts.json cannot be read (No such file or directory); give the directory",
+        ),
         (("--data", "nowhere.csv"), "nowhere.csv cannot be read"),
         (("--set", 'gusts.intensity="model"'), 'gusts.intensity: "model" needs a turbulence model'),
         (("--set", "flow.kind=still"), "flow"),

@@ -91,7 +91,7 @@ def test_a_plate_is_that_of_two_programs():
         ),
         (
             {"body": Disc(diameter=0.1, centre=(1.0, 1.0))},
-            "bed: below a grain in a uniform turbulent stream is not",
+            '"uniform" is not simulated with turbulence past a grain',
         ),
         (
             {"turbulence": Turbulence(model="k-omega-sst")},

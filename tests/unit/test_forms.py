@@ -317,7 +317,7 @@ def test_fluid_that_comes_back_brings_the_momentum_of_the_stream(
     term = forms.OpenBoundary(0.0, measure, v, stream)
     tested = dolfinx.fem.Function(space)
     tested.interpolate(lambda x: np.array([np.zeros_like(x[0]), np.full_like(x[0], 2.0)]))
-    returning = term.on_boundary(forms.Unknowns(v, None, w, None))
+    returning = term.on_boundary(forms.Unknowns(v, None, w, None, RENEWED))
     found = dolfinx.fem.assemble_scalar(compat.form(ufl.action(returning, tested)))
     assert found == pytest.approx(power, abs=1e-12)
 

@@ -18,11 +18,11 @@ NAMES = ("upstream", "downstream", "right", "left", "bottom", "top")
 BOX = ((-1.0, 2.0), (0.0, 1.0), (0.5, 1.0))
 
 
-def grid(counts: tuple[int, ...], half: bool = False) -> Grid:
+def grid(counts: tuple[int, ...], half: bool = False, parallel: bool = False) -> Grid:
     """A grid of the first axes of a box."""
     ends = tuple(layer_ends(n, 0.3, half and axis == 1) for axis, n in enumerate(counts))
     names = (*NAMES[:2], "symmetry", *NAMES[3:]) if half else NAMES
-    return Grid(BOX[: len(counts)], ends, names[: 2 * len(counts)], half)
+    return Grid(BOX[: len(counts)], ends, names[: 2 * len(counts)], half, parallel)
 
 
 def sizes(corners: np.ndarray) -> np.ndarray:
@@ -40,9 +40,10 @@ def sizes(corners: np.ndarray) -> np.ndarray:
         ((4, 3, 5), True, 1.5, [0.5, 0.5, 1.5, 1.5, 3.0, 3.0]),
     ],
 )
-def test_cells_fill_the_box_and_facets_cover_its_sides(counts, half, measure, of_sides):
+@pytest.mark.parametrize("parallel", [False, True])
+def test_cells_fill_the_box_and_facets_cover_its_sides(counts, half, parallel, measure, of_sides):
     """Volume and sides of the box by hand; every facet has two cells, or one and a name."""
-    shape = grid(counts, half)
+    shape = grid(counts, half, parallel)
     made = grid_cells(shape)
     assert len(made.cells) == shape.cells
     corners = made.points[made.cells]

@@ -74,7 +74,7 @@ def test_a_lock_that_is_a_pipe_or_holds_nonsense_is_refused(tmp_path: Path) -> N
         with locked(tmp_path, Alone()):  # type: ignore[arg-type]
             raise AssertionError("entered")
 
-    assert "lock.json: is no file" in message(enter)
+    assert "lock.json: is no lock but a link, pipe or directory" in message(enter)
     for held in (DEEP, '{"host": 5, "process": "x", "began": [1], "since": null}', "[]"):
         (tmp_path / "lock.json").unlink()
         (tmp_path / "lock.json").write_text(held)

@@ -78,9 +78,9 @@ def test_no_certainty_from_corners_that_move() -> None:
 @pytest.mark.parametrize(
     ("couple", "error", "friction", "outcome"),
     [
-        (0.1, 0.02, 0.1, "it moves, but how (pivoting and sliding) is not certain"),
+        (0.1, 0.02, 0.1, "it moves (pivoting and sliding, at this load and at the worst within the bars)"),
         (0.02, 0.01, 0.1, "it rests"),
-        (0.6, 0.3, 0.7, "it moves, but how (pivoting and sliding) is not certain"),
+        (0.6, 0.3, 0.7, "it moves (pivoting and sliding, at this load and at the worst within the bars)"),
     ],
 )
 def test_what_is_certain_is_said(
@@ -101,7 +101,7 @@ def test_a_mode_is_not_certain_without_proof() -> None:
     load = Load(np.array([0.6, 0, 0]), np.zeros(3), np.array([0, 0, -1.0]), np.zeros(3))
     block = bar_of_safety(load, contacts, 0.3, (1.0, np.eye(3)), {"gap": 0.1 * np.eye(6)[0]})
     assert block.certain and not block.complete
-    assert "it moves, but how (sliding) is not certain" in block.sentence()
+    assert "it moves (sliding, at this load and at the worst within the bars)" in block.sentence()
 
 
 def test_held_by_the_flow_alone() -> None:
