@@ -78,9 +78,19 @@ def test_no_certainty_from_corners_that_move() -> None:
 @pytest.mark.parametrize(
     ("couple", "error", "friction", "outcome"),
     [
-        (0.1, 0.02, 0.1, "it moves (pivoting and sliding, at this load and at the worst within the bars)"),
+        (
+            0.1,
+            0.02,
+            0.1,
+            "it moves (pivoting and sliding, at this load and at the worst within the bars)",
+        ),
         (0.02, 0.01, 0.1, "it rests"),
-        (0.6, 0.3, 0.7, "it moves (pivoting and sliding, at this load and at the worst within the bars)"),
+        (
+            0.6,
+            0.3,
+            0.7,
+            "it moves (pivoting and sliding, at this load and at the worst within the bars)",
+        ),
     ],
 )
 def test_what_is_certain_is_said(
