@@ -20,6 +20,7 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, Traced, pl
 from incipient.geometry.shape import (
     Balls,
     Moments,
+    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -176,7 +177,7 @@ class Disc(Ellipse):
 
 
 @dataclass(frozen=True)
-class Rectangle(Grain):
+class Rectangle(RoundedBox, Grain):
     """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
 
     width: float
@@ -192,43 +193,23 @@ class Rectangle(Grain):
             )
 
     @property
-    def _radius(self) -> float:
+    def rounding(self) -> float:
         """The corner radius, zero where it is lost in round-off beside the sides."""
         return (
             self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
         )
 
     @property
-    def _core(self) -> Floats:
+    def core(self) -> Floats:
         """Half the sides of the rectangle that the corner circle is rolled around."""
-        return 0.5 * np.array([self.width, self.height]) - self._radius
-
-    @property
-    def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.hypot(*self._core) + 2.0 * self._radius)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 2)."""
-        beyond = np.abs(rows(x)) - self._core
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self._radius)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) at points (n, 2), at a sharp corner the bisector."""
-        x = rows(x)
-        beyond = np.abs(x) - self._core
-        inside = (beyond <= 0.0).all(axis=1, keepdims=True)
-        nearest_side = beyond == beyond.max(axis=1, keepdims=True)
-        direction = np.where(inside, nearest_side, np.maximum(beyond, 0.0))
-        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
+        return 0.5 * np.array([self.width, self.height]) - self.rounding
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
-        r = self._radius
+        r = self.rounding
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         outward = np.array([(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)])
-        centres = signs * self._core
+        centres = signs * self.core
         curves: list[Curve] = []
         for k in range(4):
             here, there = centres[k], centres[(k + 1) % 4]
