@@ -85,7 +85,7 @@ class Polyhedral(ExactSurface):
 
     def draft(self) -> Draft:
         free = np.zeros(self.surface.points.shape, dtype=bool)
-        return Draft(self.surface, free, sharp=True, faceted=False)
+        return Draft(self.surface, free, sharp=True)
 
     def project(self, x: np.ndarray, held: np.ndarray) -> np.ndarray:
         return self.faces.nearest(x, 0.0)[0]
