@@ -427,16 +427,14 @@ def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     sharp = sharp[sharp[:, 0] != sharp[:, 1]]
-    used = np.zeros(len(mesh.points), dtype=bool)
-    used[triangles] = True
-    place = np.cumsum(used) - 1
+    used, numbered = np.unique(triangles, return_inverse=True)
     return SurfaceMesh(
         mesh.points[used],
         mesh.sizes[used],
-        Topology(place[triangles]),
+        Topology(numbered.reshape(-1, 3)),
         mesh.held[used],
         mesh.fixed[used],
-        place[sharp].reshape(-1, 2),
+        np.searchsorted(used, sharp).reshape(-1, 2),
     )
 
 
