@@ -1,4 +1,4 @@
-"""A scanned pebble on a bed of spheres, in creeping shear: does the verdict hang on how finely it was scanned?
+"""A scanned pebble on a bed of spheres, in creeping shear: does the verdict depend on how finely it was scanned?
 
 Scaling: spheres of the bed of diameter 2, pebble 1.25 x 0.96 x 0.72, density of the fluid and shear rate 1, Re 0.05.
 Cost:    two minutes of processor time on one core; the error bars of the first scan's flow serve the others.

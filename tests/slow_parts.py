@@ -34,7 +34,6 @@ PARTS = {
         "unit/test_batch.py",
         "unit/test_judge_many.py",
         "unit/test_rocking.py",
-        "unit/test_scans.py",
         "unit/test_settle.py",
     ),
     "motion": (

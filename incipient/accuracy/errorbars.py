@@ -14,7 +14,6 @@ Each source of error is a term of its own:
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
 - datum: over a bed with forms a coarse run whose stream starts where it may as well shows what the scene's changes;
 - not steady: by how much the loads change in the last steps of a mean flow in space that changes for ever;
-- scan: how coarser copies of a grain or a bed from a file hold the load (`scans`);
 - level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
 
 For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
@@ -55,7 +54,6 @@ from .model_terms import (
     of_the_model,
     on_more_bed,
 )
-from .scans import SCAN, is_scanned, of_scans
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
@@ -128,8 +126,6 @@ def error_terms(
         found.add(POCKET, lambda _: _of_pocket(run, speed))
     if (wider := on_more_bed(scene)) is not None:
         found.add(GROUND, partial(of_level_ground, wider, _computed(run, force, couple)))
-    if run.contacts is not None and force is not None and couple is not None and is_scanned(scene):
-        found.add(SCAN, lambda _: of_scans(scene, force, couple))
     bars = found.bars()
     if at_hand is not None and (between := of_interaction(bars, at_hand)) is not None:
         bars = replace(bars, terms=(*bars.terms, between))
@@ -150,13 +146,12 @@ def with_safety(
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
 
-    terms = (term for term in bars.terms if term.modes)
-    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
+    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     if bar is not None and (walls := run.wall_report()) is not None:
         bar = replace(bar, certain=False, decisive=OF_MODEL if walls.applicable else walls.unsuited)
-    if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
-        bar = replace(bar, certain=False, decisive=doubtful)
+    if bar is not None and bars.doubtful:
+        bar = replace(bar, certain=False, decisive=bars.doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
 
 

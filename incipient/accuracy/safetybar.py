@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +15,6 @@ from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
 
-if TYPE_CHECKING:
-    from ..results.errorbars import Term
-
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]
 # What the exact judge is asked about: load, contacts, friction, mass and inertia.
@@ -27,19 +22,16 @@ JudgedCase = tuple[Load, Contacts, float, MassAndInertia | None]
 
 
 def bar_of_scene(
-    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors, *terms: Term
+    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
 ) -> SafetyBar | None:
-    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective.
-
-    `terms` are those of `errors` that change the safety factor at the same load.
-    """
+    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
     load, inert = (
         load_of(scene.placement, force, couple),
         mass_and_inertia(scene.body, scene.placement),
     )
-    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors, *terms)
+    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors)
 
 
 def bar_of_safety(
@@ -48,28 +40,19 @@ def bar_of_safety(
     friction: float,
     inert: MassAndInertia | None,
     errors: Errors,
-    *terms: Term,
 ) -> SafetyBar:
-    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective.
-
-    `terms` are those of `errors` that change the safety factor at the same load.
-    """
+    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective."""
 
     def within(names: set[str]) -> SafetyRange:
         """What the loads in the box of the terms named have in common."""
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
-        ratio = math.prod(term.ratio for term in terms if term.name in names)
-        return safety_range(load, contacts, friction, box).widened(ratio)
+        return safety_range(load, contacts, friction, box)
 
     found = within(set(errors))
     widths = {name: within(set(errors) - {name}).width for name in errors}
     case = load, contacts, friction, inert
     exact = judged(*case)
     modes, complete = _modes(case, found, exact)
-    if not found.rests:
-        others = dict.fromkeys(mode for term in terms for mode in term.modes)
-        complete = complete and others.keys() <= set(modes)
-        modes = tuple(dict.fromkeys([*modes, *others]))
     value = exact.safety.value
     return SafetyBar(
         value=value,

@@ -76,22 +76,6 @@ class SafetyRange:
         """Whether no load of the box is held as it is."""
         return not _contains(self.possible, 1.0)
 
-    def widened(self, ratio: float) -> "SafetyRange":
-        """The range where all factors may be larger or smaller by a ratio of at least one."""
-        if ratio == 1.0:
-            return self
-        if math.isinf(ratio):
-            return replace(self, possible=(0.0, math.inf), guaranteed=None, low=0.0, high=math.inf)
-        some, every = self.possible, self.guaranteed
-        less = None if every is None else (ratio * every[0], every[1] / ratio)
-        return replace(
-            self,
-            possible=some and (some[0] / ratio, some[1] * ratio),
-            guaranteed=less if less and less[0] <= less[1] else None,
-            low=self.low / ratio,
-            high=self.high * ratio,
-        )
-
     @property
     def width(self) -> float:
         """How much longer `possible` is than `guaranteed`, on the scale of s / (1 + s)."""

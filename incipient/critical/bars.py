@@ -72,13 +72,10 @@ class CriticalBars:
 def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
     """The error bars of a critical flow from those of force and couple there. Not collective."""
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
-    ratios = {term.name: term.ratio for term in loads.terms}
     if found.own_mesh is not None:
-        errors[OWN_MESH], ratios[OWN_MESH] = found.own_mesh.change, 1.0
-    ranges = {
-        name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()
-    }
-    low, high = factor_range(found, errors, math.prod(ratios.values()))
+        errors[OWN_MESH] = found.own_mesh.change
+    ranges = {name: factor_range(found, {name: error}) for name, error in errors.items()}
+    low, high = factor_range(found, errors)
     if found.between is not None:
         below, above = ranges["search"] = found.between
         low, high = low + below - found.factor, high + above - found.factor
@@ -105,14 +102,11 @@ def corrected(found: Found, loads: ErrorBars) -> tuple[Found, ErrorBars]:
     return found, replace(loads, terms=tuple(term.uncorrected for term in loads.terms))
 
 
-def factor_range(found: Found, errors: Errors, ratio: float = 1.0) -> Range:
-    """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective.
-
-    Safety factors may besides be larger or smaller by a ratio.
-    """
+def factor_range(found: Found, errors: Errors) -> Range:
+    """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective."""
     path, factor = found.path, found.factor
     box = ErrorBox.of(sum(errors.values(), np.zeros(6)))
-    within = safety_range(found.load, path.contacts, path.friction, box).widened(ratio)
+    within = safety_range(found.load, path.contacts, path.friction, box)
     power = path.steepness(factor)
     return factor * _root(min(within.low, 1.0), power), factor * _root(max(within.high, 1.0), power)
 

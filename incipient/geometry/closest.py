@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, planar_cross
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
@@ -21,6 +21,7 @@ from incipient.geometry.plane.grains import Grain
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
+from incipient.geometry.statics import wrenches
 
 SAME_PLACE = 1e-6  # of the grain's size: two points as near are one
 SEATINGS, SEATED = (
@@ -193,12 +194,7 @@ class NearBed:
             apart = np.linalg.norm(result.points[:, None] - places[None, :, :d], axis=2)
             near = result.only(apart.min(axis=1, initial=np.inf) <= within)
             arms = near.points - np.asarray(placement.centre)
-            turns = (
-                np.cross(arms, near.normals)
-                if d == 3
-                else planar_cross(arms, near.normals)[:, None]
-            )
-            rows = np.hstack([size * near.normals, turns])
+            rows = size * wrenches(near.normals, arms, size)
             motion = np.linalg.lstsq(rows, gap - near.gaps, rcond=1e-10)[0]
             placement = placement.moved(size * motion[:d], motion[d:])
             if np.abs(motion).max(initial=0.0) <= SEATED:

@@ -172,7 +172,7 @@ class _Descent:
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
         """Step by step down to a rest."""
         placement = self._proximity.lowered(start)
-        length, tried, turned = FIRST_STEP, np.inf, False
+        length, tried = FIRST_STEP, np.inf
         for step in range(max_steps):
             near = self._proximity.minima(placement, 2.5 * length * self.size)
             touching = self._touching(placement, near, TOUCHING)
@@ -204,8 +204,7 @@ class _Descent:
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
             gain = self._work(placement, trial)
             expected = self.size * float(motion @ self.load)
-            turned = not gain > max(0.1 * expected, 0.0)
-            if not turned:
+            if gain > max(0.1 * expected, 0.0):
                 placement = trial
                 length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
             else:

@@ -24,7 +24,6 @@ REMEDIES = {
     "pocket": "nothing: in the plane what leaks past contacts is not known",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
-    "scan": "a finer scan of grain or bed",
     "level ground": "a larger numerics.meshed_bed",
     "not steady": "another numerics.mesh_size: the wake changes for ever",
     "interaction": "a smaller contact.gap, larger domain.length and domain.height",

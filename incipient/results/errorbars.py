@@ -114,9 +114,6 @@ class Term:
     centreline: Floats | None = (
         None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
     )
-    # Factor by which the safety factor may be larger or smaller at the same load, for another reason
-    ratio: float = 1.0
-    modes: tuple[str, ...] = ()  # what the grain does where it is
     doubt: str = (
         ""  # why the errors may be more than twice as large; nothing where they are not known to be
     )
@@ -373,8 +370,6 @@ def _if_any(errors: Floats) -> Floats | None:
 
 
 def _errors(term: Term | ErrorBars, gdim: int) -> str:
-    if isinstance(term, Term) and term.modes:
-        return f"safety factor times or over {term.ratio:.3g}"
     said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))

@@ -180,7 +180,7 @@ class Star(GrainSection):
 
     def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Star(geometry.Harmonics(self.radius, self.cosines, self.sines))
+        return geometry.Star(self.radius, self.cosines, self.sines)
 
 
 class Discs(GrainSection):

@@ -129,9 +129,7 @@ def test_shapes_become_geometry():
         Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): grain_geometry.Superellipse(
             (1.0, 0.5), 4.0
         ),
-        Star(radius=0.5, cosines=(0, 0.1), x=4): grain_geometry.Star(
-            grain_geometry.Harmonics(0.5, (0.0, 0.1))
-        ),
+        Star(radius=0.5, cosines=(0, 0.1), x=4): grain_geometry.Star(0.5, (0.0, 0.1)),
         Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): grain_geometry.Discs(
             [(0, 0), (0.5, 0)], [0.5, 0.4]
         ),

@@ -18,7 +18,6 @@ from incipient.geometry import (
     Ellipsoid,
     Flat,
     HalfDiscs,
-    Harmonics,
     Hemispheres,
     Placement,
     Plane,
@@ -160,7 +159,7 @@ class TestBoxes:
 
 GRAINS = (
     Superellipse((0.7, 0.3), 4.0),
-    Star(Harmonics(0.5, (0.0, 0.2), (0.0, 0.1))),
+    Star(0.5, (0.0, 0.2), (0.0, 0.1)),
     Discs([(0, 0), (0.7, 0.2), (-0.3, 0.6)], [0.5, 0.3, 0.4]),
     Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
 )

@@ -6,6 +6,7 @@ import trimesh
 from free_shapes import StarSolid
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from solids_and_terrains import POINTS, SOLIDS, TORUS, solids, vectors
 
 from incipient.errors import SceneError
@@ -180,6 +181,17 @@ class TestClosedFormulae:
         assert turned.volume == pytest.approx(union.volume, rel=1e-8)
         assert np.linalg.eigvalsh(turned.inertia) == pytest.approx(
             np.linalg.eigvalsh(union.inertia), rel=1e-7
+        )
+
+    def test_four_overlapping_spheres_are_the_same_however_they_are_turned(self):
+        """Sections along another direction meet poles, creases and triple points at other heights."""
+        centres = np.array([[0, 0, 0], [0.5, 0, 0], [0.25, 0.4, 0], [0.25, 0.15, 0.4]])
+        radii = [0.4, 0.42, 0.38, 0.4]
+        solid = Spheres(centres, radii)
+        turned = Spheres(Rotation.from_rotvec([0.3, -0.7, 1.1]).apply(centres), radii)
+        assert turned.volume == pytest.approx(solid.volume, rel=1e-9)
+        assert np.linalg.eigvalsh(turned.inertia) == pytest.approx(
+            np.linalg.eigvalsh(solid.inertia), rel=1e-8
         )
 
     def test_star_about_another_pole_is_the_sphere(self):

@@ -5,7 +5,7 @@ A `Placement` turns and carries the frame into the scene. Lengths are scene unit
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +20,7 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, Traced, pl
 from incipient.geometry.shape import (
     Balls,
     Moments,
+    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -176,7 +177,7 @@ class Disc(Ellipse):
 
 
 @dataclass(frozen=True)
-class Rectangle(Grain):
+class Rectangle(RoundedBox, Grain):
     """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
 
     width: float
@@ -192,43 +193,23 @@ class Rectangle(Grain):
             )
 
     @property
-    def _radius(self) -> float:
+    def rounding(self) -> float:
         """The corner radius, zero where it is lost in round-off beside the sides."""
         return (
             self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
         )
 
     @property
-    def _core(self) -> Floats:
+    def core(self) -> Floats:
         """Half the sides of the rectangle that the corner circle is rolled around."""
-        return 0.5 * np.array([self.width, self.height]) - self._radius
-
-    @property
-    def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.hypot(*self._core) + 2.0 * self._radius)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 2)."""
-        beyond = np.abs(rows(x)) - self._core
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self._radius)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) at points (n, 2), at a sharp corner the bisector."""
-        x = rows(x)
-        beyond = np.abs(x) - self._core
-        inside = (beyond <= 0.0).all(axis=1, keepdims=True)
-        nearest_side = beyond == beyond.max(axis=1, keepdims=True)
-        direction = np.where(inside, nearest_side, np.maximum(beyond, 0.0))
-        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
+        return 0.5 * np.array([self.width, self.height]) - self.rounding
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
-        r = self._radius
+        r = self.rounding
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         outward = np.array([(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)])
-        centres = signs * self._core
+        centres = signs * self.core
         curves: list[Curve] = []
         for k in range(4):
             here, there = centres[k], centres[(k + 1) % 4]
@@ -370,64 +351,54 @@ def farthest(semi_axes: Sequence[float], exponent: float) -> float:
 
 
 @dataclass(frozen=True)
-class Harmonics:
-    """r(angle) = mean (1 + sum of cosines[k-1] cos(k angle) + sines[k-1] sin(k angle)), k = 1, 2, ..."""
+class Star(Smooth):
+    """A star-shaped grain: harmonics give the distance from a pole towards an angle, which is positive.
+
+    r(angle) = mean (1 + sum of cosines[k-1] cos(k angle) + sines[k-1] sin(k angle)), k = 1, 2, ... The body frame is
+    shifted to the centroid. Raises SceneError if r is not positive everywhere.
+    """
 
     mean: float
     cosines: tuple[float, ...] = ()
     sines: tuple[float, ...] = ()
 
-    def __call__(self, angle: Floats) -> Floats:
-        """The radii (n,) at the angles (n,)."""
-        a, b, k = self._table()
-        phase = np.multiply.outer(np.asarray(angle, dtype=float), k)
-        return np.asarray(self.mean * (1.0 + np.cos(phase) @ a + np.sin(phase) @ b))
-
-    def slope(self, angle: Floats) -> Floats:
-        """The derivatives of the radius by the angle, (n,)."""
-        a, b, k = self._table()
-        phase = np.multiply.outer(np.asarray(angle, dtype=float), k)
-        return np.asarray(self.mean * (np.cos(phase) @ (k * b) - np.sin(phase) @ (k * a)))
-
-    def _table(self) -> tuple[Floats, Floats, Floats]:
-        count = max(len(self.cosines), len(self.sines))
-        a, b = np.zeros(count), np.zeros(count)
-        a[: len(self.cosines)], b[: len(self.sines)] = self.cosines, self.sines
-        return a, b, np.arange(1.0, count + 1.0)
-
-
-@dataclass(frozen=True)
-class Star(Smooth):
-    """A star-shaped grain: distance `radius(angle)` from a pole, smooth and positive, of period 2 pi.
-
-    `radius` takes angles (n,) and returns lengths (n,); its derivative is its attribute `slope` if it has
-    one (see `Harmonics`), else differences. The body frame is shifted to the centroid.
-    """
-
-    radius: Callable[[Floats], Floats]
-
     def __post_init__(self) -> None:
         angle = np.linspace(0.0, 2.0 * pi, 721)
-        r = np.asarray(self.radius(angle), dtype=float)
-        if r.shape != angle.shape or not np.isfinite(r).all():
-            raise SceneError(
-                "the radius of the star is not one finite number for each angle; change it"
-            )
-        if r.min() <= 0.0:
+        r = self.radius(angle)
+        if not r.min() > 0.0:
             worst = np.degrees(angle[np.argmin(r)])
             raise SceneError(
                 f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
             )
-        if abs(r[0] - r[-1]) > 1e-9 * r.max():
-            raise SceneError(
-                "the radius of the star differs at 0 and 360 degrees; make it periodic"
-            )
+
+    @cached_property
+    def _coefficients(self) -> Floats:
+        """c (n,) of r = mean (1 + Re sum c_k exp(i k angle))."""
+        c = np.zeros(max(len(self.cosines), len(self.sines)), dtype=complex)
+        c[: len(self.cosines)] += self.cosines
+        c[: len(self.sines)] -= 1j * np.array(self.sines)
+        return c
+
+    def _harmonics(self, angle: Floats) -> np.ndarray:
+        """exp(i k angle) for angles (n,), (n, harmonics)."""
+        return np.exp(1j * np.multiply.outer(angle, np.arange(1, len(self._coefficients) + 1)))
+
+    def radius(self, angle: Floats) -> Floats:
+        """The distances (n,) from the pole towards the angles (n,)."""
+        return np.asarray(self.mean * (1.0 + (self._harmonics(angle) @ self._coefficients).real))
+
+    def slope(self, angle: Floats) -> Floats:
+        """dr/d(angle) at angles (n,)."""
+        c = self._coefficients
+        return np.asarray(
+            self.mean * (self._harmonics(angle) @ (1j * c * np.arange(1, len(c) + 1))).real
+        )
 
     @cached_property
     def pole(self) -> Floats:
         """Where the radius is measured from, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
-        radius = np.asarray(self.radius(angle), dtype=float)
+        radius = self.radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
         return np.asarray(-2.0 / 3.0 * (radius**3) @ outward / (radius**2).sum())
 
@@ -444,14 +415,6 @@ class Star(Smooth):
             pair = pairs[int(np.argmax(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)))]
         first, second = self.trace(pair)[0]
         return float(np.linalg.norm(first - second))
-
-    def slope(self, angle: Floats) -> Floats:
-        """dr/d(angle) at angles (n,)."""
-        if hasattr(self.radius, "slope"):
-            return np.asarray(self.radius.slope(angle), dtype=float)
-        h = 1e-3
-        near, far = (self.radius(angle + k * h) - self.radius(angle - k * h) for k in (1.0, 2.0))
-        return np.asarray((8.0 * near - far) / (12.0 * h))
 
     def level(self, x: ArrayLike) -> Floats:
         """The distance from the pole less the radius in that direction, at points (n, 2)."""
@@ -472,7 +435,7 @@ class Star(Smooth):
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
         """Points and derivatives at polar angles about the pole."""
-        r, slope = np.asarray(self.radius(angle))[:, None], self.slope(angle)[:, None]
+        r, slope = self.radius(angle)[:, None], self.slope(angle)[:, None]
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
         along = quarter_turned(outward)
         return self.pole + r * outward, slope * outward + r * along

@@ -20,6 +20,7 @@ from incipient.geometry.space.surfaces import (
     Surface,
     Triangles,
     connected,
+    grouped,
     nearest_on_triangles,
     refined,
     vector_areas,
@@ -68,16 +69,9 @@ class SpatialProximity:
 
     @cached_property
     def _neighbours(self) -> np.ndarray:
-        """The samples next to each sample (n, most), filled up with itself."""
-        edges = self._samples.edges
-        both = np.vstack([edges, edges[:, ::-1]])
-        both = both[np.argsort(both[:, 0], kind="stable")]
-        count = len(self._samples.points)
-        degree = np.bincount(both[:, 0], minlength=count)
-        table = np.tile(np.arange(count)[:, None], (1, max(int(degree.max(initial=0)), 1)))
-        place = np.arange(len(both)) - np.repeat(np.cumsum(degree) - degree, degree)
-        table[both[:, 0], place] = both[:, 1]
-        return table
+        """The samples next to each sample, (n, most)."""
+        a, b = self._samples.edges.T
+        return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:

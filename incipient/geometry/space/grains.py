@@ -8,7 +8,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
 from itertools import product as choices
 from math import gamma, pi
 from pathlib import Path
@@ -22,6 +21,7 @@ from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_a
 from incipient.geometry.shape import (
     Balls,
     Moments,
+    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -33,7 +33,7 @@ from incipient.geometry.space.files import triangles_in
 from incipient.geometry.space.surfaces import Surface, Triangles, repaired, require_plain
 
 MAX_EXPONENT = 100.0
-SECTION_NODES = 24  # Gauss points between heights at which the section changes its topology
+UNION_ERROR = 1e-8  # of the integrals over a union of spheres
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
 Triple = tuple[float, float, float]
 
@@ -219,7 +219,7 @@ class Sphere(Solid):
 
 
 @dataclass(frozen=True)
-class Box(Solid):
+class Box(RoundedBox, Solid):
     """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
 
     level_is_distance = True
@@ -239,14 +239,14 @@ class Box(Solid):
         return self.edge_radius == 0.0
 
     @property
-    def _half(self) -> Floats:
+    def rounding(self) -> float:
+        """The edges' radius."""
+        return self.edge_radius
+
+    @cached_property
+    def core(self) -> Floats:
         """Half the sides of the box that the ball is rolled around."""
         return 0.5 * np.array(self.sides) - self.edge_radius
-
-    @property
-    def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.linalg.norm(self._half) + 2.0 * self.edge_radius)
 
     @cached_property
     def moments(self) -> Moments:
@@ -255,39 +255,24 @@ class Box(Solid):
         for beyond in choices((False, True), repeat=3):
             out = np.array(beyond)
             cell, first, square = _orthant(int(out.sum()), r)
-            copies = 2.0 ** out.sum() * float(np.prod(2.0 * self._half[~out]))
+            copies = 2.0 ** out.sum() * float(np.prod(2.0 * self.core[~out]))
             volume += copies * cell
-            outside = self._half**2 * cell + 2.0 * self._half * first + square
-            second += copies * np.where(out, outside, self._half**2 / 3.0 * cell)
+            outside = self.core**2 * cell + 2.0 * self.core * first + square
+            second += copies * np.where(out, outside, self.core**2 / 3.0 * cell)
         return Moments(volume, np.zeros(3), np.diag(second))
 
     @cached_property
     def cores(self) -> tuple[SphereSwept, ...]:
         """The box that the ball is rolled around, flat or thin where the rounding takes a whole side."""
         corners = surfaces.box(np.ones(3), 2.0)
-        return (SphereSwept(corners.points * self._half, corners.triangles, self.edge_radius),)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 3)."""
-        beyond = np.abs(rows(x)) - self._half
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
-        x = rows(x)
-        beyond = np.abs(x) - self._half
-        inside = (beyond <= 1e-12 * self.size).all(axis=1, keepdims=True)
-        nearest = beyond >= beyond.max(axis=1, keepdims=True) - 1e-12 * self.size
-        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
-        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
+        return (SphereSwept(corners.points * self.core, corners.triangles, self.edge_radius),)
 
     def surface(self, spacing: float) -> Surface:
         """The faces of the sharp box, pressed onto the rounded one along its normals."""
         sharp = surfaces.box(0.5 * np.array(self.sides), spacing)
         if self.edge_radius == 0.0:
             return sharp
-        near = np.clip(sharp.points, -self._half, self._half)
+        near = np.clip(sharp.points, -self.core, self.core)
         return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
 
 
@@ -494,22 +479,26 @@ class Spheres(Balls, Solid):
     level_is_distance = True
     centres: tuple[Triple, ...]
     radii: tuple[float, ...]
+    _moments: Moments = field(repr=False, compare=False)
 
     def __init__(
         self, centres: Sequence[Sequence[float]] | Floats, radii: Sequence[float] | Floats
     ) -> None:
         points, sizes = checked_balls(centres, radii, 3)
         require_exposed(_showing(points, sizes), len(sizes), "sphere")
-        points = points - _union(points, sizes).centroid
+        whole = _union(points, sizes)
+        about = Moments(whole.volume, np.zeros(3), whole.about_centroid())
+        object.__setattr__(self, "_moments", about)
+        points = points - whole.centroid
         object.__setattr__(
             self, "centres", tuple((float(x), float(y), float(z)) for x, y, z in points)
         )
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
 
-    @cached_property
+    @property
     def moments(self) -> Moments:
-        """Volume, centroid and moments, by plane sections, relative error about 1e-9."""
-        return _union(np.array(self.centres), np.array(self.radii))
+        """Volume and second moments, by plane sections."""
+        return self._moments
 
     @property
     def cores(self) -> tuple[SphereSwept, ...]:
@@ -544,59 +533,30 @@ def _showing(centres: Floats, radii: Floats) -> np.ndarray:
 
 
 def _union(centres: Floats, radii: Floats) -> Moments:
-    """Integrals over a union of spheres: unions of discs at Gauss points along the third axis."""
-    volume, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
-    for height, weight in zip(*_section_rule(centres, radii), strict=True):
+    """Integrals over a union of spheres: over its sections, unions of discs, along the third axis."""
+    from scipy.integrate import quad_vec  # which takes time to import
+
+    def section(height: float) -> Floats:
+        """The integrals (10,) of 1, x and x x^T over the section at a height."""
         squared = radii**2 - (height - centres[:, 2]) ** 2
         cut = squared > 0.0
         middles, sizes = centres[cut, :2], np.sqrt(squared[cut])
-        section = moments_of_arcs(exposed_arcs(middles, sizes), middles, sizes)
-        mean = np.array([*section.first, height * section.volume])
-        volume += weight * section.volume
-        first += weight * mean
-        second[:2, :2] += weight * section.second
-        second[2, :] += weight * height * mean
-        second[:2, 2] += weight * height * mean[:2]
-    return Moments(volume, first, second)
+        area = moments_of_arcs(exposed_arcs(middles, sizes), middles, sizes)
+        mean = np.array([*area.first, height * area.volume])
+        second = np.vstack([np.column_stack([area.second, height * area.first]), height * mean])
+        return np.concatenate([[area.volume], mean, second.ravel()])
 
-
-def _section_rule(centres: Floats, radii: Floats) -> tuple[Floats, Floats]:
-    """Heights and weights (n,) of Gauss rules between the heights at which sections change.
-
-    A cubic change of variable softens the square roots at the ends of the intervals.
-    """
-    stations = np.unique(np.round(_critical_heights(centres, radii), 12))
-    t, w = np.polynomial.legendre.leggauss(SECTION_NODES)
-    middle, half = 0.5 * (stations[1:] + stations[:-1]), 0.5 * np.diff(stations)
-    z = middle[:, None] + half[:, None] * (1.5 * t - 0.5 * t**3)
-    weights = half[:, None] * (1.5 - 1.5 * t**2) * w
-    return z.ravel(), weights.ravel()
-
-
-def _critical_heights(centres: Floats, radii: Floats) -> Floats:
-    """Heights of the spheres' poles, of the extremes of the circles in which they meet, of triple points."""
-    heights = [*(centres[:, 2] - radii), *(centres[:, 2] + radii)]
-    low, high = min(heights), max(heights)
-    for i, j in combinations(range(len(radii)), 2):
-        d = float(np.linalg.norm(centres[j] - centres[i]))
-        if not abs(radii[i] - radii[j]) < d < radii[i] + radii[j]:
-            continue
-        axis = (centres[j] - centres[i]) / d
-        along = (d * d + radii[i] ** 2 - radii[j] ** 2) / (2.0 * d)
-        middle, radius = centres[i] + along * axis, np.sqrt(radii[i] ** 2 - along**2)
-        reach = radius * np.sqrt(max(1.0 - axis[2] ** 2, 0.0))
-        heights += [middle[2] - reach, middle[2] + reach]
-        # Where the circle meets each further sphere.
-        away = centres[j + 1 :] - middle
-        across = away - np.outer(away @ axis, axis)
-        length = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
-        cosine = ((away**2).sum(axis=1) + radius**2 - radii[j + 1 :] ** 2) / (2.0 * radius * length)
-        met = np.abs(cosine) <= 1.0
-        ahead, turn = (across / length[:, None])[met], np.arccos(cosine[met])
-        aside = cross(np.tile(axis, (len(ahead), 1)), ahead)[:, 2]
-        for sign in (-1.0, 1.0):
-            heights += [
-                *(middle[2] + radius * (np.cos(turn) * ahead[:, 2] + sign * np.sin(turn) * aside))
-            ]
-    result = np.array(heights)
-    return result[(result >= low) & (result <= high)]
+    poles = np.unique([centres[:, 2] - radii, centres[:, 2] + radii])
+    # Stretched so that the square roots at the poles of the lowest and the highest sphere are smooth.
+    middle, half = 0.5 * (poles[-1] + poles[0]), 0.5 * (poles[-1] - poles[0])
+    angles = np.arcsin(np.clip((poles - middle) / half, -1.0, 1.0))
+    total, _ = quad_vec(
+        lambda t: half * np.cos(t) * section(middle + half * np.sin(t)),
+        *(-0.5 * pi, 0.5 * pi),
+        epsabs=0.0,
+        epsrel=UNION_ERROR,
+        norm="max",
+        quadrature="gk15",
+        points=angles[1:-1],
+    )
+    return Moments(float(total[0]), total[1:4], total[4:].reshape(3, 3))

@@ -43,18 +43,9 @@ class Topology:
         width = int(triangles.max(initial=0)) + 1
         low, high = np.minimum(triangles, following), np.maximum(triangles, following)
         keys = (low.astype(np.int64) * width + high).T.ravel()
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
-        new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
-        inverse = np.empty(len(keys), dtype=np.int64)
-        inverse[order] = np.cumsum(new) - 1
-        self._keys, self._width, self._order, self._first = (
-            keys[new],
-            width,
-            order,
-            np.flatnonzero(new),
-        )
-        self.edges = np.column_stack([self._keys // width, self._keys % width])
+        self._keys, self._first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self._width = width
+        self.edges = np.column_stack(np.divmod(self._keys, width))
         self.of_sides = inverse.reshape(3, -1).T
 
     def number(self, pairs: np.ndarray) -> np.ndarray:
@@ -67,11 +58,11 @@ class Topology:
     @cached_property
     def beside(self) -> np.ndarray:
         """The two triangles (k, 2) at each edge; the second is -1 on the surface's own edge."""
-        triangle = self._order % max(len(self.triangles), 1)
-        last = np.concatenate([self._first[1:], [len(triangle)]])[: len(self._first)]
-        following = np.minimum(self._first + 1, len(triangle) - 1)
-        second = np.where(last - self._first > 1, triangle[following], -1)
-        return np.column_stack([triangle[self._first], second])
+        last = np.empty(len(self._keys), dtype=np.int64)
+        last[self.of_sides.T.ravel()] = np.arange(self.of_sides.size)
+        triangles = np.column_stack([self._first, last]) % max(len(self.triangles), 1)
+        triangles[self._first == last, 1] = -1
+        return triangles
 
     @cached_property
     def open(self) -> np.ndarray:
@@ -102,15 +93,11 @@ def summed(of: np.ndarray, values: Floats, count: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept.
-
-    `faceted`: of edges that are kept also those of faces larger than the cells that meet at a small angle.
-    """
+    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
 
     surface: Surface
     held: np.ndarray
     sharp: bool = False
-    faceted: bool = True
 
 
 class ExactSurface(ABC):
@@ -219,8 +206,6 @@ def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
     areas = vector_areas(surface.corners)
     first, second = topology.beside.T
     cosine = (unit(areas)[first] * unit(areas)[second]).sum(axis=1)
-    if not draft.faceted:
-        return np.asarray(cosine < BENT)
     ends = surface.points[topology.edges]
     length = np.maximum(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 1e-300)
     smaller = np.minimum(*(np.linalg.norm(areas[beside], axis=1) for beside in (first, second)))
@@ -442,16 +427,14 @@ def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     sharp = sharp[sharp[:, 0] != sharp[:, 1]]
-    used = np.zeros(len(mesh.points), dtype=bool)
-    used[triangles] = True
-    place = np.cumsum(used) - 1
+    used, numbered = np.unique(triangles, return_inverse=True)
     return SurfaceMesh(
         mesh.points[used],
         mesh.sizes[used],
-        Topology(place[triangles]),
+        Topology(numbered.reshape(-1, 3)),
         mesh.held[used],
         mesh.fixed[used],
-        place[sharp].reshape(-1, 2),
+        np.searchsorted(used, sharp).reshape(-1, 2),
     )
 
 

@@ -403,6 +403,14 @@ class NearestOf:
         return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
 
 
+def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """The values (k,) of each of `count` owners (k,) in a row, shorter rows filled up with their last value."""
+    values = values[np.argsort(owner, kind="stable")]
+    number = np.bincount(owner, minlength=count)
+    place = np.minimum(np.arange(number.max(initial=1)), number[:, None] - 1)
+    return np.asarray(values[(np.cumsum(number) - number)[:, None] + place])
+
+
 class Cloud:
     """Triangles with their distance from points, which is that of the triangles around the nearest vertex."""
 
@@ -410,12 +418,7 @@ class Cloud:
         self.corners, self.spacing = surface.corners, surface.spacing
         self.vertices = NearestOf(surface.points)
         flat = surface.triangles.ravel()
-        order = np.argsort(flat, kind="stable")
-        count = np.bincount(flat, minlength=len(surface.points))
-        place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
-        self.around = np.zeros((len(count), max(int(count.max(initial=0)), 1)), dtype=int)
-        self.around += order[np.minimum(np.cumsum(count) - count, len(order) - 1)][:, None] // 3
-        self.around[flat[order], place] = order // 3
+        self.around = grouped(flat, np.arange(len(flat)) // 3, len(surface.points))
 
     def distance(self, x: Floats) -> Floats:
         """The distances (n,) of points (n, 3)."""
