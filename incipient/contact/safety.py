@@ -12,7 +12,6 @@ follows from tau and kappa. The scaled rows are orthonormalised, so that Newton'
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.contact.problem import ContactProblem, Kernel, Load
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
 TOLERANCE = 1e-9  # dimensionless imbalance, or distance outside a cone, that counts as none
@@ -46,8 +45,6 @@ RANK = (
 )
 OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
 UNHELD, HELD, FAILED = 0, 1, 2  # the weight in a row; or some program of the row is not answered
-DIRECTIONS = 36  # of the flow, tried before the smallest and the largest factor are refined
-RESOLUTION = 1e-5  # of the interval between two directions
 
 
 class SafetyStatus(Enum):
@@ -232,95 +229,6 @@ def _residual(problem: ContactProblem, local: Floats, factor: float) -> float:
     wrench, size = problem.wrench(factor)
     missed = np.abs(problem.columns @ local.ravel() + size * wrench).max()
     return float(missed / (max(size, np.abs(local).max()) or 1.0))
-
-
-@dataclass(frozen=True, eq=False)
-class Directed:
-    """The safety factor with the flow's load turned by `angle` radians about the axis."""
-
-    angle: float
-    load: Load
-    safety: SafetyFactor
-
-    @property
-    def value(self) -> float:
-        """The safety factor."""
-        return self.safety.value
-
-
-@dataclass(frozen=True, eq=False)
-class SafetyOverDirection:
-    """The directions of the flow that move the grain most easily and least easily."""
-
-    smallest: Directed
-    largest: Directed
-
-
-def safety_over_direction(
-    load: Load, contacts: Contacts, friction: float, axis: Floats | None = None
-) -> SafetyOverDirection:
-    """The smallest and the largest safety factor with the flow's force and torque turned about an axis.
-
-    `axis` (3,): up, against the weight, if None. A plane case has two directions, the given one and its mirror
-    image. In 3-D 36 directions are tried and the neighbourhoods of the best and the worst are searched by
-    Brent's method; an extreme that lies unnoticed between two of them is missed.
-
-    Raises SceneError if there is neither weight nor axis, or the axis is zero.
-    """
-    about = -load.weight if axis is None else np.array(axis, dtype=float)
-    length = float(np.linalg.norm(about))
-    if about.shape != (3,) or not (np.isfinite(length) and length > 0.0):
-        raise SceneError(
-            "direction: no axis to turn the flow about; give three components, not all zero"
-        )
-
-    def at(angle: float) -> Directed:
-        """The safety factor of the flow turned by an angle."""
-        unit = about / length
-        force, torque = (_turned(part, unit, angle) for part in (load.flow_force, load.couple))
-        turned = Load(force, torque, load.weight, load.centre)
-        return Directed(angle, turned, safety_factor(turned, contacts, friction))
-
-    across = [contacts.points[:, 2], contacts.normals[:, 2], load.flow_couple[:2], about[2:]]
-    across += [load.flow_force[2:], load.weight[2:], load.centre[2:]]
-    planar = not any(part.any() for part in across)
-    tried = [at(angle) for angle in np.linspace(0.0, 2 * np.pi, 2 if planar else DIRECTIONS, False)]
-    low, high = min(tried, key=_bounded), max(tried, key=_bounded)
-    if planar:
-        return SafetyOverDirection(low, high)
-    low = min(low, _minimum(at, _bounded, low.angle), key=_bounded)
-    return SafetyOverDirection(
-        low, max(high, _minimum(at, lambda found: -_bounded(found), high.angle), key=_bounded)
-    )
-
-
-def _minimum(
-    at: Callable[[float], Directed], cost: Callable[[Directed], float], middle: float
-) -> Directed:
-    """The least cost near an angle, which is right if the cost falls and then rises there."""
-    from scipy.optimize import minimize_scalar  # which takes time to import
-
-    width = 2.0 * math.pi / DIRECTIONS
-    best = minimize_scalar(
-        lambda angle: cost(at(angle)),
-        bounds=(middle - width, middle + width),
-        method="bounded",
-        options={"xatol": 2.0 * RESOLUTION * width},
-    )
-    return at(float(best.x))
-
-
-def _bounded(directed: Directed) -> float:
-    """s / (1 + s), which is finite where the safety factor s is not."""
-    return directed.value / (1.0 + directed.value) if math.isfinite(directed.value) else 1.0
-
-
-def _turned(vector: Floats, axis: Floats, angle: float) -> Floats:
-    """A vector (3,) turned about a unit axis (Rodrigues)."""
-    along = vector @ axis * axis
-    return np.asarray(
-        along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
-    )
 
 
 # From here on kernels, which numba compiles (`problem.Kernel`).
