@@ -33,8 +33,6 @@ class Tally:
     rest: int = 0
     motion: int = 0
     reasons: Counter[Reason] = field(default_factory=Counter)
-    assumed: int = 0
-    assumed_and_agreed: int = 0
 
     def add(self, moves: bool, agreement: Agreement) -> None:
         """Count one case."""
@@ -45,9 +43,6 @@ class Tally:
             self.motion += 1
         else:
             self.rest += 1
-        if not agreement.assumptions_broken:
-            self.assumed += 1
-            self.assumed_and_agreed += agreement.agree
 
 
 def one_contact(rng: Generator) -> Contacts:
@@ -151,8 +146,6 @@ def table(tallies: dict[str, Tally]) -> Iterator[str]:
     for reason in met:
         counts = " | ".join(str(t.reasons[reason]) for t in tallies.values())
         yield f"| differ: {reason.name.lower().replace('_', ' ')} | {counts} |"
-    counts = " | ".join(f"{t.assumed_and_agreed} of {t.assumed}" for t in tallies.values())
-    yield f"| agree where the paper's assumptions hold | {counts} |"
 
 
 def main() -> None:

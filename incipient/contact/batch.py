@@ -28,7 +28,8 @@ from incipient.contact.acceleration import (
 from incipient.contact.friction import FRICTIONLESS
 from incipient.contact.impulses import LARGEST
 from incipient.contact.problem import Load, Loads, contact_frames, wrench_basis
-from incipient.contact.safety import SAFETY, TOLERANCE
+from incipient.contact.safety import FAILED as FAILED_ROW
+from incipient.contact.safety import HELD, SAFETY, TOLERANCE
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
@@ -237,7 +238,7 @@ def _judged(cases: Cases) -> Batch:
         for place in np.flatnonzero(left).tolist():
             try:
                 exact = judged(*cases.case(place))
-            except SceneError as error:
+            except (SceneError, ConvergenceError) as error:
                 reasons[place] = str(error)
             except (
                 Exception
@@ -273,15 +274,16 @@ class _Rows:
         columns = np.ascontiguousarray(self.columns[:, kept])
         arguments = self._cones(columns), self.flow[:, kept].copy(), self.weight[:, kept].copy()
         linear = arguments[0].shape[2] if self.planar else 0
-        low, high, weight_held, _ = SAFETY(*arguments, linear, rows=count)
+        low, high, weight, _ = SAFETY(*arguments, linear, rows=count)
         unit = np.where(self.weight_size > 0.0, self.weight_size, self.flow_size)
         ratio = unit / np.where(self.flow_size > 0.0, self.flow_size, unit)
         held = (low * ratio <= 1.0 + TOLERANCE) & (high * ratio >= 1.0 - TOLERANCE)
         modes = np.where(held, 0, 1)
-        moving = np.flatnonzero(~held & np.isfinite(self.inertia[:, 0, 0]))
+        moving = np.flatnonzero(~held & (weight != FAILED_ROW) & np.isfinite(self.inertia[:, 0, 0]))
         if len(moving):
             modes[moving] = self._modes(moving, columns[moving], kept)
-        return np.where(weight_held > 0.0, high * ratio, 0.0), held, modes
+        modes[weight == FAILED_ROW] = FAILED
+        return np.where(weight == HELD, high * ratio, 0.0), held, modes
 
     def _cones(self, columns: Floats) -> Floats:
         """Wrenches (n, m, h) of the edges of friction cones in 2-D, of unit circular cones in 3-D."""

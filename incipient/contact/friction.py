@@ -9,7 +9,7 @@ from incipient.arrays import Floats
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
-INFINITE = 1e9  # a coefficient above it counts as infinite
+INFINITE = 1e6  # a coefficient above it counts as infinite
 
 
 @dataclass(frozen=True)

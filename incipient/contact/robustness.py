@@ -22,9 +22,9 @@ from incipient.arrays import Floats
 from incipient.contact.batch import judge_batch
 from incipient.contact.paper import classify
 from incipient.contact.problem import ContactProblem, Load, Loads, leave_plane
-from incipient.contact.safety import SAFETY, TOLERANCE, balanced_interval
+from incipient.contact.safety import FAILED, HELD, SAFETY, TOLERANCE, balanced_interval
 from incipient.contact.verdict import MassAndInertia
-from incipient.errors import SceneError
+from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]
@@ -89,11 +89,14 @@ def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox)
     if box.friction > 0.0:
         loose = ContactProblem.of(load, contacts, max(friction - box.friction, 0.0))
         loose = _spatial(loose, box)
-    low, high, firm_holds, _ = balanced_interval(firm)
-    some = None if math.isnan(low) else (low, high)
-    if box.error_directions.shape[1]:
-        some = _possible(firm, box, firm_holds)
     every, worst, loose_holds = _guaranteed(loose, box, load)
+    try:
+        low, high, firm_holds, _ = balanced_interval(firm)
+        some = None if math.isnan(low) else (low, high)
+        if box.error_directions.shape[1]:
+            some = _possible(firm, box, firm_holds)
+    except ConvergenceError:  # what is not answered excludes no load
+        some, firm_holds = (0.0, math.inf), True
     return SafetyRange(
         possible=some,
         guaranteed=every,
@@ -139,7 +142,9 @@ def _possible(problem: ContactProblem, box: ErrorBox, weight_held: bool) -> Inte
     unit = float(np.linalg.norm(target))
     weight = np.append(problem.within(problem.weight), np.zeros(count))
     linear = 2 * count + (0 if problem.generators is None else columns.shape[1])
-    low, high, _, _ = SAFETY(rows[None], target[None] / unit, weight[None], linear)
+    low, high, state, _ = SAFETY(rows[None], target[None] / unit, weight[None], linear)
+    if state[0] == FAILED:
+        return 0.0, math.inf
     if math.isnan(low[0]):
         return (0.0, 0.0) if weight_held else None
     ratio = (problem.weight_size or size * unit) / (size * unit)
@@ -159,7 +164,7 @@ def _guaranteed(
     count, columns = len(flows), problem.cone_columns
     weights = np.tile(problem.within(problem.weight), (count, 1))
     linear = 0 if problem.generators is None else columns.shape[1]
-    low, high, held, _ = SAFETY(
+    low, high, state, _ = SAFETY(
         np.repeat(columns[None], count, axis=0), flows, weights, linear, rows=count
     )
     ratio = (problem.weight_size or sizes) / np.where(sizes > 0.0, sizes, 1.0)
@@ -168,7 +173,7 @@ def _guaranteed(
     worst = load.shifted(corners[int(np.argmin(lengths))])
     common = float(low.max()), float(high.min())
     is_common = not np.isnan(low).any() and common[0] <= common[1]
-    return (common if is_common else None), worst, bool(held.all())
+    return (common if is_common else None), worst, bool((state == HELD).all())
 
 
 def _contains(interval: Interval | None, factor: float) -> bool:

@@ -12,16 +12,15 @@ follows from tau and kappa. The scaled rows are orthonormalised, so that Newton'
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, Integers
 from incipient.contact.problem import ContactProblem, Kernel, Load
-from incipient.errors import SceneError
+from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
 TOLERANCE = 1e-9  # dimensionless imbalance, or distance outside a cone, that counts as none
@@ -34,16 +33,18 @@ ENDLESS = (
 ITERATIONS = 60
 STEP = 0.998  # of the longest step inside the cones
 CLOSED = 1e-13  # duality gap at which a program is solved
+ANSWERED = 1e-8  # relative error of the dual value up to which it is an answer
 CERTIFIED = 1e-11  # what a certificate of no, or no largest, solution may miss
 PROJECTIONS, INSIDE = (
     12,
     0.02,
 )  # between cones and equilibrium, before the conic program; the margin aimed at
 ROUND_OFF = 1e-15  # of a certificate's equations
-RANK = 1e-8  # of the largest row: a row shorter than it depends on the others
-OPTIMAL, INFEASIBLE, UNBOUNDED = 0, 1, 2
-DIRECTIONS = 36  # of the flow, tried before the smallest and the largest factor are refined
-RESOLUTION = 1e-5  # of the interval between two directions
+RANK = (
+    1e-7  # of the largest row: a shorter row depends on the others, and balances up to its length
+)
+OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
+UNHELD, HELD, FAILED = 0, 1, 2  # the weight in a row; or some program of the row is not answered
 
 
 class SafetyStatus(Enum):
@@ -109,7 +110,8 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
     At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
     at most `friction` N. In 2-D, and where friction is zero or infinite, the program is linear.
 
-    Raises SceneError if friction is negative or not a number; it may be infinite.
+    Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
+    not solved.
     """
     problem = ContactProblem.of(load, contacts, friction)
     low, high, weight_held, local = balanced_interval(problem)
@@ -183,10 +185,14 @@ def _asked(
 def _intervals(
     columns: Floats, flow: Floats, weight: Floats, problem: ContactProblem
 ) -> tuple[float, float, bool, Floats]:
-    """`safety_rows` of a single case."""
+    """`safety_rows` of a single case. Raises ConvergenceError if it is not answered."""
     linear = 0 if problem.generators is None else columns.shape[1]
-    low, high, held, forces = SAFETY(columns[None], flow[None], weight[None], linear)
-    return float(low[0]), float(high[0]), bool(held[0]), forces[0]
+    low, high, state, forces = SAFETY(columns[None], flow[None], weight[None], linear)
+    if state[0] == FAILED:
+        raise ConvergenceError(
+            "contacts: the interior-point method gives no answer; merge contacts near one another"
+        )
+    return float(low[0]), float(high[0]), bool(state[0] == HELD), forces[0]
 
 
 def _status(
@@ -225,163 +231,89 @@ def _residual(problem: ContactProblem, local: Floats, factor: float) -> float:
     return float(missed / (max(size, np.abs(local).max()) or 1.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Directed:
-    """The safety factor with the flow's load turned by `angle` radians about the axis."""
-
-    angle: float
-    load: Load
-    safety: SafetyFactor
-
-    @property
-    def value(self) -> float:
-        """The safety factor."""
-        return self.safety.value
-
-
-@dataclass(frozen=True, eq=False)
-class SafetyOverDirection:
-    """The directions of the flow that move the grain most easily and least easily."""
-
-    smallest: Directed
-    largest: Directed
-
-
-def safety_over_direction(
-    load: Load, contacts: Contacts, friction: float, axis: Floats | None = None
-) -> SafetyOverDirection:
-    """The smallest and the largest safety factor with the flow's force and torque turned about an axis.
-
-    `axis` (3,): up, against the weight, if None. A plane case has two directions, the given one and its mirror
-    image. In 3-D 36 directions are tried and the neighbourhoods of the best and the worst are searched by
-    Brent's method; an extreme that lies unnoticed between two of them is missed.
-
-    Raises SceneError if there is neither weight nor axis, or the axis is zero.
-    """
-    about = -load.weight if axis is None else np.array(axis, dtype=float)
-    length = float(np.linalg.norm(about))
-    if about.shape != (3,) or not (np.isfinite(length) and length > 0.0):
-        raise SceneError(
-            "direction: no axis to turn the flow about; give three components, not all zero"
-        )
-
-    def at(angle: float) -> Directed:
-        """The safety factor of the flow turned by an angle."""
-        unit = about / length
-        force, torque = (_turned(part, unit, angle) for part in (load.flow_force, load.couple))
-        turned = Load(force, torque, load.weight, load.centre)
-        return Directed(angle, turned, safety_factor(turned, contacts, friction))
-
-    across = [contacts.points[:, 2], contacts.normals[:, 2], load.flow_couple[:2], about[2:]]
-    across += [load.flow_force[2:], load.weight[2:], load.centre[2:]]
-    planar = not any(part.any() for part in across)
-    tried = [at(angle) for angle in np.linspace(0.0, 2 * np.pi, 2 if planar else DIRECTIONS, False)]
-    low, high = min(tried, key=_bounded), max(tried, key=_bounded)
-    if planar:
-        return SafetyOverDirection(low, high)
-    low = min(low, _minimum(at, _bounded, low.angle), key=_bounded)
-    return SafetyOverDirection(
-        low, max(high, _minimum(at, lambda found: -_bounded(found), high.angle), key=_bounded)
-    )
-
-
-def _minimum(
-    at: Callable[[float], Directed], cost: Callable[[Directed], float], middle: float
-) -> Directed:
-    """The least cost near an angle, which is right if the cost falls and then rises there."""
-    from scipy.optimize import minimize_scalar  # which takes time to import
-
-    width = 2.0 * math.pi / DIRECTIONS
-    best = minimize_scalar(
-        lambda angle: cost(at(angle)),
-        bounds=(middle - width, middle + width),
-        method="bounded",
-        options={"xatol": 2.0 * RESOLUTION * width},
-    )
-    return at(float(best.x))
-
-
-def _bounded(directed: Directed) -> float:
-    """s / (1 + s), which is finite where the safety factor s is not."""
-    return directed.value / (1.0 + directed.value) if math.isfinite(directed.value) else 1.0
-
-
-def _turned(vector: Floats, axis: Floats, angle: float) -> Floats:
-    """A vector (3,) turned about a unit axis (Rodrigues)."""
-    along = vector @ axis * axis
-    return np.asarray(
-        along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
-    )
-
-
 # From here on kernels, which numba compiles (`problem.Kernel`).
 
 
 def safety_rows(
     columns: Floats, flow: Floats, weight: Floats, linear: int
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Intervals of balanced factors of n problems, by `_interval`: low, high, whether the weight is held, (n,), forces.
+) -> tuple[Floats, Floats, Integers, Floats]:
+    """Intervals of balanced factors of n problems, by `_interval`: low, high, state of the weight, (n,), and forces.
 
     columns: (n, m, h) wrenches of unit forces in the cones; flow, weight: (n, m) of length one, or zero
     """
     count, _, width = columns.shape
-    low, high, held = np.empty(count), np.empty(count), np.zeros(count)
+    low, high, weight_state = np.empty(count), np.empty(count), np.empty(count, np.int64)
     forces = np.zeros((count, width))
     for i in range(count):
-        low[i], high[i], held[i] = _interval(
+        low[i], high[i], weight_state[i] = _interval(
             columns[i].copy(), flow[i].copy(), weight[i].copy(), linear, forces[i]
         )
-    return low, high, held, forces
+    return low, high, weight_state, forces
 
 
 def _interval(
     q: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
-) -> tuple[float, float, bool]:
-    """The smallest and largest factor of the flow that is balanced, NaN if none, and whether the weight is held.
+) -> tuple[float, float, int]:
+    """The smallest and largest factor of the flow that is balanced, NaN if none, and the state of the weight.
 
     Forces (h,) that balance the load at the largest factor, or the weight if there is no flow, are filled in, in units
     of the weight, or of the flow without a weight.
     """
     has_flow, has_weight = largest(flow) > 0.0, largest(weight) > 0.0
-    rank = _orthonormalise(q, flow, weight)
+    rank, short = _orthonormalise(q, flow, weight)
+    fits = (
+        TOLERANCE + short
+    )  # forces on contacts near one another balance as much, which is left out
     flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
     q, f, w = q[:rank], flow[:rank], weight[:rank]
-    held = weight_missed <= TOLERANCE and _margin(q, w, linear, forces) >= -TOLERANCE
+    margin = _margin(q, w, linear, forces) if weight_missed <= fits else -np.inf
+    if np.isnan(margin):
+        return np.nan, np.nan, FAILED
+    held = margin >= -TOLERANCE
     if not has_flow:
-        return (0.0, np.inf, True) if held else (np.nan, np.nan, False)
-    if flow_missed > TOLERANCE:  # forces and flow are independent: one factor at most
+        return (0.0, np.inf, HELD) if held else (np.nan, np.nan, UNHELD)
+    if flow_missed > fits:  # forces and flow are independent: one factor at most
         factor = -dot(flow[rank:], weight[rank:]) / flow_missed**2
         if held or factor <= 0.0:
-            return (0.0, 0.0, True) if held else (np.nan, np.nan, False)
+            return (0.0, 0.0, HELD) if held else (np.nan, np.nan, UNHELD)
         add(weight, factor, flow)
-        fits = length(weight[rank:]) <= TOLERANCE * (1.0 + factor)
-        fits = fits and _margin(q, w, linear, forces) >= -TOLERANCE
-        return (factor, factor, False) if fits else (np.nan, np.nan, False)
-    if weight_missed > TOLERANCE:
-        return np.nan, np.nan, False
+        if length(weight[rank:]) > fits * (1.0 + factor):
+            return np.nan, np.nan, UNHELD
+        margin = _margin(q, w, linear, forces)
+        if margin >= -TOLERANCE:
+            return factor, factor, UNHELD
+        return np.nan, np.nan, FAILED if np.isnan(margin) else UNHELD
+    if weight_missed > fits:
+        return np.nan, np.nan, UNHELD
     if not has_weight:
-        alone = _margin(q, f, linear, forces) >= -TOLERANCE
+        margin = _margin(q, f, linear, forces)
         forces[:] = 0.0
-        return 0.0, np.inf if alone else 0.0, True
+        if np.isnan(margin):
+            return np.nan, np.nan, FAILED
+        return 0.0, np.inf if margin >= -TOLERANCE else 0.0, HELD
     f_size, w_size = length(f), length(w)
     if w_size == 0.0 or f_size == 0.0:
-        return np.nan, np.nan, False
+        return np.nan, np.nan, UNHELD
     table, target, answer = np.empty((rank, q.shape[1] + 1)), -w / w_size, forces.copy()
     table[:, 0], table[:, 1:] = f / f_size, q
     status, value = _conic(table, target, -1.0, linear + 1, forces)
     unit = w_size / f_size
+    if status == UNANSWERED:
+        return np.nan, np.nan, FAILED
     if status == INFEASIBLE:
         forces[:] = answer
-        return (0.0, 0.0, True) if held else (np.nan, np.nan, False)
+        return (0.0, 0.0, HELD) if held else (np.nan, np.nan, UNHELD)
     high = np.inf if status == UNBOUNDED else max(-value, 0.0) * unit
     if high > ENDLESS and (status == UNBOUNDED or _margin(q, f, linear, answer) >= -TOLERANCE):
         high = np.inf
     else:
         _balance(q, f * high + w, forces, w_size)
     if held:
-        return 0.0, high, True
+        return 0.0, high, HELD
     status, value = _conic(table, target, 1.0, linear + 1, answer)
-    return max(value, 0.0) * unit, high, False
+    if status == UNANSWERED:
+        return np.nan, np.nan, FAILED
+    return max(value, 0.0) * unit, high, UNHELD
 
 
 def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
@@ -396,7 +328,7 @@ def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
     """How far inside the cones forces (h,) can be that balance a wrench, relative to it; they are filled in.
 
     The shortest forces if they are inside, otherwise those most inside: max m such that q f + wrench = 0 and
-    f - m e is in the cones, e the axes of all cones.
+    f - m e is in the cones, e the axes of all cones. NaN if that program is not answered.
     """
     size = length(wrench)
     forces[:] = 0.0
@@ -422,7 +354,9 @@ def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
         return 0.0
     table, answer = np.empty((len(q), width + 1)), np.empty(width)
     table[:, 0], table[:, 1:] = -push / most, q
-    _, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
+    status, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
+    if status != OPTIMAL:
+        return np.nan
     forces[:] = answer
     add(forces, -value / most, axes)
     _balance(q, wrench, forces, size)
@@ -443,8 +377,11 @@ def _push_inside(forces: Floats, linear: int, margin: float) -> None:
             forces[j + 2] *= size / shear
 
 
-def _orthonormalise(rows: Floats, one: Floats, other: Floats) -> int:
-    """The rank r of rows (m, h), of which the first r become orthonormal, with the same steps on two columns (m,)."""
+def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, float]:
+    """The rank r of rows (m, h), of which the first r become orthonormal, and the length of the longest other.
+
+    The same steps are taken on two columns (m,).
+    """
     count, size = len(rows), 0.0
     for rank in range(count):
         best, most = rank, -1.0
@@ -454,26 +391,27 @@ def _orthonormalise(rows: Floats, one: Floats, other: Floats) -> int:
                 best, most = i, long
         size = max(size, most)
         if most <= RANK * size:
-            return rank
+            return rank, most
         for j in range(rows.shape[1]):
             rows[rank, j], rows[best, j] = rows[best, j], rows[rank, j]
             rows[rank, j] /= most
-        one[rank], one[best] = one[best], one[rank]
-        other[rank], other[best] = other[best], other[rank]
-        one[rank], other[rank] = one[rank] / most, other[rank] / most
+        flow[rank], flow[best] = flow[best], flow[rank]
+        weight[rank], weight[best] = weight[best], weight[rank]
+        flow[rank], weight[rank] = flow[rank] / most, weight[rank] / most
         for _ in range(2):
             for i in range(rank + 1, count):
                 part = dot(rows[rank], rows[i])
                 add(rows[i], -part, rows[rank])
-                one[i] -= part * one[rank]
-                other[i] -= part * other[rank]
-    return count
+                flow[i] -= part * flow[rank]
+                weight[i] -= part * weight[rank]
+    return count, 0.0
 
 
 def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
     """Minimise cost x[0] subject to a x = b with x in the cones: status and value; x[1:] is filled in.
 
     The value is that of the dual program, which is known to round-off; if there is no least one, `answer` is left.
+    UNANSWERED: the iteration ended before the dual program was solved.
     """
     m, n = a.shape
     x, z, dx, dz, missed, lam, size, turn, c, goal, p, scaled_missed = np.zeros((12, n))
@@ -551,7 +489,7 @@ def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tu
         add(z, step, goal)
         add(y, step, dy)
         tau, kappa = tau + step * dtau, kappa + step * dkappa
-    return OPTIMAL, value
+    return (OPTIMAL if closest <= ANSWERED else UNANSWERED), value
 
 
 def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:

@@ -24,7 +24,6 @@ from incipient.geometry.contacts import Contacts
 
 MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the centre of mass
 NEAR = 1e-6  # a safety factor nearer to one is a boundary case
-NORMALS_ALIKE = 1e-9
 
 
 class AgreementPart(Enum):
@@ -100,29 +99,16 @@ class Reason(Enum):
     MODE_UNKNOWN = "both find motion; the exact judge names no mode, for want of mass and inertia or of a solution"
 
 
-class Assumption(Enum):
-    """What the paper takes for granted when it judges by one significant reaction surface."""
-
-    ONE_SURFACE = "the contacts that the load presses most are one place, or lie in one plane"
-    NOTHING_IN_THE_WAY = "the motion found leads the grain into no other contact"
-    NO_COUPLE_PRESSES = (
-        "no couple acts on a grain that is pressed to a contact; there the paper answers F + F_tau"
-    )
-    FRICTION_TURNS_NOTHING = "friction that slips has no couple about the centre of mass"
-
-
 @dataclass(frozen=True)
 class Agreement:
     """Whether the judges agree, on rest or motion and on its family, and the reason if they do not.
 
-    `same_family` is None where a judge names no mode. `assumptions_broken`: what the paper assumes and the
-    case does not fulfil; without any the judges must agree.
+    `same_family` is None where a judge names no mode.
     """
 
     same_moves: bool
     same_family: bool | None
     reason: Reason | None
-    assumptions_broken: tuple[Assumption, ...]
 
     @property
     def agree(self) -> bool:
@@ -142,7 +128,6 @@ class Agreement:
             "same_family": self.same_family,
             "reason": None if self.reason is None else self.reason.name,
             "explanation": self.explanation,
-            "assumptions_broken": [assumption.value for assumption in self.assumptions_broken],
         }
 
 
@@ -203,26 +188,7 @@ def compare(paper: Classification, exact: Exact) -> Agreement:
     same_family: bool | None = None
     if same_moves:
         same_family = not families.isdisjoint(FAMILIES[paper.mode]) if families else None
-    reason = _reason(paper, exact, same_family)
-    return Agreement(same_moves, same_family, reason, _broken(paper))
-
-
-def _broken(paper: Classification) -> tuple[Assumption, ...]:
-    """The assumptions that a case breaks which moves by the paper's criteria."""
-    if not paper.moves:
-        return ()
-    normals = paper.contacts.normals[list(paper.significant)]
-    pressed = bool((paper.quantity_22 < -paper.tolerance * paper.force_scale).any())
-    kept = pressed or (paper.criterion is Criterion.SIMULTANEOUS and paper.minima.sign_2 <= 0)
-    slips = pressed and paper.mode is Mode.SLIDING and not paper.held_by_sharing
-    others = set(paper.obstructed_by) - set(paper.significant)
-    breaks = {
-        Assumption.ONE_SURFACE: pressed and np.ptp(normals, axis=0).max() > NORMALS_ALIKE,
-        Assumption.NOTHING_IN_THE_WAY: others,
-        Assumption.NO_COUPLE_PRESSES: kept and paper.criterion is not Criterion.TRANSLATION_ONLY,
-        Assumption.FRICTION_TURNS_NOTHING: slips,
-    }
-    return tuple(assumption for assumption, is_broken in breaks.items() if is_broken)
+    return Agreement(same_moves, same_family, _reason(paper, exact, same_family))
 
 
 def families_of(exact: Exact) -> frozenset[Family]:

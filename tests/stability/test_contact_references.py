@@ -140,6 +140,20 @@ def test_what_older_programs_answered_wrongly():
     assert safety_factor(load, near, 0.5).value == pytest.approx(1.25, rel=1e-6)
 
 
+@pytest.mark.parametrize("distance", np.geomspace(1e-11, 1e-5, 19))
+def test_contacts_near_one_another(distance):
+    """By hand, as above: friction 0.5 holds 0.5 W / F = 1.25 however near two of the contacts are."""
+    foot, turned = np.array([0.0, 0.0, -1.0]), distance * np.array([0.6, 0.8, 0.0])
+    load = Load([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, -1.0], np.zeros(3))
+    along = np.array([1.0, 0.0, 0.0])
+    feet = [[foot - turned, foot + turned], [foot - along, foot + along, foot + along + turned]]
+    if distance < 1e-7:  # the load passes through the first contact, to round-off over the distance
+        feet.append([foot, foot + turned])
+    for points in feet:
+        near = Contacts(np.array(points), [[0.0, 0.0, -1.0]] * len(points))
+        assert safety_factor(load, near, 0.5).value == pytest.approx(1.25, rel=3e-7)
+
+
 def test_a_patch_by_its_corners_is_an_upper_bound_when_it_spins():
     """Square of side 1, friction 0.5: all the load at the corners holds mu W sqrt(2)/2 = 0.354 about its normal.
 

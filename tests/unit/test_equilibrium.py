@@ -15,7 +15,6 @@ from incipient.contact.safety import (
     ConeState,
     SafetyStatus,
     safety_factor,
-    safety_over_direction,
 )
 from incipient.errors import SceneError
 
@@ -186,13 +185,6 @@ class TestDiscInAPocket:
         assert (free.value, free.jams) == (pytest.approx(math.tan(angle)), False)
         assert (held.value, held.jams, held.status) == (math.inf, True, SafetyStatus.UNLIMITED)
 
-    def test_over_direction(self):
-        # Two directions in the plane: the tangents of the two sides of the pocket.
-        over = safety_over_direction(load((1.0, 0.0)), pocket(0.7, 0.4), 0.0)
-        assert over.smallest.value == pytest.approx(math.tan(0.4))
-        assert over.largest.value == pytest.approx(math.tan(0.7))
-        assert over.largest.load.flow_force == pytest.approx([-1.0, 0.0, 0.0])
-
 
 class TestSphereOnSpheres:
     """A sphere in a pocket of three or four: s F = W tan(theta) cos(pi/count) / cos(delta).
@@ -235,24 +227,6 @@ class TestSphereOnSpheres:
         result = safety_factor(Load(force, couple, [0, 0, -1], [0, 0, 0]), contacts, 0.8)
         arm = 0.5 * sine * math.cos(way)
         assert result.value == pytest.approx(arm / (0.5 * 0.5 * cosine + 0.2 * arm + 0.1), rel=1e-9)
-
-    @pytest.mark.parametrize("count", [3, 4])
-    def test_over_direction(self, count):
-        contacts, sine, cosine = spheres(count, 1.2)
-        acting = Load([0.3, 0.1, 0.0], [0, 0, 0], [0, 0, -2], [0, 0, 0])
-        over = safety_over_direction(acting, contacts, 0.1)
-        at_sphere = 2.0 * sine / cosine / math.hypot(0.3, 0.1)
-        assert over.largest.value == pytest.approx(at_sphere, rel=1e-6)
-        assert over.smallest.value == pytest.approx(at_sphere * math.cos(math.pi / count), rel=1e-6)
-        way = math.atan2(over.smallest.load.flow_force[1], over.smallest.load.flow_force[0])
-        assert way % (2.0 * math.pi / count) == pytest.approx(math.pi / count, abs=1e-3)
-
-    def test_over_direction_about_another_axis(self):
-        contacts, _, _ = spheres(3, 1.0)
-        weightless = Load([1, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0])
-        assert safety_over_direction(weightless, contacts, 0.1, axis=[0, 0, 2]).largest.value == 0.0
-        with pytest.raises(SceneError, match="axis"):
-            safety_over_direction(weightless, contacts, 0.1)
 
 
 class TestLadder:
@@ -402,7 +376,7 @@ class TestSpecialLoads:
             0.3 / (0.31 - 0.3), rel=1e-7
         )
 
-    @pytest.mark.parametrize("friction", [1e3, 1e5, 1e7, math.inf])
+    @pytest.mark.parametrize("friction", [1e3, 1e5, 1e7, 3e8, math.inf])
     def test_huge_friction(self, friction):
         # Only toppling is left: s F height = W half base.
         acting, contacts = box(0.0, [1.0, 0.0, 0.0], height=2.0)

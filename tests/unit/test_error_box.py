@@ -9,9 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from incipient.contact import Contacts, Load
+from incipient.contact import Contacts, Load, batch, robustness, safety
+from incipient.contact.batch import Cases, judge_many
+from incipient.contact.problem import Kernel
 from incipient.contact.robustness import ErrorBox, held_words, safety_range
 from incipient.contact.safety import safety_factor
+from incipient.errors import ConvergenceError
 
 ALONG_X, COUPLE = np.eye(6)[0], np.eye(6)[5]
 ROUND_OFF = 1e-7
@@ -121,6 +124,27 @@ class TestClosedFormulas:
         found = safety_range(load, pocket(30.0), 0.3, ErrorBox.of(np.zeros(6)))
         alone = safety_factor(load, pocket(30.0), 0.3)
         assert found.possible == found.guaranteed == alone.interval
+
+    def test_a_program_without_answer_claims_nothing(self, monkeypatch):
+        """Stopped after one step the method has no answer: the grain may then rest at any factor."""
+        load = Load([0.6, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], np.zeros(3))
+        box = ErrorBox.of(0.05 * ALONG_X)
+        assert safety_range(load, SQUARE, 0.3, box).moves
+        monkeypatch.setattr(safety, "ITERATIONS", 1)
+        for module in (safety, robustness):
+            monkeypatch.setattr(module, "SAFETY", Kernel(safety.safety_rows))
+        for errors in (box, ErrorBox.of(np.zeros(6))):
+            stopped = safety_range(load, SQUARE, 0.3, errors)
+            assert not stopped.moves and not stopped.rests
+            assert (stopped.low, stopped.high) == (0.0, math.inf)
+        with pytest.raises(ConvergenceError, match="no answer"):
+            safety_factor(load, SQUARE, 0.3)
+        monkeypatch.setattr(batch, "SAFETY", Kernel(safety.safety_rows))
+        rows = np.array([load.flow_force]), np.zeros((1, 3)), np.array([load.weight])
+        cases = SQUARE.points[None], SQUARE.normals[None], *rows, np.zeros((1, 3)), np.array([0.3])
+        judged = judge_many(Cases(*cases, np.full(1, np.nan), np.full((1, 3, 3), np.nan)))
+        assert "no answer" in judged.reasons[0]
+        assert np.isnan(judged.factors[0]) and not judged.held[0]
 
 
 @dataclass(frozen=True)
