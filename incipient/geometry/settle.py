@@ -31,8 +31,7 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
-ON_POLE, POLE_STEPS = 1e-5, 40  # the same where round-off of the angle counts, and steps to it
-FLAT = 0.1  # curvature, per grain size, of a place that counts as a pole without curvature
+ON_POLE, POLE_STEPS = 1e-5, 100  # the same where round-off of the angle counts, and steps to it
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
@@ -362,7 +361,7 @@ class _Descent:
         return placement if last < 1e-11 else None
 
     def _on_pole(self, placement: Placement) -> _Rest | None:
-        """The rest on a single contact where the grain has no curvature, as superellipses have.
+        """The rest on a single contact where the grain has no curvature, or none in one direction.
 
         There the place of the contact is a root of the angle, so that Newton's method for the angle fails, but the
         angle is a smooth function of the place: the place is moved to where it balances the couple, and the grain
@@ -381,8 +380,6 @@ class _Descent:
             body = placement.to_body(ends)
             here, there = self.grain.normal(body) @ placement.rotation.T
             turn = cross(there, here) if d == 3 else planar_cross(there, here)
-            if np.linalg.norm(turn) > FLAT * np.linalg.norm(shift):
-                return None
             placement = placement.moved(np.zeros(d), turn)
             for _ in range(4):
                 carrying = self._proximity.tracked(placement, carrying)

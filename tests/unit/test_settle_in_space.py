@@ -143,6 +143,13 @@ class TestSolidsOnPlanes:
         assert found.stable
         assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-11)
 
+    def test_superquadric_lies_on_its_side_which_is_curved_one_way_alone(self):
+        """Its axis lies level and the shorter semi-axis across it upright, so that z = 0.5."""
+        start = above(0.6, 0.3, rotation_by((1.45, 0.0, 0.1)))
+        found = settle(Superquadric((0.6, 0.5, 0.4), (4.0, 2.0)), Plane(), start, friction=0.5)
+        assert found.stable and found.steps < 200
+        assert found.placement.centre[2] == pytest.approx(0.5, abs=1e-9)
+
     def test_box_on_a_sloping_plane(self):
         bed = Plane((0.2, 0.1), 0.3)
         found = settle(Box((1.0, 0.6, 0.4)), bed, above(0.0, 0.0), friction=0.5)
