@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
 from incipient.arrays import Booleans, Floats, Integers
+from incipient.contact.friction import INFINITE
 from incipient.contact.impulses import (
-    LARGEST,
     PATIENCE,
     STEPS,
     CoulombLaw,
@@ -215,7 +215,7 @@ class AccelerationProblem:
     ) -> "AccelerationProblem":
         """The problem of a case, with friction of at most 1e6; raises SceneError as `incipient_motion` does."""
         table = checked_inertia(mass, inertia)
-        problem = ContactProblem.of(load, contacts, min(friction, LARGEST), table)
+        problem = ContactProblem.of(load, contacts, min(friction, INFINITE), table)
         wrench, size = problem.wrench(1.0)
         left = float(np.linalg.norm(wrench))
         inverse = np.eye(6)
@@ -316,27 +316,27 @@ def incipient_motion(
 def _motions(case: AccelerationProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
     """Accelerations and forces found, rest first if it is one of them, and whether these are all."""
     rest = np.zeros((1, len(case.wrench))), np.zeros((1, len(case.contacts), 3))
-    found, forces = _frictionless(case)
-    if np.abs(found).max() <= ZERO * case.scale:
+    motions, forces = _frictionless(case)
+    if np.abs(motions).max() <= ZERO * case.scale:
         return *rest, True  # to move would take energy that the load does not have
     if case.friction == 0.0:
-        return found, forces, True
+        return motions, forces, True
     held = forces_that_balance(case.contacts, case.spatial(case.wrench)) if may_rest else None
-    one = case.columns[None], case.inverse[None], np.array([case.friction]), case.wrench[None]
-    (count,), accelerations, local = MOTIONS(*one, MOST)
-    found, forces = (
+    row = case.columns[None], case.inverse[None], np.array([case.friction]), case.wrench[None]
+    (count,), accelerations, local = MOTIONS(*row, MOST)
+    motions, forces = (
         accelerations[0, :count, :-1],
         local[0, :count].reshape(count, *rest[1].shape[1:]),
     )
     if held is None and count == 0:
         more = case.law.solutions(rest[1][0])
         forces = next((reached for reached in more if len(reached)), forces)
-        found = (case.wrench + forces.reshape(len(forces), -1) @ case.columns.T) @ case.inverse
+        motions = (case.wrench + forces.reshape(len(forces), -1) @ case.columns.T) @ case.inverse
     if held is not None:
-        moves = np.abs(found).max(axis=1, initial=0.0) > SAME * case.scale
-        found = np.concatenate([rest[0], found[moves]])
+        moves = np.abs(motions).max(axis=1, initial=0.0) > SAME * case.scale
+        motions = np.concatenate([rest[0], motions[moves]])
         forces = np.concatenate([held[None], forces[moves]])
-    return found, forces, len(case.wrench) == 3
+    return motions, forces, len(case.wrench) == 3
 
 
 def _frictionless(case: AccelerationProblem) -> tuple[Floats, Floats]:
@@ -550,13 +550,13 @@ def smallest_forces(
 
 
 class Case(NamedTuple):
-    """One case, and the motions kept of it: found (most, m + 1), the last entry the energy, and forces (most, 3k)."""
+    """One case, and the motions kept of it: motions (most, m + 1), the last entry the energy, and forces (most, 3k)."""
 
     columns: Floats
     inverse: Floats
     friction: float
     wrench: Floats
-    found: Floats
+    motions: Floats
     forces: Floats
 
 
@@ -570,14 +570,14 @@ def motion_rows(
     """
     count, m, width = columns.shape
     reached = np.zeros(count, dtype=np.int64)
-    found, forces = np.zeros((count, most, m + 1)), np.zeros((count, most, width))
+    motions, forces = np.zeros((count, most, m + 1)), np.zeros((count, most, width))
     for i in range(count):
-        case = Case(columns[i], inverse[i], friction[i], wrench[i], found[i], forces[i])
+        case = Case(columns[i], inverse[i], friction[i], wrench[i], motions[i], forces[i])
         if m == 3:
             reached[i] = _planar(case)
         else:
             reached[i] = _search(case)
-    return reached, found, forces
+    return reached, motions, forces
 
 
 def _search(case: Case) -> int:
@@ -632,16 +632,20 @@ def _keep(case: Case, force: Floats, count: int) -> int:
     acceleration = case.inverse @ whole
     energy, same = dot(acceleration, whole), SAME * length(case.inverse @ case.wrench)
     for i in range(count):
-        if largest(case.found[i, :m] - acceleration) <= same:
+        if largest(case.motions[i, :m] - acceleration) <= same:
             return count
-    most, place = len(case.found), count
-    while place > 0 and energy < case.found[place - 1, m]:
+    most, place = len(case.motions), count
+    while place > 0 and energy < case.motions[place - 1, m]:
         place -= 1
     if place == most:
         return count
     for i in range(min(count, most - 1), place, -1):
-        case.found[i], case.forces[i] = case.found[i - 1], case.forces[i - 1]
-    case.found[place, :m], case.found[place, m], case.forces[place] = acceleration, energy, force
+        case.motions[i], case.forces[i] = case.motions[i - 1], case.forces[i - 1]
+    case.motions[place, :m], case.motions[place, m], case.forces[place] = (
+        acceleration,
+        energy,
+        force,
+    )
     return min(count + 1, most)
 
 

@@ -25,8 +25,7 @@ from incipient.contact.acceleration import (
     classify_motions,
     is_inertia,
 )
-from incipient.contact.friction import FRICTIONLESS
-from incipient.contact.impulses import LARGEST
+from incipient.contact.friction import FRICTIONLESS, INFINITE
 from incipient.contact.problem import Load, Loads, contact_frames, wrench_basis
 from incipient.contact.safety import FAILED as FAILED_ROW
 from incipient.contact.safety import HELD, SAFETY, TOLERANCE
@@ -199,10 +198,10 @@ def judge_batch(
         mass=each(mass),
         inertia=each(inertia),
     )
-    found = judge_many(cases)
-    if found.reasons:
-        raise SceneError(next(iter(found.reasons.values())))
-    return found
+    batch = judge_many(cases)
+    if batch.reasons:
+        raise SceneError(next(iter(batch.reasons.values())))
+    return batch
 
 
 def _joined(parts: list[Batch]) -> Batch:
@@ -307,12 +306,12 @@ class _Rows:
         inverse[:, 3:, 3:] = np.linalg.inv(self.inertia[moving])
         small = np.ascontiguousarray(inverse[:, kept][:, :, kept])
         arguments = columns, small, self.friction[moving], whole[:, kept].copy()
-        found, accelerations, _ = MOTIONS(*arguments, KEPT, rows=len(moving))
+        count, accelerations, _ = MOTIONS(*arguments, KEPT, rows=len(moving))
         best = np.zeros((len(moving), 6))
         best[:, kept] = accelerations[:, 0, :-1]
         scale = np.linalg.norm((small @ whole[:, kept, None])[..., 0], axis=1)
         kinds = classify_motions(best, self.columns[moving], scale, self.inward[moving])[2]
-        return np.where((found > 0) & (kinds > 0), kinds + 1, FAILED)
+        return np.where((count > 0) & (kinds > 0), kinds + 1, FAILED)
 
 
 def _groups(cases: Cases) -> Iterator[tuple[Integers, _Rows]]:
@@ -380,7 +379,7 @@ def _usual(cases: Cases, count: int) -> tuple[Booleans, Booleans, Booleans]:
     right &= ((lengths > SMALLEST) | (loads == 0.0)).all(axis=(1, 2)) & (reach > SMALLEST)
     right &= (whole > NO_LOAD * sizes) & np.isfinite(vectors).all(axis=(1, 2))
     right &= (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= UNIT_TOLERANCE).all(axis=1)
-    right &= (cases.friction > FRICTIONLESS) & (cases.friction <= LARGEST)
+    right &= (cases.friction > FRICTIONLESS) & (cases.friction <= INFINITE)
     right &= ((arms * normals).sum(axis=2) >= 0.0).any(axis=1)
     ratio = np.trace(cases.inertia, axis1=1, axis2=2) / (cases.mass * reach**2)
     unknown = np.isnan(cases.mass) & np.isnan(cases.inertia).all(axis=(1, 2))

@@ -9,7 +9,9 @@ from incipient.arrays import Floats
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
-INFINITE = 1e6  # a coefficient above it counts as infinite
+INFINITE = (
+    1e6  # a coefficient above it counts as infinite; in the equations of motion it stands for one
+)
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,11 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from incipient.arrays import Floats
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import INFINITE, FrictionCone
 from incipient.contact.problem import Kernel
 from incipient.contact.safety import add, dot
 from incipient.errors import ConvergenceError
 
-LARGEST = 1e6  # friction used in the equations where it is larger or infinite
 GOOD = 1e-9  # what a solution may miss the laws by, dimensionless
 EXACT = 1e-13  # the same where the laws are linear: what is held must not creep
 RANK = 1e-9  # singular values below it, relative to the largest, count as zero
@@ -123,7 +122,7 @@ def contact_impulses(
         return np.zeros((count, 3))
     size = float(gain.diagonal().mean())
     # At contacts with less friction tangential velocities are scaled down and impulses up: one coefficient for all.
-    coefficients = np.minimum(friction, LARGEST)
+    coefficients = np.minimum(friction, INFINITE)
     most = float(coefficients.max())
     weight = np.ones((count, 3))
     weight[:, 1:] = (coefficients / most if most > 0.0 else np.zeros(count))[:, None]
@@ -219,8 +218,8 @@ def one_contact(gain: Floats, free: Floats, friction: float) -> Floats:
         """The friction needed beyond the coefficient."""
         if part >= 1.0:
             return -1.0
-        normal, one, two = sliding(part)
-        return float(np.hypot(one, two) / normal - friction) if normal > 0.0 else 1.0
+        normal, first, second = sliding(part)
+        return float(np.hypot(first, second) / normal - friction) if normal > 0.0 else 1.0
 
     if lacking(0.0) <= 0.0:
         return sliding(0.0)

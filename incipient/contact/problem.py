@@ -108,13 +108,13 @@ class ContactProblem:
     """k distinct contacts and the load on them, dimensionless.
 
     `plane` (3, 3): two axes in the plane of a planar case and its normal, otherwise None. `copy` (n,): the
-    distinct contact of each one given, `share` (n,): its fraction of that contact's force.
+    distinct contact of each one given, `fraction` (n,): its fraction of that contact's force.
     """
 
     frames: Floats  # (k, 3, 3): rows inward normal and two tangents, the second across a plane
     basis: Floats  # (6, k, 3): wrenches of unit local forces
     copy: Integers
-    share: Floats
+    fraction: Floats
     reach: float  # the unit of length
     cone: FrictionCone
     plane: Floats | None
@@ -135,7 +135,7 @@ class ContactProblem:
         cone, arms = FrictionCone(float(friction)), contacts.points - load.centre
         reach = max(map(_length, arms)) or 1.0
         require_outward(contacts, load.centre)
-        kept, copy, share = _distinct(arms / reach, contacts.normals)
+        kept, copy, fraction = _distinct(arms / reach, contacts.normals)
         arms, inward = arms[kept] / reach, -contacts.normals[kept]
         plane = _plane(arms, inward, load, inertia)
         frames = contact_frames(inward, None if plane is None else plane[2])
@@ -144,7 +144,9 @@ class ContactProblem:
         sizes = _length(flow), _length(weight)
         unit_flow, unit_weight = flow / (sizes[0] or 1.0), weight / (sizes[1] or 1.0)
         basis = wrench_basis(arms, frames)
-        return cls(frames, basis, copy, share, reach, cone, plane, unit_flow, unit_weight, *sizes)
+        return cls(
+            frames, basis, copy, fraction, reach, cone, plane, unit_flow, unit_weight, *sizes
+        )
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -184,7 +186,7 @@ class ContactProblem:
 
     def forces(self, local: Floats) -> Floats:
         """Local forces (k, 3) as forces (n, 3) on the grain at the contacts given."""
-        return np.asarray(self.share[:, None] * (local[:, None] @ self.frames)[self.copy, 0])
+        return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames)[self.copy, 0])
 
     def wrench(self, factor: float) -> tuple[Floats, float]:
         """(factor flow + weight) over the sum of both magnitudes, and that sum."""
@@ -281,7 +283,7 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
-    """Indices of the distinct contacts, for every contact which of them it is, and its share."""
+    """Indices of the distinct contacts, for every contact which of them it is, and its fraction."""
     rows = np.concatenate([arms, normals], axis=1)
     same = np.abs(rows[:, None] - rows).max(axis=2) <= SAME_PLACE
     count = len(rows)

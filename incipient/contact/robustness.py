@@ -135,9 +135,9 @@ def _possible(problem: ContactProblem, box: ErrorBox, weight_held: bool) -> Inte
     ways = np.array([problem.within(way) for way in (box.error_directions.T / units)]).T
     size = problem.flow_size + float(np.linalg.norm(ways))
     ways, count = ways / size, ways.shape[1]
-    columns, one = problem.cone_columns, np.eye(count)
+    columns, unity = problem.cone_columns, np.eye(count)
     none = np.zeros((count, columns.shape[1]))
-    rows = np.block([[ways, np.zeros_like(ways), columns], [one, one, none]])
+    rows = np.block([[ways, np.zeros_like(ways), columns], [unity, unity, none]])
     target = np.append(problem.within(flow) / size - ways.sum(axis=1), np.full(count, -2.0))
     unit = float(np.linalg.norm(target))
     weight = np.append(problem.within(problem.weight), np.zeros(count))

@@ -33,12 +33,12 @@ from incipient.geometry.space.grains import Solid
 # By how many grain sizes, and radians, a rest may jump and be in the same pocket: with less than half a right angle the
 # same side of the grain is down.
 POCKET, SIDE = 0.3, 0.75
-# Steps of the share a/(1 + a) that the flow's load has in all of it, a in weights.
+# Steps of the fraction a/(1 + a) that the flow's load has in all of it, a in weights.
 FIRST, LONGEST, GROWTH = 0.02, 0.1, 3.0
 SHRINK = 0.005  # of steps from no flow at all
 RESOLVED = 5e-3  # of the factor: how near the critical one is found
-NOTHING = 1e-4  # share that counts as none
-ALL = 0.999  # share that counts as all
+NOTHING = 1e-4  # fraction that counts as none
+ALL = 0.999  # fraction that counts as all
 BEYOND = 0.02  # by how much the load that shows the motion is more than critical
 MOST_STEPS, MOST_WAY = 200, 20  # of the load, and of the grain on its way to a rest close by
 
@@ -191,49 +191,49 @@ class _Pocket:
             force, couple = force[:2], couple[2:]
         if not force.any():
             return None
-        found = settle_under(
+        settled = settle_under(
             self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
         )
-        placement, contacts = found.placement, found.contacts
-        if not found.stable or contacts is None or self._far(start, placement):
+        placement, contacts = settled.placement, settled.contacts
+        if not settled.stable or contacts is None or self._far(start, placement):
             return None
         return Rest(factor, self._held_to(factor, placement, contacts), placement, contacts)
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
         """The rests from the first one on as the factor grows; the `high` of the last is the critical factor."""
-        # The smallest share at which no rest close by was found, and the step to the next: a short one beyond all
+        # The smallest fraction at which no rest close by was found, and the step to the next: a short one beyond all
         # that the contacts hold, since they rarely give way to another rest.
-        lost, step = 1.0, FIRST if self._share(rest.high) <= NOTHING else 0.0
+        lost, step = 1.0, FIRST if self._fraction(rest.high) <= NOTHING else 0.0
         for _ in range(MOST_STEPS):
-            share = self._share(rest.high)
-            if share >= ALL:
+            fraction = self._fraction(rest.high)
+            if fraction >= ALL:
                 break
-            shortest = self.resolved * share * (1.0 - share) + NOTHING
-            tried = self._tried(share, step, lost, shortest)
-            found = self.rest(self.unit * tried / (1.0 - tried), rest.placement)
-            if found is None:
-                if tried - share <= 1.01 * shortest:
+            shortest = self.resolved * fraction * (1.0 - fraction) + NOTHING
+            tried = self._tried(fraction, step, lost, shortest)
+            reached = self.rest(self.unit * tried / (1.0 - tried), rest.placement)
+            if reached is None:
+                if tried - fraction <= 1.01 * shortest:
                     break
                 lost = tried
                 continue
             yield rest
-            held = self._share(found.high) > tried + shortest
-            step = 0.0 if held else min(GROWTH * (tried - share), LONGEST)
-            rest, lost = found, lost if tried < lost else 1.0
-        none, every = self._share(rest.high) <= 2.0 * NOTHING, self._share(rest.high) >= ALL
+            held = self._fraction(reached.high) > tried + shortest
+            step = 0.0 if held else min(GROWTH * (tried - fraction), LONGEST)
+            rest, lost = reached, lost if tried < lost else 1.0
+        none, every = self._fraction(rest.high) <= 2.0 * NOTHING, self._fraction(rest.high) >= ALL
         yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
 
-    def _tried(self, share: float, step: float, lost: float, shortest: float) -> float:
-        """The next share to look for a rest at; not beyond that of the load as it is before that was looked at."""
-        if share <= NOTHING and lost < 1.0:
-            return max(SHRINK * lost, share + shortest)
+    def _tried(self, fraction: float, step: float, lost: float, shortest: float) -> float:
+        """The next fraction to look for a rest at; not beyond that of the load as it is before that was looked at."""
+        if fraction <= NOTHING and lost < 1.0:
+            return max(SHRINK * lost, fraction + shortest)
         whole, tried = (
-            self._share(1.0),
-            max(min(share + step, 0.5 * (share + lost)), share + shortest),
+            self._fraction(1.0),
+            max(min(fraction + step, 0.5 * (fraction + lost)), fraction + shortest),
         )
-        return whole if share < whole < tried else tried
+        return whole if fraction < whole < tried else tried
 
-    def _share(self, factor: float) -> float:
+    def _fraction(self, factor: float) -> float:
         """The flow's part of the load at a factor."""
         return 1.0 if math.isinf(factor) else factor / (self.unit + factor)
 

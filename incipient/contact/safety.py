@@ -521,11 +521,11 @@ def _scale(
         out[i] = vector[i] * size[i] if sign > 0.0 else vector[i] / size[i]
     for i in range(linear, len(vector), 3):
         factor = size[i] if sign > 0.0 else 1.0 / size[i]
-        one, two, three = vector[i], vector[i + 1], vector[i + 2]
-        along = 2.0 * (turn[i] * one + sign * (turn[i + 1] * two + turn[i + 2] * three))
-        out[i] = factor * (along * turn[i] - one)
-        out[i + 1] = factor * (along * sign * turn[i + 1] + two)
-        out[i + 2] = factor * (along * sign * turn[i + 2] + three)
+        normal, first, second = vector[i], vector[i + 1], vector[i + 2]
+        along = 2.0 * (turn[i] * normal + sign * (turn[i + 1] * first + turn[i + 2] * second))
+        out[i] = factor * (along * turn[i] - normal)
+        out[i + 1] = factor * (along * sign * turn[i + 1] + first)
+        out[i + 2] = factor * (along * sign * turn[i + 2] + second)
 
 
 def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out: Floats) -> None:
@@ -534,13 +534,13 @@ def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out:
         out[i] = (target - p[i] * q[i]) / lam[i] - lam[i]
     for i in range(linear, len(lam), 3):
         a, b, c = lam[i], lam[i + 1], lam[i + 2]
-        one = target - p[i] * q[i] - p[i + 1] * q[i + 1] - p[i + 2] * q[i + 2]
-        two = -p[i] * q[i + 1] - q[i] * p[i + 1]
-        three = -p[i] * q[i + 2] - q[i] * p[i + 2]
-        along = (a * one - b * two - c * three) / max(_determinant(lam, i), 1e-300)
+        normal = target - p[i] * q[i] - p[i + 1] * q[i + 1] - p[i + 2] * q[i + 2]
+        first = -p[i] * q[i + 1] - q[i] * p[i + 1]
+        second = -p[i] * q[i + 2] - q[i] * p[i + 2]
+        along = (a * normal - b * first - c * second) / max(_determinant(lam, i), 1e-300)
         out[i] = along - a
-        out[i + 1] = (two - along * b) / a - b
-        out[i + 2] = (three - along * c) / a - c
+        out[i + 1] = (first - along * b) / a - b
+        out[i + 2] = (second - along * c) / a - c
 
 
 def _longest(x: Floats, step: Floats, linear: int) -> float:
