@@ -117,7 +117,9 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
     low, high, weight_held, local = balanced_interval(problem)
     interval = None if math.isnan(low) else (low, high)
     factor = math.nan if interval is None else high
-    if math.isinf(factor):
+    if math.isinf(low):  # balanced by no finite multiple
+        factor, local = math.nan, None
+    elif math.isinf(factor):
         factor = 1.0 if low < 1.0 else 2.0 * low
         local = forces_that_balance(problem, problem.wrench(factor)[0])
         local = None if local is None else problem.wrench(factor)[1] * local
