@@ -8,9 +8,9 @@
 
 - grain_on_waves, leaving_pocket, threshold_pocket, threshold_half_discs, entrainment: the effective level of the
   bed is from a table, 5e-6 lower; forces change by 1e-5, of the released disc by 5e-4
-- sand_in_turbulence: forces change by 1.2e-5, on the same cells; the cause is not isolated
+- sand_in_turbulence, threshold_sand: forces change by 1.2e-5, on the same cells; the cause is not isolated
 - pebble: settling with exact friction cones has its rest 7e-4 of a diameter away
-- sphere_in_pocket: another mesh of its bed, 0.2% more unknowns; the safety factor changes by 1e-4
+- sphere_in_pocket, threshold_sphere: another mesh of its bed, 0.2% more unknowns; the safety factor changes by 1e-4
 - backward_facing_step: the flow separates at the face of the step, not at the edge of its corner eddy
 - survey: percentiles are values of the sample
 
