@@ -28,7 +28,8 @@ class ResolvedWallReport(WallReport):
     first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
     each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
     stress in the mean along all walls
-    coarse_along: share of the stress's change along a smooth bed that lies in cells too long for it
+    coarse_along: fraction of the stress's change along a smooth bed that lies in cells too long for it, zero along
+    plane walls; None: along other walls, with corners or contacts where the stress is singular, cells are not judged
     """
 
     mesh_size: float = 1.0
@@ -37,7 +38,7 @@ class ResolvedWallReport(WallReport):
     excess: float = 1.0
     first_cell: float | None = None
     each: dict[str, float] = field(default_factory=dict)
-    coarse_along: float = 0.0
+    coarse_along: float | None = None
 
     @property
     def model(self) -> str:
@@ -47,7 +48,11 @@ class ResolvedWallReport(WallReport):
     @property
     def applicable(self) -> bool:
         """Whether the cells at nearly all walls are thin enough, and those along a smooth bed short enough."""
-        return self.outside <= MOST_OUTSIDE and self.coarse_along <= MOST_COARSE
+        return self.outside <= MOST_OUTSIDE and not self._coarse_along
+
+    @property
+    def _coarse_along(self) -> bool:
+        return self.coarse_along is not None and self.coarse_along > MOST_COARSE
 
     @property
     def by_cells(self) -> bool:
@@ -71,7 +76,7 @@ class ResolvedWallReport(WallReport):
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
-        if self.coarse_along > MOST_COARSE and self.outside <= MOST_OUTSIDE:
+        if self._coarse_along and self.outside <= MOST_OUTSIDE:
             return f"set numerics.mesh_size = {0.5 * self.mesh_size:.2g}"
         if self.first_cell is not None:
             made, found = self.first_cell, self.largest / self.mesh_size
@@ -99,9 +104,12 @@ class ResolvedWallReport(WallReport):
             if self.on_sand not in (0.0, self.thickest):
                 told += f", on sand than {self.on_sand:.3g}"
         if self.applicable:
-            return [f"{told}: walls are resolved; "]
+            judged = (
+                "" if self.coarse_along is not None else " across; cells along them are not judged"
+            )
+            return [f"{told}: walls are resolved{judged}; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        if self.coarse_along > MOST_COARSE:
+        if self.coarse_along is not None and self._coarse_along:
             bounds = (
                 f"{100 * self.coarse_along:.2g}% of the change of the shear stress along the bed lie in cells in which "
                 f"it changes by more than {100 * LARGEST_CHANGE:g}%, at most {100 * MOST_COARSE:g}% may"

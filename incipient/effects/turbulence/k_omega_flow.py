@@ -364,7 +364,7 @@ class KOmegaFlow(TurbulentFlow):
             each=each,
             coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
             if walls.smooth
-            else 0.0,
+            else (0.0 if walls.plane else None),
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
