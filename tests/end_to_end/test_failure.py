@@ -421,6 +421,7 @@ def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
 WHILE_GMSH_STARTS = """
 import os, signal, threading, time
 from incipient.interrupt import handlers_kept
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also where a shell in the background ignores it
 threading.Thread(target=time.sleep, args=(60,), daemon=True).start()  # as MPI has; signals reach it, too
 try:
     with handlers_kept():
