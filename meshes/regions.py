@@ -146,7 +146,9 @@ class Grid:
     # Names of the boundaries at the least and the largest coordinate along each axis; names may occur twice
     sides: tuple[str, ...]
     half: bool = False  # in 3-D, the least y is a plane of symmetry, in the middle of the whole box
-    parallel: bool = False  # in 3-D, all diagonals have one direction, instead of leading inwards
+    parallel: bool = (
+        False  # in 3-D, all diagonals have one direction, instead of leading inwards from corners
+    )
     # Name of the lower side of the first columns in 2-D, and their number
     ahead: tuple[str, int] = ("", 0)
 

@@ -50,7 +50,9 @@ def channel_grid(
         layers = max(layers, round(ROWS * rubbing / coarse))
     across = layer_ends(layers, GRADING if walls.sides else 1.0, half)
     ends = along_ends, across, rows
-    return Grid((along, (low, high), upright), ends, names.of_box(half), half, parallel=True)
+    return Grid(
+        (along, (low, high), upright), ends, names.of_box(half), half, parallel=not walls.sides
+    )
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:
