@@ -24,6 +24,7 @@ SOLID = 1e-6  # determinant of the normals' second moments above which they span
 SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal normals are one
 # Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
 INTERPRETED = 240
+AT_ONCE = 20  # rows in one call that are always compiled, so that tables do not depend on what was called before
 SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
@@ -253,8 +254,9 @@ class Kernel:
 
     def __call__(self, *arguments: Any, rows: int = 1) -> Any:
         """Call it for so many rows, whose work goes by the cube of the number of equations."""
-        self.left -= rows * (arguments[0].shape[-2] / 3) ** 3
-        if self.left < 0 and self.compiled is None:
+        work = rows * (arguments[0].shape[-2] / 3) ** 3
+        self.left -= work
+        if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
             self.compiled = _compiled(self.function) or self.function
         return (self.compiled or self.function)(*arguments)
 
