@@ -85,22 +85,25 @@ def part_of(path: Path) -> Path:
 def owned(directory: Path) -> set[str]:
     """Names of the files in a directory that this program has written and nobody has changed, as its `MARK` says."""
     there = set()
-    for name, size in _marked(directory).items():
+    for name, sizes in _marked(directory).items():
         with suppress(OSError):
-            if (directory / name).lstat().st_size == size or size is None:
+            # The last size but one is that of a file whose writer was killed before it took the new one's place.
+            if (directory / name).lstat().st_size in sizes[-2:] or sizes[-1] is None:
                 there.add(name)
     return there
 
 
-def _marked(directory: Path) -> dict[str, int | None]:
-    """Sizes by name that the `MARK` of a directory holds; None of files that grow. Raises OutputError."""
+def _marked(directory: Path) -> dict[str, list[int | None]]:
+    """Sizes by name that the `MARK` of a directory holds, one a writing; None of files that grow. Raises OutputError."""
     mark = directory / MARK
     if not mark.is_file():
         return {}
     with reported(mark):
         lines = os.fsdecode(mark.read_bytes()).splitlines()[1:]
-    pairs = (line.partition(" ") for line in lines)
-    return {name: int(size) if size.isdecimal() else None for size, _, name in pairs}
+    sizes: dict[str, list[int | None]] = {}
+    for size, _, name in (line.partition(" ") for line in lines):
+        sizes.setdefault(name, []).append(int(size) if size.isdecimal() else None)
+    return sizes
 
 
 def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = None) -> None:
@@ -113,7 +116,7 @@ def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = 
     lines = [
         f"{'-' if size is None else size} {name}\n"
         for name, size in sorted(sizes.items())
-        if "\n" not in name and known.get(name, -1) != size
+        if "\n" not in name and known.get(name, [-1])[-1] != size
     ]
     if not lines:
         return

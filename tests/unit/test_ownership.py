@@ -56,6 +56,16 @@ def test_what_was_changed_since_is_refused(tmp_path: Path) -> None:
     assert owned(tmp_path) == {"history.csv"}
 
 
+def test_a_file_whose_next_writer_was_killed_is_still_ours(tmp_path: Path) -> None:
+    """Killed after its mark was written and before the new file took the old one's place: sizes 5 there, 9 marked."""
+    path = tmp_path / "surface.h5.journal"
+    write_text_atomically(path, "1" * 5)
+    own(tmp_path, {path.name: 9})
+    assert owned(tmp_path) == {path.name}
+    write_text_atomically(path, "2" * 7)
+    assert path.read_text() == "2" * 7
+
+
 def test_runs_of_earlier_versions_are_adopted(tmp_path: Path) -> None:
     """Their directories have no mark, but the scene as runs write it."""
     (tmp_path / "scene.toml").write_text(dumps(loads(example())))
