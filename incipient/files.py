@@ -94,7 +94,7 @@ def owned(directory: Path) -> set[str]:
 
 
 def _marked(directory: Path) -> dict[str, list[int | None]]:
-    """Sizes by name that the `MARK` of a directory holds, one a writing; None of files that grow. Raises OutputError."""
+    """Sizes by name in the `MARK` of a directory, one a writing; None of files that grow. Raises OutputError."""
     mark = directory / MARK
     if not mark.is_file():
         return {}

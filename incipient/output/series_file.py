@@ -109,7 +109,8 @@ class SeriesFile:
         import h5py
 
         self._forget_vtk()
-        claim(self._hdf5)
+        for path in (self._hdf5, journal_of(self._hdf5)):
+            claim(path)
         with reported(self._xdmf):
             self._xdmf.unlink(missing_ok=True)
             journal_of(self._hdf5).unlink(missing_ok=True)
