@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from incipient.contact import Contacts, Load, batch, robustness, safety
+from incipient.contact import Contacts, Load, batch, problem, robustness, safety
 from incipient.contact.batch import Cases, judge_many
 from incipient.contact.problem import Kernel
 from incipient.contact.robustness import ErrorBox, held_words, safety_range
@@ -130,16 +130,17 @@ class TestClosedFormulas:
         load = Load([0.6, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], np.zeros(3))
         box = ErrorBox.of(0.05 * ALONG_X)
         assert safety_range(load, SQUARE, 0.3, box).moves
-        monkeypatch.setattr(safety, "ITERATIONS", 1)
-        for module in (safety, robustness):
-            monkeypatch.setattr(module, "SAFETY", Kernel(safety.safety_rows))
+        monkeypatch.setattr(safety, "ITERATIONS", 1)  # which compiled code would not see
+        monkeypatch.setattr(problem, "AT_ONCE", math.inf)
+        interpreted = Kernel(safety.safety_rows, interpreted=math.inf)
+        for module in (safety, robustness, batch):
+            monkeypatch.setattr(module, "SAFETY", interpreted)
         for errors in (box, ErrorBox.of(np.zeros(6))):
             stopped = safety_range(load, SQUARE, 0.3, errors)
             assert not stopped.moves and not stopped.rests
             assert (stopped.low, stopped.high) == (0.0, math.inf)
         with pytest.raises(ConvergenceError, match="no answer"):
             safety_factor(load, SQUARE, 0.3)
-        monkeypatch.setattr(batch, "SAFETY", Kernel(safety.safety_rows))
         rows = np.array([load.flow_force]), np.zeros((1, 3)), np.array([load.weight])
         cases = SQUARE.points[None], SQUARE.normals[None], *rows, np.zeros((1, 3)), np.array([0.3])
         judged = judge_many(Cases(*cases, np.full(1, np.nan), np.full((1, 3, 3), np.nan)))
