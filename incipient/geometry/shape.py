@@ -34,7 +34,7 @@ class Moments:
 
     @staticmethod
     def within(corners: Floats) -> "Moments":
-        """Of the inside of a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside.
+        """Moments of the inside of a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside.
 
         In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
         """
@@ -50,7 +50,7 @@ class Moments:
 
     @staticmethod
     def swept(points: Floats, normals: Floats) -> "Moments":
-        """Of the inside of a surface from points (n, d) on it and normals (n, d) as long as their part of it.
+        """Moments of the inside of a surface from points (n, d) on it and normals (n, d) as long as their part of it.
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """

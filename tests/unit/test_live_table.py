@@ -44,8 +44,9 @@ def test_brackets_in_a_title_are_no_markup():
     assert all(words in paper.text for words in ("=[/coarse]", "=[red]clay", "failed: [/no] flow"))
 
 
-def test_brackets_in_a_stage_are_no_markup(monkeypatch):
+def test_brackets_in_a_stage_are_no_markup(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with telling(0) as voice:
         voice.begin("mesh of sand[/coarse]")
         voice.count("[/cases]", 1, 2)
+    assert "[/cases]" in capsys.readouterr().err
