@@ -34,7 +34,7 @@ class Moments:
 
     @staticmethod
     def within(corners: Floats) -> "Moments":
-        """Moments of the inside of a closed surface of triangles (m, 3 corners, 3), counter-clockwise seen from outside.
+        """Moments of the inside of a closed surface of triangles (m, 3 corners, 3), outward normals.
 
         In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
         """
