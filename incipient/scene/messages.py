@@ -11,6 +11,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
+from . import retired
+
 Key = tuple[str | int, ...]
 
 # Names of the errors that validators raise, about one section or about what several say together.
@@ -169,9 +171,26 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
     return tuple(key), section
 
 
+def _dotted(key: Key) -> str:
+    return ".".join(part for part in key if isinstance(part, str))
+
+
+def _retired_value(detail: ErrorDetails, key: Key) -> Problem | None:
+    """The problem of a value, or of the kind of a section, that scenes no longer have."""
+    context = detail.get("ctx", {})
+    if detail["type"] == "union_tag_invalid":
+        key, value = (*key, context["discriminator"].strip("'")), str(context["tag"])
+    else:
+        value = str(detail["input"])
+    remedy = retired.VALUES.get((_dotted(key), value))
+    return Problem(key, f"{shown(value)} is retired", remedy) if remedy else None
+
+
 def _problem(
     detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
 ) -> Problem:
+    if (retirement := _retired_value(detail, key)) is not None:
+        return retirement
     kind, context = detail["type"], detail.get("ctx", {})
     given = shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
@@ -195,6 +214,8 @@ def _problem(
 
 
 def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
+    if remedy := retired.KEYS.get(_dotted(key)):
+        return Problem(key, "is retired", remedy)
     why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
     return Problem(
         key,
