@@ -10,7 +10,7 @@ from .effects import Effects
 from .expression import Expression
 from .flows import ExpressionFlow, Flow, LogLaw
 from .messages import Problem, either, problem
-from .model import Output, SceneSections, Time
+from .model import Output, SceneSections
 from .numerics import OF_SURFACE, OF_WALLS, Numerics
 from .surface import Surface
 
@@ -61,11 +61,11 @@ def contradictions(scene: SceneSections) -> Iterator[Problem]:
         yield from _never_steady(moves, scene.effects, flow, unsteady, scene.surface or Surface())
     if moves and time is None:
         yield problem("body.motion", "a grain moves in time", "add a section [time]")
-    yield from _ignored(numerics, moves, scene.has_surface, time)
+    yield from _ignored(numerics, moves, scene.has_surface)
     yield from _budgets(numerics) if numerics.accuracy is None else _accuracy(scene)
     yield from effects_checks.contradictory(scene)
     yield from contact_checks.contradictory(body, scene.contact, time, bed)
-    yield from contact_checks.excluded(body, scene.effects.contact, numerics.coupling)
+    yield from contact_checks.excluded(body, scene.effects.contact)
     yield from surface_checks.contradictory(scene)
     yield from turbulence_checks.contradictory(scene)
     yield from gust_checks.contradictory(flow, time, scene.has_surface, scene.sides)
@@ -189,7 +189,7 @@ def _never_steady(
                 f"a steady flow but surface.{key} depends on t",
                 "leave t out",
             )
-            for key in ("inflow", "pressure", "seepage")
+            for key in ("pressure",)
         ),
     )
     for given, why, remedy in reasons:
@@ -197,17 +197,13 @@ def _never_steady(
             yield problem("time.until_steady", f"is for {why}", f"leave it out or {remedy}")
 
 
-def _ignored(
-    numerics: Numerics, moves: bool, has_surface: bool, time: Time | None
-) -> Iterator[Problem]:
+def _ignored(numerics: Numerics, moves: bool, has_surface: bool) -> Iterator[Problem]:
     """Keys of [numerics] with another value than the default that the scene has no use for."""
-    keys = ("coupling", "remesh_below", *(() if has_surface else ("interface_tolerance",)))
-    unused = [(key, "a grain that moves", "set body.motion") for key in keys if not moves]
-    if time is None:
-        unused.append(("form", "flow in time", "add a section [time]"))
-    for key, of, remedy in unused:
+    keys = ("remesh_below", *(() if has_surface else ("interface_tolerance",)))
+    for key in keys if not moves else ():
         if getattr(numerics, key) != type(numerics).model_fields[key].default:
-            yield problem(f"numerics.{key}", f"is read only for {of}", f"leave it out or {remedy}")
+            why = "is read only for a grain that moves"
+            yield problem(f"numerics.{key}", why, "leave it out or set body.motion")
 
 
 def _budgets(numerics: Numerics) -> Iterator[Problem]:

@@ -35,16 +35,11 @@ def contradictory(
         yield problem("time.until", '"out-of-pocket" but the bed is flat', 'use "at-rest" or "end"')
 
 
-def excluded(body: Any, contact: bool | str, coupling: str) -> Iterator[Problem]:
-    """Values of effects.contact and numerics.coupling that a grain which touches its bed cannot go with."""
-    if body is None or not body.touches:
-        return
-    if contact is False:
+def excluded(body: Any, contact: bool | str) -> Iterator[Problem]:
+    """A value of effects.contact that a grain which touches its bed cannot go with."""
+    if body is not None and body.touches and contact is False:
         why = "is false, but the grain touches the bed while it moves"
         yield problem("effects.contact", why, "leave it out")
-    if coupling != "exact":
-        why = f'is "{coupling}", but a grain that touches the bed is coupled exactly'
-        yield problem("numerics.coupling", why, "leave it out")
 
 
 def _ignored(contact: Contact | None, time: Time | None) -> Iterator[Problem]:

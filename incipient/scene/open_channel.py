@@ -6,11 +6,11 @@ from .domain import Domain
 from .flows import Flow
 from .messages import Problem, either, problem
 from .model import Time
-from .surface import Surface, Wave
+from .surface import Surface
 
 # Base flows below a free surface: profiles without shear on it, or none.
 STREAMS = ("open-channel", "uniform", "still")
-_OF_CHANNELS = {"inflow": "0", "wave": None, "outflow": "open", "sponge": 0.0}
+_OF_CHANNELS = {"wave": None, "outflow": "open", "sponge": 0.0}
 
 
 def of_box(surface: Surface) -> Iterator[Problem]:
@@ -30,7 +30,7 @@ def of_channel(
     kind, half = flow.kind, 0.5 * domain.length
     if kind not in STREAMS:
         why = f'"{kind}" is no flow below a free surface, on which there is no shear'
-        remedy = f"use {either(STREAMS)}, and surface.inflow for what changes in time"
+        remedy = f"use {either(STREAMS)}"
         yield problem("flow.kind", why, remedy)
         return
     if surface.ends != "wall":
@@ -46,28 +46,17 @@ def of_channel(
         )
     if surface.outflow == "wall" and kind != "still":
         why = f'"{kind}" flows through but surface.outflow is "wall"'
-        yield problem("flow.kind", why, 'use "still", and surface.inflow for what enters')
+        yield problem("flow.kind", why, 'use "still"')
     if surface.sponge > half:
         why = f"is {surface.sponge:g}, more than half of the channel"
         yield problem("surface.sponge", why, f"give at most {half:g}")
     if surface.wave is not None:
-        yield from _of_wave(surface.wave, surface, domain)
+        yield from _of_wave(domain)
     if time is not None and time.start != "rest" and surface.outflow == "wall":
         yield problem("time.start", "is a flow through but the channel has an end", 'use "rest"')
 
 
-def _of_wave(wave: Wave, surface: Surface, domain: Domain) -> Iterator[Problem]:
-    half = 0.5 * (domain.length - surface.sponge)
-    if surface.inflow != "0":
-        yield problem("surface.inflow", "is given beside surface.wave", "leave one of them out")
-    if surface.tension:
-        why = "is a wave by gravity alone but surface.tension is not zero"
-        remedy = "leave one of them out, or give the velocity as surface.inflow"
-        yield problem("surface.wave", why, remedy)
+def _of_wave(domain: Domain) -> Iterator[Problem]:
     if domain.sides == "wall":
         why = "is the same across the channel but the fluid sticks to its sides"
-        remedy = 'use domain.sides = "slip", or give the velocity as surface.inflow'
-        yield problem("surface.wave", why, remedy)
-    if wave.zone > half:
-        why = f"is {wave.zone:g}, more than half of the channel before its sponge"
-        yield problem("surface.wave.zone", why, f"give at most {half:g}")
+        yield problem("surface.wave", why, 'use domain.sides = "slip"')

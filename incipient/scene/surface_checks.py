@@ -16,9 +16,7 @@ from .surface import FREE, Surface
 _SAMPLES = 201  # along each side of the surface, where its first elevation is looked at
 # What formulas of a scene in the plane must not depend on, and the remedy.
 _NOT_IN_THE_PLANE = {
-    "inflow": ("z", "use y and t only"),
     "elevation": ("y", "use x only"),
-    "seepage": ("y", "use x and t only"),
 }
 
 
@@ -71,9 +69,6 @@ def _of_time(time: Time | None, domain: Domain) -> Iterator[Problem]:
 def _of_bottom(surface: Surface, has_bed: bool) -> Iterator[Problem]:
     if surface.bottom == "slip" and has_bed:
         yield problem("surface.bottom", "is for a domain without [bed]", "leave one of them out")
-    if surface.bottom == "slip" and surface.seepage != "0":
-        why = "enters straight up, which a bottom that slips does not ask for"
-        yield problem("surface.seepage", why, "leave surface.bottom out")
 
 
 def _of_dimension(surface: Surface, gdim: int) -> Iterator[Problem]:

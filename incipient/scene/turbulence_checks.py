@@ -146,8 +146,6 @@ def _of_time(time: Time, numerics: Numerics) -> Iterator[Problem]:
     if numerics.convection == "extrapolated":
         why = "with turbulence the walls' friction is implicit, and so is convection"
         yield problem("numerics.convection", why, 'use "implicit"')
-    if numerics.form == "energy-stable":
-        yield problem("numerics.form", f'"energy-stable" {_NOT_SIMULATED}', 'use "printed"')
 
 
 def _of_accuracy(numerics: Numerics, in_time: bool, has_grain: bool) -> Iterator[Problem]:

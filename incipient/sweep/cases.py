@@ -123,6 +123,6 @@ def _forms(setup: Setup, task: str) -> str:
         plan.scheme,
         plan.solver.name,
     )
-    numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)
+    numerics = (scene.numerics.error_bars, scene.numerics.accuracy is not None)
     steadied = (plan.stabilisation.present, plan.stabilisation.upwind)
     return " ".join(map(str, (task, *elements, *numerics, *steadied, *present)))
