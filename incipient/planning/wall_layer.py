@@ -88,11 +88,7 @@ def walls_of(
     domain, bed, open_above = geometry.domain, geometry.bed, base_flow.flow.kind == "open-channel"
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
     number, top = 1 if open_above else 2, domain.ceiling
-    ground = (
-        domain.bottom
-        if bed is None
-        else height_at_inflow(geometry, base_flow.datum, geometry.moves)
-    )
+    ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     depth, viscosity = (top - ground) / number, base_flow.viscosity
     sides = domain.across if geometry.walled else ()
     width = sides[1] - sides[0] if sides else math.inf
@@ -133,16 +129,15 @@ def walls_of(
     )
 
 
-def height_at_inflow(geometry: Geometry, datum: float, with_forms: bool = False) -> float:
+def height_at_inflow(geometry: Geometry, datum: float) -> float:
     """Height of the bed where the flow enters. Not collective.
 
-    In space it is the mean, or that of the level ground which takes the bed's place there; `with_forms`: none does, as
-    below a grain that moves where walls are not resolved.
+    In space it is the mean, or that of the level ground which takes the bed's place there.
     """
     bed, domain = geometry.bed, geometry.domain
     if geometry.gdim == 2:
         return float(bed.height([domain.left])[0])
-    resolved = None if with_forms else resolved_bed(geometry, geometry.placement, datum)
+    resolved = resolved_bed(geometry, geometry.placement, datum)
     if resolved is not None and resolved.level is not None:
         return resolved.level
     y = np.linspace(*domain.across, SAMPLES)

@@ -16,6 +16,11 @@ _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-
 _OTHER = 'or use turbulence.model = "k-epsilon"'
 _NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
+_STEADY_IN_SPACE = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
+_BY_OTHERS = (
+    "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
+    "incipient judge --forces"
+)
 
 
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
@@ -79,6 +84,8 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
     if time is not None:
+        if scene.domain.width is not None:
+            yield problem("time", _STEADY_IN_SPACE, _BY_OTHERS)
         yield from _of_time(time, numerics)
         if effects.unsteadiness is False:
             why = "is false but turbulence in time is unsteady"

@@ -42,6 +42,14 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             'domain.sides: "stream" with turbulence is not simulated by this version; use "wall"',
         ),
         (
+            {
+                "time": Time(end=1, step=0.1),
+                "domain": Domain(length=20, width=2, height=1),
+            },
+            "time: with turbulence in 3-D is retired: a model of the mean flow has no fluctuations; leave it out for "
+            "the steady loads on a held grain, or judge forces of a large-eddy simulation: incipient judge --forces",
+        ),
+        (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(accuracy=0.05)},
             "numerics.accuracy: is not sought of turbulence in time by this version; leave it out",
         ),

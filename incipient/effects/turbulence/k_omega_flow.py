@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,22 +15,18 @@ from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
-from ...fluid.transient import Interface, TimeStep
-from ...geometry.placement import Placement
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
-from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import LARGEST_CHANGE, ResolvedWallReport
 from ..run_part import RunPart
 from .fields import TurbulenceConditions, Values
-from .iteration import InTime, Moving, Round, solve_steadily
+from .iteration import Round, solve_steadily
 from .k_omega_sst import KOmegaSST, Sand
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, Marching, solve_together
-from .together_in_time import FINEST, InTimeTogether, SetOffTogether
 
 LEAST = (
     1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
@@ -80,7 +76,7 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        fields = KOmegaSST(
+        return KOmegaSST(
             domain,
             given,
             ORDER,
@@ -91,16 +87,6 @@ class KOmegaFlow(TurbulentFlow):
             in_layers=not walls.plane,
             added=self._added,
         )
-        if self._begins_among_forms:
-            fields.begin(self._at_start)
-        return fields
-
-    @property
-    def _begins_among_forms(self) -> bool:
-        """Whether a flow from rest begins between forms of the bed in space, without the k of the stream above."""
-        geometry = self._setup.geometry
-        bed = geometry.bed
-        return geometry.gdim == 3 and bed is not None and bool(np.isfinite(bed.feature))
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
@@ -134,10 +120,7 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _least_carried(self) -> float:
-        """That below which k is not destroyed: in clefts of a bed less differs by e-folds from node to node.
-
-        At u* d/nu = 54 ln k then was as low as -28 on the new mesh, and no step down to 1e-4 was found.
-        """
+        """That below which k is not destroyed."""
         return math.log(max(self._least, self._added))
 
     @property
@@ -228,37 +211,6 @@ class KOmegaFlow(TurbulentFlow):
             rounds += solve_together(self._fluid, self.fields, self._tolerance, how, watch, loads)
             self._spread = rounds[-1].spread
             return rounds
-
-    def around(self, interface: Interface | None) -> InTime:
-        """In space flow and turbulence of a step are one system; in the plane, and where a grain moves, by turns.
-
-        Set off from rest over forms a grain has no first step by turns alone.
-        """
-        time = self._scene.time
-        from_rest = time is not None and time.start == "rest" and self._begins_among_forms
-        if from_rest and interface is not None:
-            moving = cast("Moving", interface)
-            self.in_time = SetOffTogether(self._fluid, self.fields, self._timed, moving)
-            return self.in_time
-        if self._scene.gdim == 2 or interface is not None:
-            return super().around(interface)
-        self.in_time = self._fluid.holding(
-            InTimeTogether(self._fluid, self.fields, self._timed, FINEST)
-        )
-        return self.in_time
-
-    def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to continue where a moving grain has left the bed about its start. Raises ConvergenceError."""
-        start = self._of_run.geometry.placement
-        if placement is None or start is None:
-            return
-        if np.linalg.norm(np.subtract(placement.centre, start.centre)[:2]) > way_on_bed(
-            self._of_run
-        ):
-            raise ConvergenceError(
-                f"at t = {step.time:.6g} the grain comes to where level ground takes the bed's place: use a larger "
-                "numerics.meshed_bed"
-            )
 
     @property
     def coarser_first(self) -> bool:

@@ -21,7 +21,7 @@ from ...forms.turbulence import Stream
 from ...mesh.cells import is_node_of
 from ...mesh.domain import Domain
 from ...mesh.wall_distance import cells_at, distances
-from .fields import LARGEST_CORRECTION, TurbulenceConditions, TurbulenceFields
+from .fields import TurbulenceConditions, TurbulenceFields
 
 ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
@@ -293,16 +293,6 @@ class KOmegaSST(TurbulenceFields):
         logarithms = self.state.x.array[: 2 * self.state.function_space.dofmap.index_map.size_local]
         eddies = np.exp(np.clip(logarithms[0::2] - logarithms[1::2], -100.0, 100.0))
         return np.asarray(eddies / (self._molecules + eddies))
-
-    def bounded(self, values: Floats) -> tuple[float, Floats]:
-        """The size of a correction (owned unknowns,), and as much of it as may be made at once. Collective.
-
-        In layers in space it is that of most nodes, and bounded at each: in crevices of a bed, where k has died out,
-        corrections of ln k by six to ten do no harm, and all others need not wait for them.
-        """
-        if self.domain.gdim == 2 or not self._in_layers:
-            return super().bounded(values)
-        return self.of_most(values), np.clip(values, -LARGEST_CORRECTION, LARGEST_CORRECTION)
 
     def look(self) -> None:
         """Take note of the flow as it is, by whose strain the eddy viscosity is limited."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 
 from ...errors import SceneError
 from ...forms.k_omega_sst import SMOOTHEST_SAND
 from ...planning.flow_setup import Setup
-from ...planning.meshing_in_space import cut_at_inflow, way_on_bed
+from ...planning.meshing_in_space import cut_at_inflow
 from ...planning.resolved_walls import THICKEST
 from ..effect import SlowestFlow
 from ..run_part import RunPart
@@ -172,22 +171,12 @@ def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
 
 
 def _of_forms_beyond(setup: Setup) -> Iterator[str]:
-    """That the inflow cuts forms of the bed, and how far a grain may go on a bed that is as it is about its start."""
+    """That the inflow cuts forms of the bed."""
     if cut_at_inflow(setup):
         yield (
             "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "
             "level ground: put the grain farther behind the inflow"
         )
-    if (way := way_on_bed(setup)) < math.inf:
-        yield (
-            f"beyond the bed about the grain's start is level ground: a run ends where the grain has gone {way:.3g} "
-            "along it; numerics.meshed_bed widens it"
-        )
-        if setup.scene.time is not None and setup.scene.time.start == "rest":
-            yield (
-                'time.start: from "rest" past a grain that moves over bed forms in space the first step is often not '
-                'found, a short one less often than a long one; use "steady"'
-            )
 
 
 # Each model by its name in the section [turbulence].
