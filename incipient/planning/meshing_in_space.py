@@ -110,9 +110,8 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
         away = Away(point(placement.centre), BED_GROWTH, largest)
     if bed is None or not np.isfinite(bed.feature):
         yield Near(size, GROWTH, boundary=walls.names[0], away=away)
-    for name in walls.names:
-        if name in (setup.sides.top, *setup.sides.across):
-            yield Near(largest, GROWTH, boundary=name)
+    if setup.sides.top in walls.names:
+        yield Near(largest, GROWTH, boundary=setup.sides.top)
 
 
 def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from ..arrays import Floats
 from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
 
 # Change of the shear stress from cell to cell along a smooth bed, over the stress, beyond which the cell is too long;
@@ -26,8 +25,6 @@ class ResolvedWallReport(WallReport):
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
     first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
-    each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
-    stress in the mean along all walls
     coarse_along: fraction of the stress's change along a smooth bed that lies in cells too long for it, zero along
     plane walls; None: along other walls, with corners or contacts where the stress is singular, cells are not judged
     """
@@ -37,7 +34,6 @@ class ResolvedWallReport(WallReport):
     on_sand: float = 0.0
     excess: float = 1.0
     first_cell: float | None = None
-    each: dict[str, float] = field(default_factory=dict)
     coarse_along: float | None = None
 
     @property
@@ -87,12 +83,6 @@ class ResolvedWallReport(WallReport):
 
     def _of_model(self) -> str:
         return ""
-
-    def _friction(self, errors: Floats | None) -> str:
-        if self.each:
-            told = ", ".join(f"{name} {found:.5g}" for name, found in self.each.items())
-            return f"{super()._friction(errors)}, in the mean along all walls ({told})"
-        return super()._friction(errors)
 
     def _judged(self) -> list[str]:
         told = ""

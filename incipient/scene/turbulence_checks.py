@@ -13,7 +13,6 @@ from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
 _NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
-_OTHER = 'or use turbulence.model = "k-epsilon"'
 _NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
 _STEADY_IN_SPACE = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
@@ -41,12 +40,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        walled, asked = scene.domain.width is not None and scene.sides == "wall", scene.turbulence
-        if walled and asked is not None and asked.inflow != "developed":
-            why = f'is "{asked.inflow}", which between sides with friction {_NOT_TO_THE_WALL}'
-            yield problem(
-                "turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}'
-            )
     if scene.flow.kind == "uniform" and scene.resolves_walls:
         if scene.body is not None:
             why = "is not simulated with turbulence past a grain: loads were the mesh's more than the model's"
@@ -125,11 +118,13 @@ def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
 
 
 def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
-    if domain.sides == "stream":
+    if domain.width is not None and domain.sides not in (None, "slip"):
         yield problem(
             "domain.sides",
-            f'"stream" {_NOT_SIMULATED}',
-            'use "wall", or "slip", sides without friction',
+            f'"{domain.sides}" with turbulence is retired: no secondary flow is modelled in corners'
+            if domain.sides == "wall"
+            else f'"{domain.sides}" {_NOT_SIMULATED}',
+            'use "slip", sides without friction',
         )
     if getattr(flow, "gust", None) is not None:
         yield problem("flow.gust", _NOT_SIMULATED, "leave it out")

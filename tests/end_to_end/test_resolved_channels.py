@@ -35,7 +35,6 @@ from incipient.scene import (
 DIRECT = {547.0: 18.401, 1000.5: 19.990}
 
 ROUGH = {"wall": "rough", "roughness": 0.01}
-IN_SPACE = {"length": 4.0, "width": 2.0, "height": 1.0}
 
 
 def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
@@ -390,26 +389,12 @@ def test_ranks_agree(mpirun, wall):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        (
-            {
-                "domain": {**IN_SPACE, "sides": "wall"},
-                "turbulence": {
-                    "inflow": "profile",
-                    "profile": ((0.1, 0.8), (0.5, 1.0)),
-                    "intensity": 0.1,
-                    "length": 0.1,
-                },
-            },
-            'turbulence.inflow: is "profile", which between sides with friction',
-        ),
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
         ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
     ],
 )
 def test_what_is_not_served_is_refused_by_name(changes, told):
     changes = dict(changes)
-    if isinstance(changes.get("domain"), dict):
-        changes["domain"] = Domain(**changes["domain"])
     if isinstance(changes.get("turbulence"), dict):
         changes["turbulence"] = {"model": "k-omega-sst", **changes["turbulence"]}
     with pytest.raises((SceneError, ValueError), match=told):

@@ -39,7 +39,11 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         ),
         (
             {"domain": Domain(length=20, width=2, height=1, sides="stream")},
-            'domain.sides: "stream" with turbulence is not simulated by this version; use "wall"',
+            'domain.sides: "stream" with turbulence is not simulated by this version; use "slip"',
+        ),
+        (
+            {"domain": Domain(length=20, width=2, height=1, sides="wall")},
+            'domain.sides: "wall" with turbulence is retired: no secondary flow is modelled in corners; use "slip"',
         ),
         (
             {

@@ -196,10 +196,7 @@ class TurbulenceEffect(Effect):
             return ""
         if setup.has_wall_layer:
             return " with turbulence"
-        over, sides = setup.turbulence.roughness, setup.geometry.walled
-        return (
-            " with turbulence to the wall" + " over sand" * bool(over) + " and to the sides" * sides
-        )
+        return " with turbulence to the wall" + " over sand" * bool(setup.turbulence.roughness)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""

@@ -14,7 +14,7 @@ from ...arrays import Floats
 from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
-from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
+from ...fluid.along_walls import AlongWall, along_resolved_wall
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import distances
@@ -280,18 +280,7 @@ class KOmegaFlow(TurbulentFlow):
         y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
         mean = float(found @ shares / shares.sum())
-        last, each = bottom.at_outflow(), {}
-        if walls.sides:
-            fixed = {name: one for name, one in along.items() if name != "body"}
-            bed = self._setup.geometry.bed
-            forms = {walls.names[0]} if bed is not None and np.isfinite(bed.feature) else set()
-            each = {
-                name: of_mean_stress([one.part_at_outflow(strip=name not in forms)])
-                for name, one in fixed.items()
-            }
-            areas = [one.lengths.sum() for one in fixed.values()]
-            mean = of_mean_stress(fixed.values())
-            last = math.sqrt(np.average(np.square([*each.values()]), weights=areas))
+        last = bottom.at_outflow()
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),
@@ -313,7 +302,6 @@ class KOmegaFlow(TurbulentFlow):
             excess=float((y_plus / limits).max()),
             first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
-            each=each,
             coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
             if walls.smooth
             else (0.0 if walls.plane else None),

@@ -117,12 +117,6 @@ class KOmegaModel(TurbulenceModel):
                 "nothing there, and loads are those of laminar flow"
             )
 
-        if walls.sides:
-            yield (
-                "the k-omega model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
-                "friction there is larger than computed, and smaller amid the walls"
-            )
-
     def flow(self) -> Flow:
         """k and omega."""
         from .k_omega_flow import KOmegaFlow
