@@ -117,7 +117,6 @@ PARTS = {
         "stability/test_surface.py",
     ),
     "turbulence": (
-        "end_to_end/test_flat_plate.py",
         "end_to_end/test_hump.py",
         "end_to_end/test_resolved_channels.py",
         "end_to_end/test_rough_beds.py",

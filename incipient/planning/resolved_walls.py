@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -14,11 +14,9 @@ from ..arrays import Floats, Point
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
 from ..scene import Domain
-from . import free_stream
 from .base_flow import BaseFlow
 from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
-from .free_stream import FreeStream, thickness
 from .scene_geometry import Geometry
 from .sides import SideNames
 from .wall_layer import height_at_inflow
@@ -62,8 +60,7 @@ class Entering(Protocol):
 class ResolvedWalls:
     """The walls of a flow that its mesh resolves.
 
-    depth:          over which a wall is felt: that of an open channel, half of that between two walls; along a plate
-                    the thickness of its boundary layer at the end, by which `developed` is a start
+    depth:          over which a wall is felt: that of an open channel, half of that between two walls
     number:         of walls above each other at the inflow, one or two
     floor:          height of the lower one there
     shear_velocity: u* of what enters, of two walls the larger one
@@ -75,8 +72,6 @@ class ResolvedWalls:
     roughness:      equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
     upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
     measured:       what enters in place of developed flow; None: that does
-    stream:         that which passes a plate; None: there is none
-    edge:           abscissa at which a plate begins; None: there is no plate
     smooth:         whether the bed has forms without corners, and there is no grain
     rise:           length over which such a bed would rise by its relief at its steepest slope
     first_cell:     thickness of the cells at smooth walls for mesh_size = 1 [nu/u*]; None: as usual
@@ -95,8 +90,6 @@ class ResolvedWalls:
     roughness: float = 0.0
     upstream: float = 0.0
     measured: Entering | None = None
-    stream: FreeStream | None = None
-    edge: float | None = None
     smooth: bool = False
     rise: float = math.inf
     first_cell: float | None = None
@@ -151,7 +144,7 @@ class ResolvedWalls:
             kind += " and a smooth grain"
         told = (
             f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
-            f"u* about {self.shear_velocity:.3g}{'' if self.edge is None else ' at the end of the plate'}"
+            f"u* about {self.shear_velocity:.3g}"
         )
         if not self.upstream:
             return told
@@ -186,8 +179,6 @@ class ResolvedWalls:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-        if self.stream is not None:
-            return self._along(np.full(x.shape[1], self.stream.speed))
         if self.measured is None:
             return self.velocity_at(self.from_next(x))
         return self._along(self.measured.speed(np.maximum(x[self.up] - self.floor, 0.0)))
@@ -203,8 +194,6 @@ class ResolvedWalls:
 
     def logarithms(self, x: Floats) -> Floats:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
-        if self.stream is not None:
-            return np.repeat(np.array([self.stream.logarithms]).T, x.shape[1], axis=1)
         if self.measured is None:
             return self.logarithms_at(self.from_next(x))
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
@@ -224,33 +213,12 @@ class ResolvedWalls:
             log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
         return np.array([log_k, log_omega])
 
-    def start(self, places: Floats, away: Floats) -> tuple[Floats, Floats]:
-        """Velocity (gdim, n) and both logarithms (2, n) at places (n, gdim), distances (n,) from walls: a first guess.
-
-        It is the developed flow; over a plate that within its boundary layer, and the stream outside. Not collective.
-        """
-        velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
-        if self.stream is None:
-            return velocity, logarithms
-        layer = np.full(len(away), self.depth)
-        if self.edge is not None:
-            along = np.maximum(places[:, 0] - self.edge, 0.0)
-            layer, behind = np.zeros_like(along), along > 0.0
-            layer[behind] = along[behind] * thickness(self.mean * along[behind] / self.viscosity)
-        outside = np.minimum(away / np.maximum(layer, 1e-300), 1.0)
-        velocity[0] *= self.stream.speed / np.maximum(self.velocity_at(layer)[0], 1e-300)
-        velocity[0, outside >= 1.0] = self.stream.speed
-        free = np.array([self.stream.logarithms]).T
-        return velocity, np.where(
-            outside < 1.0, (1.0 - outside) * logarithms + outside * free, free
-        )
-
     def coarsest(self, domain: Domain, order: int) -> float:
         """The largest numerics.mesh_size by which rows become fewer, and columns where the flow develops along them.
 
         No bound but between planes.
         """
-        if not self.plane or self.edge is not None:
+        if not self.plane:
             return math.inf
         _, rows = self._row_sizes.counted(domain.height / self.number)
         columns = (
@@ -271,8 +239,6 @@ class ResolvedWalls:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
         coarse, sizes = mesh_size * COARSENING.get(order, ORDER_THREE), self._row_sizes
-        if self.edge is not None:
-            return self._plate(self.edge, geometry, names, coarse)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         along, upright = (domain.left, domain.right), (domain.bottom, domain.ceiling)
@@ -284,28 +250,6 @@ class ResolvedWalls:
         ends = graded_ends(columns, 1.0), layer_ends(across, 1.0, half), rows
         shape = along, (low, high), upright
         return Grid(shape, ends, names.of_box(half), half, parallel=True)
-
-    def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
-        """The mesh over a plate: rows that grow with the distance from it, columns with that from its leading edge."""
-        domain, of = geometry.domain, free_stream
-        along, ahead = domain.right - edge, edge - domain.left
-        finest = min(of.FIRST_COLUMN * self.first, of.LARGEST_COLUMN * along)
-        columns = RowSizes(finest, of.COLUMN_GROWTH, of.LARGEST_COLUMN * along)
-        ends, number = ahead + along * growing_rows(columns, along, 1, coarse), 0
-        if ahead:
-            before = growing_rows(replace(columns, growth=of.GROWTH_AHEAD), ahead, 1, coarse)
-            ends, number = (
-                np.concatenate([ahead * (1.0 - before[-2::-1]), [ahead], ends]),
-                len(before),
-            )
-        sizes = RowSizes(self.first, of.ROW_GROWTH, of.LARGEST_ROW * domain.height)
-        rows = growing_rows(sizes, domain.height, 1, coarse)
-        return Grid(
-            ((domain.left, domain.right), (domain.bottom, domain.ceiling)),
-            (tuple(map(float, ends / domain.length)), tuple(map(float, rows))),
-            names.of_rectangle,
-            ahead=(names.ahead, number),
-        )
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
@@ -350,11 +294,9 @@ def resolved_walls_of(
     base_flow: BaseFlow,
     names: SideNames,
     roughness: float = 0.0,
-    stream: FreeStream | None = None,
-    leading_edge: float | None = None,
     upstream: float = 0.0,
 ) -> ResolvedWalls:
-    """The walls of a flow, of an equivalent sand roughness, and what enters; a uniform one passes a plate.
+    """The walls of a flow, of an equivalent sand roughness, and what enters.
 
     upstream: equivalent sand roughness of the bed over which what enters past smooth walls developed
 
@@ -370,11 +312,6 @@ def resolved_walls_of(
         base_flow.reference,
         base_flow.viscosity,
     )
-    edge = None
-    if base_flow.flow.kind == "uniform":
-        edge = domain.left if leading_edge is None else leading_edge
-        along = domain.right - edge
-        depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
     developed = of_discharge(mean * depth / viscosity, (upstream or roughness) / depth)
     body = () if geometry.grain is None else ("body",)
     smooth = geometry.gdim == 2 and not plane and geometry.grain is None
@@ -396,8 +333,6 @@ def resolved_walls_of(
         developed=developed,
         roughness=roughness,
         upstream=upstream,
-        stream=stream,
-        edge=edge,
         smooth=smooth,
         rise=_rise(bed, domain) if smooth else math.inf,
     )

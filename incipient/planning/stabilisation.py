@@ -64,7 +64,7 @@ def _stretches_cells(setup: Setup) -> bool:
     if not setup.resolves_walls:
         return False
     walls = setup.resolved_walls
-    return setup.base_flow.flow.kind == "uniform" or walls.layer_over_forms or walls.plane
+    return walls.layer_over_forms or walls.plane
 
 
 def upwinds(setup: Setup) -> bool:

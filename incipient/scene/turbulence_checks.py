@@ -1,7 +1,6 @@
 """What contradicts the turbulence that a scene asks for."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from .domain import Domain
 from .flows import Flow
@@ -9,11 +8,8 @@ from .messages import Problem, either, problem
 from .model import SceneSections, Time
 from .numerics import OF_WALLS, Numerics
 from .surface import FREE
-from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
-_NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
-_NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
 _STEADY_IN_SPACE = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
 _BY_OTHERS = (
@@ -25,8 +21,6 @@ _BY_OTHERS = (
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
     """What keeps a scene from having the turbulence that it asks for."""
     if not scene.is_averaged:
-        if scene.leading_edge is not None:
-            yield problem("bed.leading_edge", "is read only with turbulence", _NO_EDGE)
         if scene.turbulence is not None:
             why = "describes turbulence, which effects.turbulence does not ask for"
             yield problem(
@@ -40,39 +34,9 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-    if scene.flow.kind == "uniform" and scene.resolves_walls:
-        if scene.body is not None:
-            why = "is not simulated with turbulence past a grain: loads were the mesh's more than the model's"
-            yield problem(
-                "flow.kind",
-                f'"uniform" {why}',
-                f"use {either(FLOWS)}, or forces of another program (incipient judge --forces)",
-            )
-        else:
-            yield from _of_plate(scene.bed, scene.domain)
-            if time is not None:
-                yield problem("time", f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
-        yield from _of_stream(scene.turbulence)
-        if numerics.accuracy is not None:
-            yield problem(
-                "numerics.accuracy", f"in a uniform stream {_NOT_TO_THE_WALL}", "leave it out"
-            )
-        if scene.top not in ("stream", "slip"):
-            yield problem(
-                "domain.top",
-                f'"{scene.top}" contradicts a uniform stream',
-                'use "stream" or "slip"',
-            )
-        if getattr(scene.flow, "gust", None) is not None:
-            yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
-    else:
-        yield from _of_flow(
-            scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat"
-        )
-        if scene.leading_edge is not None:
-            yield problem(
-                "bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE
-            )
+    yield from _of_flow(
+        scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat"
+    )
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
@@ -85,36 +49,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
             yield problem("effects.unsteadiness", why, "leave [time] out")
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
-
-
-def _of_stream(asked: Turbulence | None) -> Iterator[Problem]:
-    """What of turbulence a uniform stream cannot have."""
-    if asked is None or asked.inflow != "given":
-        yield problem("turbulence.inflow", "developed flow is no uniform stream", 'use "given"')
-    elif asked.roughness:
-        yield problem(
-            "turbulence.wall", f'"rough" in a uniform stream {_NOT_TO_THE_WALL}', "use smooth walls"
-        )
-
-
-def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
-    """What a plate in a uniform stream is not simulated with."""
-    if bed is None or bed.kind != "flat":
-        why = (
-            "is missing"
-            if bed is None
-            else f'"{bed.kind}" below a uniform turbulent stream is not simulated'
-        )
-        yield problem("bed" if bed is None else "bed.kind", why, 'give kind = "flat", the plate')
-        return
-    if domain.width is not None:
-        yield problem("domain.width", f"a plate in space {_NOT_TO_THE_WALL}", "leave it out")
-    edge = bed.leading_edge
-    if edge is not None and not domain.left < edge < domain.right:
-        why = f"is {edge:g}, not within the domain from {domain.left:g} to {domain.right:g}"
-        yield problem(
-            "bed.leading_edge", why, "move it, or leave it out: the plate then begins at the inflow"
-        )
 
 
 def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
@@ -133,7 +67,10 @@ def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
             "domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction'
         )
     if flow.kind not in FLOWS:
-        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
+        remedy = (
+            f"use {either(FLOWS)}, or judge forces of another program (incipient judge --forces)"
+        )
+        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', remedy)
     elif domain.top == "stream":
         yield problem("domain.top", '"stream" contradicts turbulence below it', 'use "auto"')
     elif getattr(flow, "datum", "auto") != "auto" and not (over_forms and domain.width is not None):

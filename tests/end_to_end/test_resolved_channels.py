@@ -390,7 +390,7 @@ def test_ranks_agree(mpirun, wall):
     ("changes", "told"),
     [
         ({"turbulence": {"wall_distance": 0.1}}, "turbulence.wall_distance"),
-        ({"flow": Uniform(), "bed": Flat()}, "turbulence.inflow"),
+        ({"flow": Uniform(), "bed": Flat()}, 'flow.kind: "uniform" with turbulence'),
     ],
 )
 def test_what_is_not_served_is_refused_by_name(changes, told):

@@ -24,6 +24,7 @@ from incipient.scene import (
     Sphere,
     Time,
     Turbulence,
+    Uniform,
 )
 
 TO_THE_WALL = {"model": "k-omega-sst"}
@@ -101,6 +102,11 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
         (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(convection="extrapolated")},
             "numerics.convection: with turbulence the walls' friction is implicit",
+        ),
+        (
+            {"flow": Uniform(), "turbulence": TO_THE_WALL},
+            'flow.kind: "uniform" with turbulence is not simulated by this version; use "poiseuille" or '
+            '"open-channel", or judge forces of another program (incipient judge --forces)',
         ),
         (
             {"flow": OpenChannel(datum="crest")},

@@ -125,8 +125,7 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _added(self) -> float:
-        walls = self._walls
-        layer = walls.edge is not None or walls.layer_over_forms
+        layer = self._walls.layer_over_forms
         return ADDED * self._scene.reference_velocity**2 if layer else 0.0
 
     @property
@@ -191,10 +190,10 @@ class KOmegaFlow(TurbulentFlow):
         self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
     ) -> tuple[Round, ...]:
         """Between plane walls by turns; past forms and small grains in the plane that may be a start."""
-        if self._walls.plane and self._walls.edge is None:
+        if self._walls.plane:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        by_turns = self._scene.gdim == 2 and self._walls.edge is None and not self._past_large_grain
+        by_turns = self._scene.gdim == 2 and not self._past_large_grain
         if by_turns and not self._started:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
@@ -257,12 +256,8 @@ class KOmegaFlow(TurbulentFlow):
         walls, space = self._walls, fluid.space.velocity
         places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
         away = distances(fluid.domain, walls.names, places)
-        fluid.state.x.array[fluid.space.velocity_map] = walls.start(places, away)[0].T.ravel()
-        self.fields.begin(self._at_start)
-
-    def _at_start(self, places: Floats, away: Floats) -> Floats:
-        """(2, n) of a first guess at places (n, gdim) and distances (n,) from walls."""
-        return self._floored(self._walls.start(places, away)[1])
+        fluid.state.x.array[fluid.space.velocity_map] = walls.velocity_at(away).T.ravel()
+        self.fields.begin(lambda away: self._floored(walls.logarithms_at(away)))
 
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""

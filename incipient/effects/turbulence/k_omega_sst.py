@@ -53,7 +53,7 @@ class KOmegaSST(TurbulenceFields):
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
         sand: on the walls that are rough.
         in_layers: whether layers of thin cells lie along walls that are no planes.
-        added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
+        added: to k in its unknown, the logarithm of both, where a boundary layer enters; 0: nothing.
     """
 
     second = "omega"
@@ -224,9 +224,9 @@ class KOmegaSST(TurbulenceFields):
         self.state.x.scatter_forward()
         self._inner.x.array[self._within] = values[2 * self._within]
 
-    def begin(self, values: Callable[[Floats, Floats], Floats]) -> None:
-        """Let the state be a function of places (n, gdim) and distances (n,) from walls that returns (2, n)."""
-        for component, one in enumerate(values(self._places(), self._distance.x.array)):
+    def begin(self, values: Callable[[Floats], Floats]) -> None:
+        """Let the state be a function of distances (n,) from walls that returns (2, n)."""
+        for component, one in enumerate(values(self._distance.x.array)):
             self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:

@@ -105,12 +105,7 @@ class KOmegaModel(TurbulenceModel):
         yield from _of_sand_on_forms(setup)
         yield from _of_sand_below_grain(setup)
         yield from _of_forms_beyond(setup)
-        if walls.edge is not None:
-            yield (
-                "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
-                "behind it the layer is that of a plate turbulent from its edge on"
-            )
-        elif walls.is_laminar:
+        if walls.is_laminar:
             re_tau = walls.depth / walls.unit
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
