@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -139,9 +139,7 @@ class Setup:
         """Walls that the mesh resolves, and what enters between them."""
         from .measured_inflow import resolved_walls_as_asked
 
-        asked = self.turbulence
-        found = resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, asked)
-        return replace(found, first_cell=asked.first_cell)
+        return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)
 
     @cached_property
     def walls(self) -> LayeredWalls:

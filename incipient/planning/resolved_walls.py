@@ -74,7 +74,6 @@ class ResolvedWalls:
     measured:       what enters in place of developed flow; None: that does
     smooth:         whether the bed has forms without corners, and there is no grain
     rise:           length over which such a bed would rise by its relief at its steepest slope
-    first_cell:     thickness of the cells at smooth walls for mesh_size = 1 [nu/u*]; None: as usual
     """
 
     depth: float
@@ -92,7 +91,6 @@ class ResolvedWalls:
     measured: Entering | None = None
     smooth: bool = False
     rise: float = math.inf
-    first_cell: float | None = None
     bed_shear_velocity: float | None = None
 
     @property
@@ -124,7 +122,7 @@ class ResolvedWalls:
     def first(self) -> float:
         """Thickness [length] of the cells at plane walls for mesh_size = 1."""
         if not self.roughness:
-            return (self.first_cell or FIRST_ROW) * self.unit
+            return FIRST_ROW * self.unit
         return ON_SAND * length_at_sand(self.sand) * self.roughness
 
     def thickest(self, name: str) -> float:
@@ -275,7 +273,7 @@ class ResolvedWalls:
     @property
     def _first_free(self) -> float:
         """Thickness [length] of the cells at smooth walls that are not all planes for mesh_size = 1."""
-        return (self.first_cell or FIRST_CELL) * self.unit
+        return FIRST_CELL * self.unit
 
     def _first_cells(self, order: int) -> dict[str, float]:
         """How thick cells at each wall are."""

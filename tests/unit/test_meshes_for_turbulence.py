@@ -129,18 +129,17 @@ def test_level_ground_about_a_grain_in_space_is_at_the_datum():
     assert Setup(without).walls.depth == pytest.approx(5.0 - 1.35)  # by default the crest
 
 
-def test_the_first_cells_at_resolved_walls_are_as_thick_as_asked():
+def test_the_first_cells_at_resolved_walls_are_as_thick_as_told():
     """In nu/u* of what enters, in rows between planes and in layers at a bed; at a grain half as thick."""
-    asked = Turbulence(model="k-omega-sst", first_cell=2.0)
+    asked = Turbulence(model="k-omega-sst")
     plane = Setup(channel(turbulence=asked, numerics=Numerics(mesh_size=1.0, order=2)))
     rows = lay_out(plane, make_plan(plane.scene)).shape.ends[1]
     unit = plane.resolved_walls.unit
     assert rows[0] == pytest.approx(
-        2.0 * unit, rel=0.2
+        0.6 * unit, rel=0.2
     )  # of a height of one; rows grow from the wall on
-    assert "first cells 2 nu/u* thick" in plane.resolved_walls.text()
+    assert "first cells 0.6 nu/u* thick" in plane.resolved_walls.text()
     sand = Setup(grain(0.05).model_copy(update={"turbulence": asked})).resolved_walls
     layers = sand.thin_layers(2).first
-    assert layers[sand.names[0]] == pytest.approx(2.0 * sand.unit) and layers[
-        "body"
-    ] == pytest.approx(sand.unit)
+    assert layers[sand.names[0]] == pytest.approx(sand.unit)
+    assert layers["body"] == pytest.approx(0.5 * sand.unit)

@@ -141,16 +141,6 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
                 (TO_THE_WALL, "is read only past grains and bed forms"),
             )
         ),
-        *(
-            ({"turbulence": {"first_cell": 2.0} | asked}, f"turbulence.first_cell: {words}")
-            for asked, words in (
-                ({}, 'is not read by model = "k-epsilon"; leave it out, or give wall_distance'),
-                (
-                    TO_THE_WALL | {"wall": "rough", "roughness": 0.1},
-                    'is for smooth walls, but wall is "rough"; leave it out',
-                ),
-            )
-        ),
         (
             {"turbulence": {"inflow": "given", "intensity": 0.1}},
             'turbulence.length: is missing, which inflow = "given"',

@@ -295,7 +295,6 @@ class KOmegaFlow(TurbulentFlow):
             thickest=walls.thickest(walls.names[-1]),
             on_sand=walls.thickest(walls.rough[0]) if walls.rough else 0.0,
             excess=float((y_plus / limits).max()),
-            first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
             coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
             if walls.smooth

@@ -153,8 +153,8 @@ class KOmegaSST(TurbulenceFields):
         # Nothing is computed from omega on the wall itself: it need not be that of the cell there.
         if not (nearest := self.largest(1.0 / beside)):
             raise SceneError(
-                f"turbulence.first_cell: cells at walls are thinner than {LEAST_DISTANCE:g} of the largest distance "
-                "from a wall; enlarge it or numerics.mesh_size, or use a smaller fluid.reynolds"
+                f"numerics.mesh_size: cells at walls are thinner than {LEAST_DISTANCE:g} of the largest distance "
+                "from a wall; enlarge it, or use a smaller fluid.reynolds"
             )
         least = ON_WALL / nearest
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(

@@ -9,7 +9,6 @@ from ...errors import SceneError
 from ...forms.k_omega_sst import SMOOTHEST_SAND
 from ...planning.flow_setup import Setup
 from ...planning.meshing_in_space import cut_at_inflow
-from ...planning.resolved_walls import THICKEST
 from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
@@ -93,14 +92,6 @@ class KOmegaModel(TurbulenceModel):
             yield (
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
-            )
-        if (
-            walls.first_cell is not None
-            and (thick := walls.first_cell * setup.scene.numerics.mesh_size) > THICKEST
-        ):
-            yield (
-                f"turbulence.first_cell: asks for cells {thick:.3g} nu/u* thick at walls, which are resolved with "
-                f"{THICKEST:g} at the most; use a smaller one or a smaller numerics.mesh_size"
             )
         yield from _of_sand_on_forms(setup)
         yield from _of_sand_below_grain(setup)
