@@ -49,16 +49,14 @@ def _at_ends(setup: Setup, base_flow: BaseFlow, of_surface: OfSurface) -> Ranked
 
 
 def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
-    """Conditions at the bottom, and ahead of a leading edge."""
-    bottom, ahead = setup.sides.bottom, setup.sides.ahead
+    """Conditions at the bottom."""
+    bottom = setup.sides.bottom
     if "below" in of_surface:
         yield from ((FREE, one) for one in of_surface["below"])
     elif _is_wall(setup):
         yield WALL, no_slip(bottom)
     else:
         yield AROUND, Prescribed(bottom, velocity)
-    if ahead:
-        yield FREE, Slip(ahead, axis=setup.geometry.up)
 
 
 def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:

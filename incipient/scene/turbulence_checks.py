@@ -1,7 +1,6 @@
 """What contradicts the turbulence that a scene asks for."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from .domain import Domain
 from .flows import Flow
@@ -9,20 +8,19 @@ from .messages import Problem, either, problem
 from .model import SceneSections, Time
 from .numerics import OF_WALLS, Numerics
 from .surface import FREE
-from .turbulence import Turbulence
 
 FLOWS = ("poiseuille", "open-channel")
-_NOT_TO_THE_WALL = 'is not simulated by this version with turbulence.model = "k-omega-sst"'
-_OTHER = 'or use turbulence.model = "k-epsilon"'
-_NO_EDGE = 'leave it out: it is for flow.kind = "uniform" with turbulence.model = "k-omega-sst"'
 _NOT_SIMULATED = "with turbulence is not simulated by this version"
+_STEADY_IN_SPACE = "with turbulence in 3-D is retired: a model of the mean flow has no fluctuations"
+_BY_OTHERS = (
+    "leave it out for the steady loads on a held grain, or judge forces of a large-eddy simulation: "
+    "incipient judge --forces"
+)
 
 
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
     """What keeps a scene from having the turbulence that it asks for."""
     if not scene.is_averaged:
-        if scene.leading_edge is not None:
-            yield problem("bed.leading_edge", "is read only with turbulence", _NO_EDGE)
         if scene.turbulence is not None:
             why = "describes turbulence, which effects.turbulence does not ask for"
             yield problem(
@@ -36,49 +34,15 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if level and scene.turbulence is not None and scene.turbulence.upstream_roughness:
             why = "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is"
             yield problem("turbulence.upstream_roughness", why, "leave it out")
-        walled, asked = scene.domain.width is not None and scene.sides == "wall", scene.turbulence
-        if walled and asked is not None and asked.inflow != "developed":
-            why = f'is "{asked.inflow}", which between sides with friction {_NOT_TO_THE_WALL}'
-            yield problem(
-                "turbulence.inflow", why, f'use "developed", domain.sides = "slip", {_OTHER}'
-            )
-    if scene.flow.kind == "uniform" and scene.resolves_walls:
-        if scene.body is not None:
-            why = "is not simulated with turbulence past a grain: loads were the mesh's more than the model's"
-            yield problem(
-                "flow.kind",
-                f'"uniform" {why}',
-                f"use {either(FLOWS)}, or forces of another program (incipient judge --forces)",
-            )
-        else:
-            yield from _of_plate(scene.bed, scene.domain)
-            if time is not None:
-                yield problem("time", f"along a plate {_NOT_TO_THE_WALL}", "leave it out")
-        yield from _of_stream(scene.turbulence)
-        if numerics.accuracy is not None:
-            yield problem(
-                "numerics.accuracy", f"in a uniform stream {_NOT_TO_THE_WALL}", "leave it out"
-            )
-        if scene.top not in ("stream", "slip"):
-            yield problem(
-                "domain.top",
-                f'"{scene.top}" contradicts a uniform stream',
-                'use "stream" or "slip"',
-            )
-        if getattr(scene.flow, "gust", None) is not None:
-            yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
-    else:
-        yield from _of_flow(
-            scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat"
-        )
-        if scene.leading_edge is not None:
-            yield problem(
-                "bed.leading_edge", f'contradicts flow.kind = "{scene.flow.kind}"', _NO_EDGE
-            )
+    yield from _of_flow(
+        scene.flow, scene.domain, scene.bed is not None and scene.bed.kind != "flat"
+    )
     if not scene.fluid.inertia or effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
         yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
     if time is not None:
+        if scene.domain.width is not None:
+            yield problem("time", _STEADY_IN_SPACE, _BY_OTHERS)
         yield from _of_time(time, numerics)
         if effects.unsteadiness is False:
             why = "is false but turbulence in time is unsteady"
@@ -87,42 +51,14 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_stream(asked: Turbulence | None) -> Iterator[Problem]:
-    """What of turbulence a uniform stream cannot have."""
-    if asked is None or asked.inflow != "given":
-        yield problem("turbulence.inflow", "developed flow is no uniform stream", 'use "given"')
-    elif asked.roughness:
-        yield problem(
-            "turbulence.wall", f'"rough" in a uniform stream {_NOT_TO_THE_WALL}', "use smooth walls"
-        )
-
-
-def _of_plate(bed: Any, domain: Domain) -> Iterator[Problem]:
-    """What a plate in a uniform stream is not simulated with."""
-    if bed is None or bed.kind != "flat":
-        why = (
-            "is missing"
-            if bed is None
-            else f'"{bed.kind}" below a uniform turbulent stream is not simulated'
-        )
-        yield problem("bed" if bed is None else "bed.kind", why, 'give kind = "flat", the plate')
-        return
-    if domain.width is not None:
-        yield problem("domain.width", f"a plate in space {_NOT_TO_THE_WALL}", "leave it out")
-    edge = bed.leading_edge
-    if edge is not None and not domain.left < edge < domain.right:
-        why = f"is {edge:g}, not within the domain from {domain.left:g} to {domain.right:g}"
-        yield problem(
-            "bed.leading_edge", why, "move it, or leave it out: the plate then begins at the inflow"
-        )
-
-
 def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
-    if domain.sides == "stream":
+    if domain.width is not None and domain.sides not in (None, "slip"):
         yield problem(
             "domain.sides",
-            f'"stream" {_NOT_SIMULATED}',
-            'use "wall", or "slip", sides without friction',
+            f'"{domain.sides}" with turbulence is retired: no secondary flow is modelled in corners'
+            if domain.sides == "wall"
+            else f'"{domain.sides}" {_NOT_SIMULATED}',
+            'use "slip", sides without friction',
         )
     if getattr(flow, "gust", None) is not None:
         yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
@@ -131,7 +67,10 @@ def _of_flow(flow: Flow, domain: Domain, over_forms: bool) -> Iterator[Problem]:
             "domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction'
         )
     if flow.kind not in FLOWS:
-        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
+        remedy = (
+            f"use {either(FLOWS)}, or judge forces of another program (incipient judge --forces)"
+        )
+        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', remedy)
     elif domain.top == "stream":
         yield problem("domain.top", '"stream" contradicts turbulence below it', 'use "auto"')
     elif getattr(flow, "datum", "auto") != "auto" and not (over_forms and domain.width is not None):
