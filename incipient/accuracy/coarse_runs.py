@@ -10,7 +10,7 @@ import numpy as np
 from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup, order_of
 from ..scene import Scene, Surface, Time
-from ..scene.gust_checks import FEWEST_STEPS as FEWEST_IN_GUST
+from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from .waves import LONGER_STEP
 
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
