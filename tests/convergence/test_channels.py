@@ -202,7 +202,7 @@ def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below
     """Below a pressure that oscillates a little at a place, on a slope of 0.2, where (5/6) cot a is 4.17."""
     slope, w = np.arctan(0.2), 0.6
     exact, period = wave_on_film(w, reynolds, 15.0 / reynolds), 2 * np.pi / w
-    stations = np.arange(10.0, 40.0)
+    stations = np.arange(12.0, 42.0)  # nearer to the pressure other modes have not yet decayed
     scene = CHANNEL.format(
         length=60.0,
         reynolds=reynolds,
