@@ -84,8 +84,8 @@ def handlers_kept() -> Iterator[None]:
 
     PETSc takes a reader or a terminal that has gone for a crash, and gmsh gives interrupts back to the system, which
     ends the process without a word: from Python while it is imported, from version 4.15 on all signals in C. The former
-    is kept from being done. After the latter handlers come back, and on this thread signals wait for them.
-    Not collective.
+    is kept from being done. After the latter handlers come back, and signals wait for them: within the start of a
+    library in C an exception becomes an error of its own. Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -94,6 +94,10 @@ def handlers_kept() -> Iterator[None]:
     before = {
         number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)
     }
+    waiting: list[int] = []  # signals that other threads, such as MPI's, have got
+    for number in SIGNALS:
+        if before[number] != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: waiting.append(number))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         with _handlers_left_alone():
@@ -103,6 +107,8 @@ def handlers_kept() -> Iterator[None]:
             if handler is not None:  # put in by the program around this one, not by Python
                 signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if waiting:
+            signal.raise_signal(waiting[0])
 
 
 @contextmanager
@@ -164,6 +170,13 @@ def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
     except OSError:
         _let_go(2)
+
+
+def comes_of_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is what a library has made of an interrupt."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def output_is_lost(error: Exception) -> bool:

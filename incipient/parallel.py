@@ -5,13 +5,14 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
-from .installed import required
+from .installed import map_buffers, require_temporary_directory, required
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -44,7 +45,10 @@ def world() -> Comm:
 
     Raises:
         MissingError: mpi4py, or the MPI library that it needs, is not installed.
+        OutputError: the memory is too small for the libraries.
     """
+    if "mpi4py" not in sys.modules:
+        map_buffers()
     with required():
         from mpi4py import MPI
     return MPI.COMM_WORLD
@@ -130,9 +134,13 @@ def start_alone_quickly() -> None:
     """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
 
     The settings are for this process alone: one that it starts may be an mpirun.
+
+    Raises:
+        OutputError: there is no directory for temporary files, or too little memory.
     """
     if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         return
+    require_temporary_directory()
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)
