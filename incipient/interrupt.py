@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeVar
 
-from .errors import Interrupted
-from .parallel import Comm
+from .errors import IncipientError, Interrupted
+from .parallel import Comm, world
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -33,10 +34,22 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
-    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process."""
+    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process.
+
+    On several ranks the threads of each would take turns in an order of their own, and wait for each other for ever: a
+    call from another thread than the main one raises IncipientError, unless its `comm` is of this rank alone.
+    """
+    parameters = signature(compute)
 
     @wraps(compute)
     def alone(*arguments: P.args, **options: P.kwargs) -> T:
+        if threading.current_thread() is not threading.main_thread():
+            comm = parameters.bind(*arguments, **options).arguments.get("comm")
+            if (world() if comm is None else comm).size > 1:
+                remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
+                raise IncipientError(
+                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot meet; {remedy}"
+                )
         with _COMPUTING:
             return compute(*arguments, **options)
 
