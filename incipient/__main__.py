@@ -13,9 +13,9 @@ def main() -> int:
     if ends:
         signal.signal(signal.SIGINT, _end)
     try:
-        from .installed import map_buffers
+        from .installed import require_limits
 
-        map_buffers()
+        require_limits()
         from .cli import main as command
 
         return command()

@@ -6,6 +6,7 @@ import argparse
 import atexit
 import gc
 import logging
+import os
 import signal
 import sys
 import time
@@ -237,11 +238,20 @@ def _system_errors_reported() -> Iterator[None]:
 
     Raises:
         OutputError: naming the file, or what else is short.
+        SceneError: the user's options of PETSc have failed.
     """
     try:
         yield
     except BrokenPipeError:
         raise
+    except RuntimeError as error:
+        options = os.environ.get("PETSC_OPTIONS")
+        if not options or type(error).__module__ != "petsc4py.PETSc":
+            raise
+        why = shortened(str(error).splitlines()[-1])
+        raise SceneError(
+            f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
+        ) from error
     except MemoryError as error:
         why = shortened(error) or "no more can be had"
         raise OutputError(f"the memory is too small ({why}); {_MORE}") from error

@@ -129,7 +129,7 @@ def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = 
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
     with reported(wanted or mark), os.fdopen(os.open(mark, flags, 0o666), "ab", 0) as stream:
         head = "" if mark.stat().st_size else MARK_HEAD
-        _write_fully(stream, os.fsencode("".join([head, *lines])))
+        write_fully(stream, os.fsencode("".join([head, *lines])))
 
 
 def own_as_they_are(directory: Path, names: Iterable[str]) -> None:
@@ -293,7 +293,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
                 f"{path}: has other columns than the row to append; move it out of the way"
             )
         try:
-            _write_fully(stream, line if end else header + line)
+            write_fully(stream, line if end else header + line)
         except OSError:
             with suppress(OSError):
                 os.truncate(path, end)
@@ -337,11 +337,11 @@ def insert_before_end(path: Path, text: str, end: str) -> None:
     with reported(path), path.open("r+b", buffering=0) as stream:
         place = stream.seek(-len(closing), os.SEEK_END)
         try:
-            _write_fully(stream, text.encode() + closing)
+            write_fully(stream, text.encode() + closing)
         except OSError:
             with suppress(OSError):
                 stream.seek(place)
-                _write_fully(stream, closing)
+                write_fully(stream, closing)
                 stream.truncate()
             raise
 
@@ -378,7 +378,7 @@ def cut_after(path: Path, time: float) -> None:
         os.truncate(path, sum(map(len, [header, *kept])))
 
 
-def _write_fully(stream: io.RawIOBase, data: bytes) -> None:
+def write_fully(stream: io.RawIOBase, data: bytes) -> None:
     """Write without a buffer, which would be written once more when the stream is closed after a failure."""
     while data:
         data = data[stream.write(data) or 0 :]

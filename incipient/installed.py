@@ -38,6 +38,9 @@ DISTRIBUTIONS = ("fenics-dolfinx", "dolfinx-solver-real")
 # without touching it, and where it cannot, tries again for ever. Measured: VmPeak of `import numpy; a @ a`, less that
 # of Python.
 OF_PRODUCTS = 195
+# What `ulimit` must leave. Measured: a sweep by two workers opens 24 files; meshing and MUMPS crash on a stack of
+# 512 KiB, and run on 700.
+LEAST = {"-n": (resource.RLIMIT_NOFILE, 1, 64), "-s": (resource.RLIMIT_STACK, 1024, 1024)}
 
 
 def memory_of_libraries() -> float:
@@ -74,14 +77,20 @@ def free_bytes() -> float:
 
 
 @cache
-def map_buffers() -> None:
-    """Let OpenBLAS map its buffer, once, where the shell limits memory (ulimit -v, -d). Not collective.
+def require_limits() -> None:
+    """Refuse limits of the shell with which libraries abort, crash or hang. Not collective.
 
-    Libraries that are loaded later may leave no room for it.
+    Where it limits memory OpenBLAS maps its buffer now: libraries that are loaded later may leave no room for it.
 
     Raises:
-        OutputError: there is not enough.
+        OutputError: naming the limit.
     """
+    for option, (kind, unit, least) in LEAST.items():
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY and limit < least * unit:
+            raise OutputError(
+                f"ulimit {option} is {limit // unit}, too little for the libraries; set it to {least} or more"
+            )
     limits = (resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA))
     if all(limit == resource.RLIM_INFINITY for limit in limits):
         return
@@ -97,12 +106,16 @@ def map_buffers() -> None:
         ) from error
 
 
-def require_temporary_directory() -> None:
-    """Refuse a directory for temporary files in which Open MPI, which then says so in fifty lines, cannot write.
+def require_directories() -> None:
+    """Refuse directories without which Open MPI says so in fifty lines: the working one, and that of temporary files.
 
     Raises:
         OutputError: naming it.
     """
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise OutputError("the working directory has been removed; change to another") from error
     names = ("TMPDIR", "TEMP", "TMP")
     name = next((name for name in names if os.environ.get(name)), None)
     directory = Path(os.environ[name] if name else "/tmp")
@@ -111,10 +124,10 @@ def require_temporary_directory() -> None:
         probe.mkdir()
         probe.rmdir()
     except OSError as error:
+        said, why = f"{name}={directory}" if name else directory, error.strerror
         remedy = f"set {name or names[0]} to a directory that can be written"
-        said = f"{name}={directory}" if name else directory
         raise OutputError(
-            f"{said}: temporary files cannot be written there ({error.strerror}); {remedy}"
+            f"{said}: temporary files cannot be written there ({why}); {remedy}"
         ) from error
 
 

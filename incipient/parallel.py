@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
-from .installed import map_buffers, require_temporary_directory, required
+from .installed import require_directories, require_limits, required
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -45,10 +45,10 @@ def world() -> Comm:
 
     Raises:
         MissingError: mpi4py, or the MPI library that it needs, is not installed.
-        OutputError: the memory is too small for the libraries.
+        OutputError: as `require_limits`.
     """
     if "mpi4py" not in sys.modules:
-        map_buffers()
+        require_limits()
     with required():
         from mpi4py import MPI
     return MPI.COMM_WORLD
@@ -136,11 +136,11 @@ def start_alone_quickly() -> None:
     The settings are for this process alone: one that it starts may be an mpirun.
 
     Raises:
-        OutputError: there is no directory for temporary files, or too little memory.
+        OutputError: as `require_directories` and `require_limits`.
     """
     if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         return
-    require_temporary_directory()
+    require_directories()
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)
