@@ -51,6 +51,16 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
+    nodes = facet_nodes(domain, walls)
+    if domain.gdim == 3:
+        return np.concatenate([nodes[:, piece] for piece in PIECES])
+    t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
+    along = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)]) @ nodes
+    return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 2)
+
+
+def facet_nodes(domain: Domain, walls: Sequence[str]) -> Floats:
+    """Nodes (facets, 3 or 6, gdim) of the facets of walls, corners first, on all ranks. Collective."""
     mesh, of_facets = domain.mesh, domain.gdim - 1
     space = compat.space(mesh, ("Lagrange", 2))
     layout = space.dofmap.dof_layout
@@ -60,12 +70,7 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
     rows = nodes_of_facets[first[np.searchsorted(every, wanted)]]
     here = space.tabulate_dof_coordinates()[rows, : domain.gdim]
-    nodes = np.concatenate(domain.comm.allgather(here))
-    if domain.gdim == 3:
-        return np.concatenate([nodes[:, piece] for piece in PIECES])
-    t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
-    along = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)]) @ nodes
-    return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 2)
+    return np.concatenate(domain.comm.allgather(here))
 
 
 def _in_order(layout: Any, dimension: int, facet: int) -> Integers:

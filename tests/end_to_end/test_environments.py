@@ -218,7 +218,9 @@ def test_the_answer_is_the_usual_or_one_line(
 def test_an_interrupt_at_any_moment_is_one_line(command: str, started: Any, tmp_path: Path) -> None:
     """From the import of numpy on, through those of MPI, gmsh and dolfinx, to the end of the process."""
     for moment in np.linspace(0.0, 0.8, 9):
-        process = started(1, *COMMANDS[command][:-1], tmp_path / f"{moment}.sqlite")
+        order = [part if part not in ("out", "s.sqlite") else f"{tmp_path}/{moment:.1f}.sqlite"
+                 for part in COMMANDS[command]]  # fmt: skip
+        process = started(1, *order)
         while "_multiarray_umath" not in Path(f"/proc/{process.pid}/maps").read_text():
             time.sleep(0.002)
         time.sleep(moment)

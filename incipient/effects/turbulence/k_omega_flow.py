@@ -14,7 +14,7 @@ from ...arrays import Floats
 from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
-from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
+from ...fluid.along_walls import AlongWall, along_resolved_wall, coarse_along, of_mean_stress
 from ...fluid.transient import Interface, TimeStep
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
@@ -362,9 +362,8 @@ class KOmegaFlow(TurbulentFlow):
             first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
             each=each,
-            coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
-            if walls.smooth
-            else (0.0 if walls.plane else None),
+            coarse_along=0.0 if walls.plane else coarse_along(along, walls.rough, LARGEST_CHANGE),
+            judged_along=walls.smooth,
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
