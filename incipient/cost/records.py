@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from ..errors import OutputError
-from ..files import append_row, csv_text, own_as_they_are, reported, write_text_atomically
+from ..files import append_row, csv_text, reported, write_text_atomically
 from ..input_files import reading
 from .measurement import Counts, MeasuredRun, Variant
 
@@ -21,7 +21,6 @@ SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack
 def append(columns: Sequence[str], run: MeasuredRun, directory: Path) -> None:
     """Add a run to the file in a directory. Not collective. Raises OutputError: it cannot be written."""
     append_row(directory / TABLE, row_of(columns, run))
-    own_as_they_are(directory, (TABLE,))
 
 
 def row_of(columns: Sequence[str], run: MeasuredRun) -> dict[str, float | int | str]:

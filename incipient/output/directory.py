@@ -27,8 +27,8 @@ from ..simulation.recorder import Recorder
 from .ownership import (
     CHECKPOINT,
     CONTACTS,
+    DATA,
     FILES,
-    GROWING,
     RESULT,
     keep_complete_result,
     make_room,
@@ -90,7 +90,8 @@ class ResultDirectory(Recorder):
             )  # of a run that was killed as it wrote
         if self._resumed is not None:
             recorded = self._resumed.recorded
-            own(self.path, {name: None for name in GROWING if (self.path / name).exists()})
+            grow = [name for name in (*DATA, CHECKPOINT) if (self.path / name).exists()]
+            own(self.path, dict.fromkeys(grow))
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)
             cut_after(self.path / CONTACTS, self._resumed.time)
             return

@@ -16,7 +16,7 @@ from typing import BinaryIO
 from ..errors import OutputError
 from ..files import make_directory, own_as_they_are, reported
 from ..parallel import Comm, collectively
-from .ownership import GROWING, refuse_foreign
+from .ownership import RESULTS, refuse_foreign
 
 LOCK = "lock.json"
 MOST = 2**16  # bytes of a lock that are read
@@ -89,7 +89,7 @@ def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     finally:
         if comm.rank == 0:
             with suppress(OutputError):  # files that may grow stay replaceable
-                own_as_they_are(directory, GROWING)
+                own_as_they_are(directory, RESULTS)
             _give_back(directory / LOCK, mine)
 
 

@@ -37,7 +37,6 @@ PICTURES = (
     "report.html",
 )
 FILES = {*DATA, *PICTURES, CHECKPOINT}
-GROWING = (*DATA, CHECKPOINT)  # while a run is at work
 # Results of the other commands that leave their scene beside them.
 OTHERS = {
     "threshold": {"threshold.json", "threshold.png"},
