@@ -16,36 +16,25 @@ REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passage
 
 
 @contextmanager
-def session() -> Iterator[Any]:
-    """A quiet gmsh session of its own, with an empty model."""
-    options = (
-        {"interruptible": False}
-        if "interruptible" in inspect.signature(gmsh.initialize).parameters
-        else {}
-    )
+def session() -> Iterator[None]:
+    """A quiet gmsh session with an empty model; gmsh's complaints are MeshErrors, other errors pass."""
+    known = inspect.signature(gmsh.initialize).parameters
     with handlers_kept():
-        gmsh.initialize(**options)
+        gmsh.initialize(**({"interruptible": False} if "interruptible" in known else {}))
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
         gmsh.logger.start()
         gmsh.model.add("incipient")
-        yield gmsh.model
-    finally:
-        with handlers_kept():
-            gmsh.finalize()
-
-
-@contextmanager
-def complaints_as_errors() -> Iterator[None]:
-    """Turn gmsh's complaints while drawing and meshing into MeshError; other errors are defects, and pass."""
-    try:
         yield
     except Exception as error:
         if not _is_of_gmsh(error):
             raise
         reason = str(error) or type(error).__name__
         raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}") from error
+    finally:
+        with handlers_kept():
+            gmsh.finalize()
 
 
 def _is_of_gmsh(error: Exception) -> bool:

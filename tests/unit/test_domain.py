@@ -42,14 +42,14 @@ def test_facets_lie_where_their_name_says(gdim: int) -> None:
 def test_boundary_without_a_name_is_an_error(unnamed: int) -> None:
     """It would silently be an open boundary."""
     with pytest.raises(MeshError, match="boundary facets of the mesh belong to no named boundary"):
-        build(MPI.COMM_WORLD, partial(square_without_a_name, unnamed), 2)
+        build(MPI.COMM_WORLD, partial(square_without_a_name, unnamed))
     # What failed leaves nothing behind in gmsh.
     assert set(unit_box(2, 2).names) == {"left", "right", "bottom", "top"}
 
 
 def test_error_in_the_drawing_is_passed_on() -> None:
     with pytest.raises(MeshError, match="cells fold"):
-        build(MPI.COMM_WORLD, partial(spoilt, MeshError("cells fold")), 2)
+        build(MPI.COMM_WORLD, partial(spoilt, MeshError("cells fold")))
 
 
 RANKS = """
@@ -61,7 +61,7 @@ from domains import spoilt, square_without_a_name
 
 for drawing in (partial(spoilt, MeshError("cells fold")), partial(square_without_a_name, 1)):
     try:
-        build(MPI.COMM_WORLD, drawing, 2)
+        build(MPI.COMM_WORLD, drawing)
     except MeshError as error:
         print(error)
 """
