@@ -66,7 +66,6 @@ def test_polynomials_in_tetrahedra(order: int, components: int) -> None:
         (2, 3, 4, 1),
         (3, 2, 2, 1),
         (3, 2, 4, 2),
-        (3, 3, 3, 1),
     ],
 )
 def test_polynomials_in_curved_cells(gdim: int, bend: int, order: int, degree: int) -> None:
