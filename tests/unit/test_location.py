@@ -10,7 +10,7 @@ import pytest
 from domains import bent_box, curved_box, ring, square_in_box, unit_box
 
 from incipient import compat
-from incipient.mesh.locator import Locator, evaluate
+from incipient.mesh.sampling import Locator, evaluate
 
 
 def places_again(mesh: Any, places: Any) -> Any:
