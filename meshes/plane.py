@@ -108,10 +108,14 @@ def _draw(region: Region, frame: Frame) -> dict[str, list[int]]:
     around = (right, upper_right, upper_left, left)
     sides = [region.bottom, *((Line(*ends),) for ends in pairwise(around))]
     curves: dict[str, list[int]] = {}
-    for name, side in (*zip(region.sides, sides, strict=True), *region.inner.items()):
+    for name, side in (*zip(region.sides, sides, strict=True), *region.standing.items()):
         curves.setdefault(name, []).extend(pen.curve(curve) for curve in side)
     geo = gmsh.model.geo
-    geo.addPlaneSurface(geo.addCurveLoops([tag for tags in curves.values() for tag in tags]))
+    loops = [geo.addCurveLoop([tag for tags in curves.values() for tag in tags], reorient=True)]
+    for name, outline in region.holes.items():
+        curves[name] = [pen.curve(curve) for curve in outline]
+        loops.append(geo.addCurveLoop(curves[name]))
+    geo.addPlaneSurface(loops)
     geo.synchronize()
     return curves
 
