@@ -1,7 +1,8 @@
-"""Regions and grids as gmsh meshes them: names, sizes, curved cells."""
+"""Plane regions and the domains made of meshes: names, sizes, curved cells, errors that every rank hears of."""
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,10 +10,12 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import square_outline
+from domains import spoilt, square_in_box, square_outline, square_without_a_name, unit_box
 from mpi4py import MPI
+from test_modelling import POCKET
 
 from incipient import compat
+from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import HalfDiscs, Sinusoidal
@@ -24,6 +27,9 @@ from incipient.meshes import Away, Near, Region, Sizes
 from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import Simplices
+from incipient.planning import meshing
+from incipient.planning.flow_setup import Setup
+from incipient.scene import loads
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
@@ -216,3 +222,89 @@ def test_a_defect_while_drawing_is_no_complaint_of_gmsh() -> None:
     """Only what gmsh complains of is a MeshError; another error keeps its type."""
     with pytest.raises(KeyError), session():
         raise KeyError("not gmsh's fault")
+
+
+ENDS_IN_A_CUSP = (
+    "bed.offset=0.525",
+    "numerics.mesh_size=2.0",
+)  # 0.025 from the foot of its last half-disc
+
+
+@pytest.mark.parametrize(
+    ("spacing", "order", "more"),
+    [(1.0, 3, ()), (1.02, 2, ()), (1.05, 3, ()), (1.15, 2, ENDS_IN_A_CUSP)],
+)
+def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
+    spacing: float, order: int, more: tuple[str, ...]
+) -> None:
+    """The upper half of the bed's height is that of the half-discs to round-off; fluid is at rest in the lower.
+
+    With spacing 1.02 the force on the grain, 1.07417, is the same on cells half as large.
+    """
+    scene = loads(POCKET, overrides=[f"bed.spacing={spacing}", f"numerics.order={order}", *more])
+    mesh = meshing.lay_out(Setup(scene), make_plan(scene)).mesh()
+    nodes = mesh.points[np.unique(mesh.sides["bed"])]
+    assert MeshMotion(build(MPI.COMM_SELF, lambda: mesh)).quality().worst > 0.0
+    assert scene.bed_shape is not None
+    x, y = nodes[nodes[:, 1] > 0.25].T
+    assert len(x) > 100 and y == pytest.approx(scene.bed_shape.height(x), abs=1e-9)
+
+
+# -- domains -------------------------------------------------------------------------------------
+
+
+def length(domain: Any, *names: str) -> float:
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    return float(dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(*names))))
+
+
+def test_boundaries_have_names_and_lengths() -> None:
+    domain = square_in_box(0.3, 0.3)
+    assert set(domain.names) == {"bottom", "right", "top", "left", "body"}
+    expected = {"bottom": 2.0, "right": 1.0, "top": 2.0, "left": 1.0, "body": 1.2}
+    assert {name: length(domain, name) for name in domain.names} == pytest.approx(expected)
+    assert length(domain, "bottom", "body") == pytest.approx(3.2)
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_facets_lie_where_their_name_says(gdim: int) -> None:
+    domain = unit_box(gdim, 2)
+    assert domain.gdim == gdim
+    middles = dolfinx.mesh.compute_midpoints(domain.mesh, gdim - 1, domain.facets_of("top"))
+    assert middles[:, 1] == pytest.approx(np.ones(len(middles)))
+    assert len(middles) == {2: 2, 3: 8}[gdim]
+
+
+@pytest.mark.parametrize("unnamed", [1, 4])
+def test_boundary_without_a_name_is_an_error(unnamed: int) -> None:
+    """It would silently be an open boundary."""
+    with pytest.raises(MeshError, match="boundary facets of the mesh belong to no named boundary"):
+        build(MPI.COMM_WORLD, partial(square_without_a_name, unnamed))
+
+
+def test_error_in_the_drawing_is_passed_on() -> None:
+    with pytest.raises(MeshError, match="cells fold"):
+        build(MPI.COMM_WORLD, partial(spoilt, MeshError("cells fold")))
+
+
+RANKS = """
+from functools import partial
+from mpi4py import MPI
+from incipient.mesh.domain import build
+from incipient.errors import MeshError
+from domains import spoilt, square_without_a_name
+
+for drawing in (partial(spoilt, MeshError("cells fold")), partial(square_without_a_name, 1)):
+    try:
+        build(MPI.COMM_WORLD, drawing)
+    except MeshError as error:
+        print(error)
+"""
+
+
+def test_every_rank_raises(mpirun: Any) -> None:
+    """What goes wrong in drawing the mesh, and what its names lack."""
+    done = mpirun(2, RANKS, timeout=60)
+    assert done.returncode == 0, done.stderr
+    for message in ("cells fold", "belong to no named boundary"):
+        assert done.stdout.count(message) == 2
