@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -16,7 +15,7 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
 from .layers import NO_ROOM, Columns, evened, stacked_by_diagonals
 from .regions import GRID, Frame, Region
-from .session import generate, gmsh, set_background, set_either, view_field
+from .session import generate, gmsh, set_background, view_field
 from .simplices import KINDS, Simplices, measures
 from .sizes import Near, SizeField, Sizes, WallLayers
 
@@ -143,12 +142,15 @@ def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
             expression = f"Min({expression},{other})"
     else:
         distance, tags = fields.add("Distance"), curves[near.boundary]
-        set_either(("CurvesList", "EdgesList"), partial(fields.setNumbers, distance), tags)
+        fields.setNumbers(distance, "CurvesList", tags)
         # Enough points on the longest curve that the distance to them is that to the curve
         boxes = np.array([gmsh.model.getBoundingBox(1, tag) for tag in tags])
         longest = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1).max()
         samples = int(np.clip(3 * longest / frame.size(near.size), 20, 2000))
-        set_either(("Sampling", "NumPointsPerCurve"), partial(fields.setNumber, distance), samples)
+        try:
+            fields.setNumber(distance, "Sampling", samples)
+        except Exception:  # its name until gmsh 4.9
+            fields.setNumber(distance, "NumPointsPerCurve", samples)
         expression = f"F{distance}"
     at_feature, away = repr(frame.size(near.size)), near.away
     if away is not None:

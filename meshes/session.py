@@ -1,9 +1,8 @@
 """Sessions of gmsh: quiet, one model each, with its complaints as errors."""
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
@@ -28,18 +27,13 @@ def session() -> Iterator[None]:
         gmsh.model.add("incipient")
         yield
     except Exception as error:
-        if not _is_of_gmsh(error):
+        if type(error) is not Exception:  # gmsh raises the base class of all others
             raise
         reason = str(error) or type(error).__name__
         raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}") from error
     finally:
         with handlers_kept():
             gmsh.finalize()
-
-
-def _is_of_gmsh(error: Exception) -> bool:
-    """Whether an error is gmsh's, which raises the base class of all others."""
-    return type(error) is Exception
 
 
 def generate(dimension: int) -> None:
@@ -58,8 +52,7 @@ def set_background(field: int) -> None:
     """Take the sizes of cells from a field alone."""
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
-        names = ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option)
-        set_either(names, gmsh.option.setNumber, 0)
+        gmsh.option.setNumber("Mesh.MeshSize" + option, 0)
 
 
 def view_field(kind: str, rows: Floats) -> int:
@@ -69,15 +62,3 @@ def view_field(kind: str, rows: Floats) -> int:
     field = fields.add("PostView")
     fields.setNumber(field, "ViewTag", view)
     return int(field)
-
-
-def set_either(names: tuple[str, ...], put: Callable[[str, Any], None], value: Any) -> None:
-    """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
-    for name in names:
-        try:
-            put(name, value)
-            return
-        except Exception as error:
-            if not _is_of_gmsh(error):
-                raise
-    raise MeshError(f"this gmsh knows none of the options {', '.join(names)}")
