@@ -1,11 +1,10 @@
-"""A rigid body in contact over a time step: it is pushed and rubbed by what it touches, and rolls, slides or lifts off.
+"""A rigid body in contact over a time step: it rolls, slides or lifts off.
 
-The step is that of `rigidbody.RigidBody` with impulses P at the contacts beside the load (Moreau 1988; Jean 1999). They
-obey Signorini's and Coulomb's laws with the velocities at the end of the step, and see the same effective mass as the
-load: with the fluid's response among it a body without mass is no exception. Contacts are those that the body would
-enter in the step; a step is not cut short where it meets one. An impulse acts along the mean of a contact's normals at
-both ends of the step, so that a body which rolls along a curved bed keeps its energy. What the body then is within the
-bed, or away from what it presses on, is taken off its place, not off its velocities.
+Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
+and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
+fluid's added mass included. Contacts are those that the body would enter in the step, which is not cut short. An
+impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved bed keeps
+its energy. Remaining gaps and overlaps are corrected in the place, not in the velocities.
 """
 
 from __future__ import annotations

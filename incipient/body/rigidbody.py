@@ -1,8 +1,7 @@
 """The rigid body of equations (331)-(336): inertia, state, freedom, and the motion over one time step.
 
-Velocities U = (velocity, spin) and loads = (force, couple about the centre of mass) are vectors (n,) in scene
-directions: n = 3 in the plane (x, y, counter-clockwise turn), n = 6 in space. Units are those of the scene, the
-fluid's density is one. The plane and space share all code; only what turns a frame differs.
+Velocities U = (velocity, spin) and loads = (force, torque about the centre of mass) are vectors (n,) in scene
+directions: n = 3 in 2-D (x, y, turn), n = 6 in 3-D. Units are the scene's, the fluid's density is one.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ class RigidBody:
         (velocity, K spin) = (velocity, K spin) at the start + (t - start) p,     place' = velocity.
 
     K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333)
-    hold under constant loads unless the body is thinner than that. In the plane velocities vary linearly in time.
+    hold under constant loads unless the body is thinner than that. In 2-D velocities vary linearly in time.
     RKF45 integrates place and orientation, (335). Locked velocities follow what is imposed.
     """
 

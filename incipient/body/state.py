@@ -1,7 +1,7 @@
 """What a rigid body is and where: its inertia, its state of motion, and which of its motions are free.
 
-Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in the plane (x, y, counter-clockwise
-turn), n = 6 in space. Units are those of the scene, the fluid's density is one.
+Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in 2-D (x, y, counter-clockwise turn),
+n = 6 in 3-D. Units are the scene's, the fluid's density is one.
 """
 
 from __future__ import annotations
@@ -87,8 +87,9 @@ class Inertia:
 class BodyState:
     """Where a body is and how it moves at a time.
 
-    Place (gdim,) of the centre of mass; orientation: the angle (1,), unbounded, in the plane, a unit quaternion
-    w, x, y, z (4,) in space; velocity (gdim,); spin (1,) or (3,), in scene directions.
+    place: of the centre of mass (gdim,)
+    orientation: in 2-D the angle (1,), unbounded; in 3-D a unit quaternion w, x, y, z (4,)
+    velocity, spin: (gdim,) and (1,) or (3,), in scene directions
     """
 
     place: Floats
@@ -117,7 +118,7 @@ class BodyState:
         return cls(y[:d], turned, y[d + turns : 2 * d + turns], y[2 * d + turns :], time)
 
     def packed(self) -> Floats:
-        """Place, orientation, velocity, spin as one vector: (6,) in the plane, (13,) in space."""
+        """Place, orientation, velocity, spin as one vector: (6,) in 2-D, (13,) in 3-D."""
         return np.concatenate([self.place, self.orientation, self.velocity, self.spin])
 
     @property
@@ -139,8 +140,8 @@ class BodyState:
 class Freedom:
     """Which degrees of freedom (n,) are free; the others stand still or follow `motion(time)`.
 
-    In space the rotational ones are the components of the spin in scene directions. `motion` gives all
-    velocities (n,); those of free degrees are not looked at.
+    In 3-D the rotational ones are the components of the spin in scene directions. `motion` gives all
+    velocities (n,), of which those of free degrees are ignored.
     """
 
     free: tuple[bool, ...]
@@ -195,7 +196,7 @@ def rigid_velocity(state: BodyState, x: Floats) -> Floats:
 
 
 def turned(spin: Floats, arms: Floats) -> Floats:
-    """spin x arms, (n, gdim); the spin is (1,) in the plane."""
+    """spin x arms, (n, gdim); the spin is (1,) in 2-D."""
     if arms.shape[1] == 2:
         return spin[0] * quarter_turned(arms)
     return np.cross(spin, arms)

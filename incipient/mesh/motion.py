@@ -1,13 +1,11 @@
-"""Meshes that follow bodies: rigid near them, blended out from there; and meshes stretched into a larger box.
+"""Meshes that follow bodies: rigid near them, less displaced farther away; and meshes stretched into a larger box.
 
-A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
+A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
-body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
-stretched before and behind the body instead of being sheared above and below it. So vertices go; the other nodes of a
-straight cell go where it stays straight. The places are a smooth function of the body's place alone: nothing is solved,
-and the mesh's velocity has the accuracy of the body's.
-Where several parts move, each adds its displacement, which vanishes on the boundaries of the others.
-A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
+body and zero on other boundaries. Nodes slide along straight sides: a long channel's mesh is stretched, not sheared.
+Straight cells stay straight. Places depend on the body's place alone, so that the mesh's velocity is as accurate as
+the body's. Displacements of several parts are added; each vanishes on the boundaries of the others.
+Discs and spheres do not turn the mesh, which slides along them.
 """
 
 from __future__ import annotations
@@ -239,7 +237,7 @@ class Potentials:
 def _slopes(mesh: Any) -> Floats:
     """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
     gdim, degree, element = mesh.topology.dim, compat.geometry_degree(mesh), shape_functions(mesh)
-    # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in the plane.
+    # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in 2-D.
     points = basix.create_lattice(
         CELLS[gdim], max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True
     )

@@ -183,14 +183,14 @@ class Locator:
         )
 
     def mapped(self, reference: Floats, cells: Integers) -> Floats:
-        """(n, gdim) places in space of reference coordinates in cells."""
+        """(n, gdim) positions of reference coordinates in cells."""
         table = self._element.tabulate(0, reference)[0, :, :, 0]
         return np.asarray(np.einsum("pn,png->pg", table, self._nodes[cells]))
 
     def _pulled_back(
         self, points: Floats, cells: Integers, start: Floats
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        """(n, gdim) reference coordinates of points in cells and (n,) whether they were found."""
+        """(n, gdim) reference coordinates of points in cells and (n,) whether Newton's method converged."""
         reference, good = start.copy(), np.ones(len(points), dtype=bool)
         if self._element.degree == 1:
             return reference, good

@@ -30,10 +30,9 @@ class _Exchange:
 class Transfer:
     """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
-    Making it finds the points in the cells, once for any number of functions on the mesh; it is collective. A
-    point outside the mesh takes the polynomial of the nearest cell, extrapolated: meant for a curved boundary
-    meshed anew, whose nodes lie off the old mesh by a fraction of a cell. The caller judges by `farthest`
-    whether that is so: far away extrapolation means nothing.
+    Construction is collective; one transfer serves any number of functions on the mesh. A point outside the mesh
+    takes the extrapolated polynomial of the nearest cell: meant for a curved boundary meshed anew, whose nodes lie
+    off the old mesh by a fraction of a cell (see `farthest`).
 
     Args:
         mesh: the mesh, of simplices, straight or curved.
