@@ -141,11 +141,7 @@ def of_show(parser: argparse.ArgumentParser) -> None:
         help="of a sweep: the abscissa (default: the first varied key)",
     )
     add("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
-    films = parser.add_mutually_exclusive_group()
-    films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
-    films.add_argument(
-        "--turntable", action="store_true", help="write a film round a grain in space instead"
-    )
+    add("--animate", action="store_true", help="write a film of the flow instead")
     add("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     add("--field", choices=fields, help="what to animate (default: velocity)")

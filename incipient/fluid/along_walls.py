@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from .. import compat
 from ..compat import petsc
-from ..mesh.wall_distance import facet_nodes
+from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -208,7 +208,7 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
     whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
     places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
     lengths = length[:, 0]
-    ends = cKDTree(places).query(facet_nodes(domain, [boundary])[:, :2])[1]
+    ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
     facets = np.unique(np.sort(ends, axis=1), axis=0)  # some are known to several ranks
     if boundary != "body":
         pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]

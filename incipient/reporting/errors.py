@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..pictures.verdict.judged import sentence
+from ..pictures.judged import sentence
 from ..results.safetybar import SafetyBar
 from .page import Cell, PageSection, Rows, section, table, words
 from .verdict import components, turning

@@ -7,12 +7,10 @@ from typing import Any
 
 import tomli_w
 
+from ..pictures.judged import judged, sentence
 from ..pictures.record import parsed_json
-from ..pictures.verdict.judged import judged, sentence
-from ..pictures.verdict.judgement import shaped_case, surface_of_case
 from .page import PagePart, PageSection, Rows, picture_beside, section, table
 from .verdict import of_contacts, of_judges, of_load, statements
-from .view import COARSER, of_case
 
 MOST_EVENTS = 50  # of a series, listed
 
@@ -21,7 +19,6 @@ def part(record: Path) -> PagePart:
     """What a page says of a judgement.json."""
     stored = parsed_json(record)
     case, chances = judged(stored["verdict"], record), stored["probabilities"]
-    surface = None if case.planar else surface_of_case(case, shaped_case(stored, record), COARSER)
     return PagePart(
         kind="Judged case",
         title=stored["title"] or "A case",
@@ -29,7 +26,6 @@ def part(record: Path) -> PagePart:
         certainty="" if chances is None else sentence(chances["sentence"]),
         sections=(
             *section("Picture", picture_beside(record, "The load, and the forces at the contacts")),
-            *(() if surface is None else of_case(case, *surface)),
             *of_load(case),
             *of_contacts(case),
             *of_judges(stored["verdict"], case),

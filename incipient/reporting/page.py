@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -105,17 +105,7 @@ class Picture:
         return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 
-@dataclass(frozen=True)
-class Turned:
-    """What can be turned by hand: the data of `templates/turn.js`, and a caption."""
-
-    name: str
-    data: dict[str, Any]
-    caption: str
-    kind: ClassVar[str] = "turned"
-
-
-Block = PageTable | Words | Settings | Picture | Turned
+Block = PageTable | Words | Settings | Picture
 
 
 @dataclass(frozen=True)
@@ -166,9 +156,7 @@ def html(page: Page) -> str:
         undefined=StrictUndefined,
     )
     environment.filters |= {"cell": cell, "look": look}
-    return environment.get_template("page.html").render(
-        page=page, style=_own("page.css"), turning=_own("turn.js"), turned=_turned(page)
-    )
+    return environment.get_template("page.html").render(page=page, style=_own("page.css"))
 
 
 def section(title: str, *blocks: Block | None) -> tuple[PageSection, ...]:
@@ -240,9 +228,3 @@ def _number(value: float, digits: str, lost: bool = False) -> Markup:
 def _own(name: str) -> Markup:
     """A file of the page itself, which needs no escaping."""
     return Markup((TEMPLATES / name).read_text(encoding="utf-8"))
-
-
-def _turned(page: Page) -> bool:
-    """Whether there is anything to turn."""
-    blocks = (block for part in page.parts for section in part.sections for block in section.blocks)
-    return any(isinstance(block, Turned) for block in blocks)

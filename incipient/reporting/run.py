@@ -8,15 +8,14 @@ from typing import Any
 
 from ..effects import known
 from ..output.ownership import DRAWN
+from ..pictures.judged import Judged, judged, sentence
 from ..pictures.record import parsed_json
-from ..pictures.verdict.judged import Judged, judged, sentence
 from ..results.trajectory import trajectory_sentence
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, Rows, section, table, words
 from .units import of_si
 from .verdict import components, of_contacts, of_judges, statements, turning
-from .view import of_run as turned_of_run
 
 CAPTIONS = {
     "verdict": "The verdict: forces on the grain and at its contacts",
@@ -53,7 +52,6 @@ def part(record: Path) -> PagePart:
         *section(
             "Pictures", *(Picture(path, caption) for path, caption in found if path.is_file())
         ),
-        *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
         *of_si(stored.get("si")),
         *_surface(stored),

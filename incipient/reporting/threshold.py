@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ..pictures.judged import judged, sentence
 from ..pictures.record import parsed_json
-from ..pictures.verdict.judged import judged, sentence
-from ..pictures.verdict.threshold import critical_sentence, with_motion
+from ..pictures.verdict import critical_sentence, with_motion
 from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions
 from .page import Erring, PagePart, PageSection, Rows, picture_beside, section, table, words
 from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
-from .view import of_grain
 
 NAMES = {
     "factor": "critical flow over that of the scene",
@@ -42,7 +41,6 @@ def part(record: Path) -> PagePart:
         sections=(
             *section("Critical numbers", table(("", "value"), _numbers(stored)), drawn),
             *of_si(stored.get("si")),
-            *of_grain(scene.grain, scene.placement, scene.bed_shape, case),
             *of_load(case),
             *of_contacts(case),
             *of_judges(stored["verdict"], case),

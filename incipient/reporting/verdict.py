@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..pictures.judged import Judged, pressed, sentence
 from ..pictures.style import STATES
-from ..pictures.verdict.judged import Judged, pressed, sentence
 from .page import Cell, PageSection, Rows, section, table, words
 
 AXES = ("x", "y", "z")

@@ -21,8 +21,7 @@ from incipient.accuracy import discretisation, model_terms
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.reporting.citation import CITED
 from incipient.reporting.errors import REMEDIES
-from incipient.reporting.judgement import part as part_of_case
-from incipient.reporting.page import PageTable, Turned
+from incipient.reporting.page import PageTable
 from incipient.reporting.run import part as part_of_run
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
 from incipient.simulation.judge_case import judge_case, load_case, save
@@ -44,24 +43,9 @@ CHROMIUM = shutil.which("chromium")
 LOOK = """
 <script>
 addEventListener("load", () => {
-  const painted = [...document.querySelectorAll("canvas")].map((canvas) => {
-    const colours = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
-    return new Set(colours).size;
-  });
-  const turned = [...document.querySelectorAll("canvas")].map((canvas) => {
-    const at = (x, y) => ({ clientX: x, clientY: y, buttons: 1, pointerId: 1, bubbles: true });
-    const looks = [canvas.toDataURL()];
-    canvas.setPointerCapture = () => {};  // for pointers that are there
-    canvas.dispatchEvent(new PointerEvent("pointerdown", at(10, 10)));
-    canvas.dispatchEvent(new PointerEvent("pointermove", at(60, 30)));
-    looks.push(canvas.toDataURL());
-    canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
-    looks.push(canvas.toDataURL());
-    return new Set(looks).size;
-  });
   console.info("looked");
   parent.postMessage(JSON.stringify({
-    width: innerWidth, across: document.documentElement.scrollWidth, painted, turned,
+    width: innerWidth, across: document.documentElement.scrollWidth,
     loaded: performance.getEntriesByType("resource").map((one) => one.name).filter((name) => !name.startsWith("data:")),
     broken: [...document.images].filter((one) => !one.naturalWidth).length,
   }), "*");
@@ -197,24 +181,6 @@ def test_every_term_has_a_remedy() -> None:
     assert {*named, model_terms.GROUND, discretisation.OF_MESH} <= REMEDIES.keys()
 
 
-def test_a_case_in_space_can_be_turned(judged: Path) -> None:
-    made = part_of_case(judged / "judgement.json")
-    (model,) = (
-        block.data for one in made.sections for block in one.blocks if isinstance(block, Turned)
-    )
-    # The sphere of the case has a diameter, on which lengths are counted; its three contacts lie on it.
-    radii = [sum(part**2 for part in point) ** 0.5 for point in model["points"]]
-    assert min(radii) == pytest.approx(0.5, abs=2e-3) and max(radii) == pytest.approx(0.5, abs=2e-3)
-    contacts = [one for one in model["arrows"] if one["name"].isdigit()]
-    assert len(contacts) == 3
-    for arrow in contacts:
-        assert sum(part**2 for part in arrow["tail"]) ** 0.5 == pytest.approx(0.5, abs=2e-3)
-    assert all(
-        max(face[:3]) < len(model["points"]) and face[3] < len(model["colours"])
-        for face in model["faces"]
-    )
-
-
 def test_a_sweep_shows_curves_cases_and_failures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -305,7 +271,3 @@ def test_in_a_browser(which: str, request: pytest.FixtureRequest, tmp_path: Path
     found = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))
     assert found["width"] == 390 and found["across"] <= 390
     assert found["loaded"] == [] and found["broken"] == 0
-    assert all(looks == 3 for looks in found["turned"])  # as it was, dragged, and turned by a key
-    assert all(colours > 20 for colours in found["painted"]) and bool(found["painted"]) == (
-        which == "judged"
-    )

@@ -94,7 +94,7 @@ def test_a_space_that_is_nowhere_wider_is_refused():
 
 def test_edges_of_an_open_outline_are_put_in_order_from_one_end_to_the_other():
     """An outline whose contacts are closed has two ends; its edges come in any order and sense."""
-    from incipient.pictures.flow.mesh import directed
+    from incipient.pictures.mesh import directed
 
     shuffled = np.array([[2, 3, 12], [1, 0, 10], [4, 3, 13], [1, 2, 11]])
     found = directed(shuffled)

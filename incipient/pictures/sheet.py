@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
-from ..style import FLOW, FORCES, INK, MOTION, STATES, Looks
 from .judged import Judged, pressed
+from .style import FLOW, FORCES, INK, MOTION, STATES, Looks
 
 Row = tuple[str, str, str]  # name, value, colour of the name
 Group = list[Row]  # the first row is a heading

@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Wedge
 from matplotlib.patheffects import Normal, Stroke
 
-from ...errors import OutputError
-from ...input_files import reading
-from ...output.ownership import CONTACTS
-from ...scene import Contact
-from ..style import STATES
+from ..errors import OutputError
+from ..input_files import reading
+from ..output.ownership import CONTACTS
+from ..scene import Contact
+from .style import STATES
 
 MARKS = (
     STATES["ROLL"][0],

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...contact import Contacts, Load, incipient_motion
-from ...errors import ConvergenceError, OutputError, SceneError
+from ..contact import Contacts, Load, incipient_motion
+from ..errors import ConvergenceError, OutputError, SceneError
 
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows

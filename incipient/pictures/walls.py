@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...planning.wall_law import WallLaw
-from ..record import StoredRun
-from ..style import FLOW, GROUND, INK, PUSH
+from ..planning.wall_law import WallLaw
+from .record import StoredRun
+from .style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
 LEAST = 0.1  # y+ from which on resolved walls are drawn

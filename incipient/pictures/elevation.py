@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
-from ...geometry.space.beds import Terrain
-from ...scene import Domain, Scene
-from ..record import StoredRun
-from ..style import INK, panels
+from ..geometry.space.beds import Terrain
+from ..scene import Domain, Scene
 from .mesh import QUARTERS
+from .record import StoredRun
+from .style import INK, panels
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
 _MIDDLES = np.array(
@@ -32,7 +32,7 @@ def picture(run: StoredRun) -> Figure:
     domain = scene.domain
     elevation = points[:, 2] - domain.ceiling
     view = (domain.left, domain.right, *domain.across)
-    figure, [(axes, bar)] = panels([view], run.headline)
+    figure, (axes,) = panels([view], run.headline)
     largest = max(float(np.abs(elevation).max()), 1e-300)
     levels = np.linspace(-largest, largest, _LEVELS + 1)
     drawn = axes.tricontourf(
@@ -40,7 +40,7 @@ def picture(run: StoredRun) -> Figure:
     )
     forms = _show_bed(domain, scene.bed_shape, axes)
     axes.set_title("The free surface from above" + ("; lines: heights of the bed" if forms else ""))
-    figure.colorbar(drawn, cax=bar).set_label("elevation [scene units]")
+    figure.colorbar(drawn, ax=axes).set_label("elevation [scene units]")
     return figure
 
 

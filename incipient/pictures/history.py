@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import OutputError
-from ...geometry.placement import Placement
-from ...input_files import reading
+from ..errors import OutputError
+from ..geometry.placement import Placement
+from ..input_files import reading
 
 # Columns of place and orientation, and of their rates, in the plane and in space.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}

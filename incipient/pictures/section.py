@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from contourpy import contour_generator
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
@@ -16,12 +15,10 @@ from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from scipy.spatial import KDTree
 
-from ...geometry.placement import Placement
-from ...scene import Scene
-from ..record import StoredRun
-from ..style import GRAIN, GROUND, INK, View
-from .cells import pyvista_off_screen
-from .streamlines import Sampled
+from ..geometry.placement import Placement
+from ..scene import Scene
+from .record import StoredRun
+from .style import GRAIN, GROUND, INK, View
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
 TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the straight one
@@ -33,8 +30,7 @@ PARTS = (
 )
 COLUMNS = 500  # points along the longer side
 SUBDIVIDED = 2  # halvings of curved triangles whose sections are drawn
-_OUTLINE = 400  # points along either side of the grid in which a grain's outline is found
-_NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
+_FINE = 0.02  # of the grain's size: between the points of its surface, whose section is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +47,14 @@ class VerticalSection:
     ]  # closed lines (n, 2) where the plane cuts the boundary of the mesh
     grain: tuple[np.ndarray, ...]  # closed lines (n, 2) around the grain, by its own shape
 
-    @property
-    def spacing(self) -> float:
-        """The distance of the points."""
-        return float(self.x[1] - self.x[0])
 
-    @cached_property
-    def along(self) -> Sampled:
-        """The velocity within the plane, zero outside the fluid."""
-        origin = np.array([self.x[0], self.z[0]])
-        within = np.where(self.inside[..., None], self.fields["velocity"][..., [0, 2]], 0.0)
-        return Sampled(origin, self.spacing, within)
+def pyvista_off_screen() -> Any:
+    """pyvista, set to render without a display where there is none, before VTK makes a window."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    import pyvista
+
+    return pyvista
 
 
 def level_of(run: StoredRun) -> float:
@@ -102,9 +95,8 @@ def section_of(
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
     grid = tetrahedra(run, view, names)
     found = pyvista.PolyData(points).sample(straight(grid, level))
-    # Points next to curved boundaries are missed: where there is fluid the shapes tell, and how fast the next point.
+    # Points next to curved boundaries are missed: there the fields are those of the nearest point that is not.
     known = np.asarray(found["vtkValidPointMask"], dtype=bool)
-    inside = _in_fluid(run, points, known)
     if known.any():
         missing = np.flatnonzero(~known)
         _, nearest = KDTree(points[known]).query(points[missing])
@@ -113,7 +105,7 @@ def section_of(
     shape, values = across.shape, {name: np.asarray(found[name]) for name in names}
     shaped = {name: field.reshape(*shape, *field.shape[1:]) for name, field in values.items()}
     outlines = boundary_lines(grid, level), grain_lines(run, level)
-    return VerticalSection(view, x, z, inside.reshape(shape), shaped, *outlines)
+    return VerticalSection(view, x, z, known.reshape(shape), shaped, *outlines)
 
 
 def draw_outlines(axes: Axes, section: VerticalSection, image: AxesImage) -> list[Artist]:
@@ -143,36 +135,18 @@ def boundary_lines(grid: Any, level: float) -> tuple[np.ndarray, ...]:
 
 
 def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
-    """Closed lines (n, 2) around the grain where it was computed: zeros of its own level in a plane of constant y."""
+    """Closed lines (n, 2) around the grain where it was computed, in a plane of constant y."""
     centre = run.value("grain", "computed_centre")
     if centre is None:
         return ()
     grain = Scene(**run.scene).grain
     placement = Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
-    half = 0.6 * grain.size * np.linspace(-1.0, 1.0, _OUTLINE)
-    x, z = centre[0] + half, centre[2] + half
-    across, up = np.meshgrid(x, z)
-    points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = contour_generator(
-        x, z, grain.level(placement.to_body(points)).reshape(across.shape)
-    ).lines(0.0)
-    return tuple(np.asarray(line) for line in found)
-
-
-def _in_fluid(run: StoredRun, points: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Which points (n, 3) lie in the fluid: those that VTK knows, near the grain those outside it and above the bed."""
-    centre = run.value("grain", "computed_centre")
-    if centre is None:
-        return known
-    scene = Scene(**run.scene)
-    bed, placement = (
-        scene.bed_shape,
-        Placement(centre, quaternion=tuple(run.value("grain", "quaternion"))),
+    surface = grain.surface(_FINE * grain.size)
+    solid = pyvista_off_screen().PolyData.from_regular_faces(
+        placement.to_scene(surface.points), surface.triangles
     )
-    low = scene.domain.bottom if bed is None else bed.height(points[:, :2])
-    away = scene.grain.level(placement.to_body(points))
-    beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)
-    return np.asarray((known | beside) & (away > 0.0))
+    lines = solid.slice(normal="y", origin=(0.0, level, 0.0)).strip(join=True)
+    return tuple(line.points[:, [0, 2]] for line in lines.cell)
 
 
 def straight(grid: Any, level: float) -> Any:

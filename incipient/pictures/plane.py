@@ -12,9 +12,9 @@ from matplotlib.patches import FancyArrowPatch, Patch, Polygon, Wedge
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
-from ...arrays import quarter_turned, spatial
-from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
+from ..arrays import quarter_turned, spatial
 from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
+from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 
 # Lengths in grain sizes.
 _NORMAL = 0.24  # dashed normal into the bed

@@ -1,4 +1,4 @@
-"""Quadratic triangles (VTK's node order) made ready for drawing: subdivision, boundary, values at points."""
+"""Quadratic triangles (VTK's node order) made ready for drawing: straight triangles and boundary curves."""
 
 from __future__ import annotations
 
@@ -37,26 +37,10 @@ class QuadraticMesh:
         seen = (low[:, 0] <= x1) & (high[:, 0] >= x0) & (low[:, 1] <= y1) & (high[:, 1] >= y0)
         return QuadraticMesh(self.points, self.cells[seen])
 
-    def subdivided(
-        self, values: np.ndarray, parts: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points (n, 2), linear triangles (m, 3) and values (n,), each cell's side cut into `parts`."""
-        barycentric, triangles = _lattice(parts)
-        shapes = _shape_functions(barycentric)
-        points = (shapes @ self.points[self.cells]).reshape(-1, 2)
-        offsets = len(barycentric) * np.arange(len(self.cells))
-        connected = (offsets[:, None, None] + triangles).reshape(-1, 3)
-        return points, connected, (values[self.cells] @ shapes.T).ravel()
-
-    def evaluated(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(n,) nodal values as a quadratic field at points (n, 2); nan outside the mesh."""
-        quarter = triangles_of(self.points, self.quarters).get_trifinder()(*points.T)
-        found = np.full(len(points), np.nan)
-        inside = quarter >= 0
-        cells = self.cells[quarter[inside] // 4]
-        places = _reference_places(self.points[cells], points[inside])
-        found[inside] = np.sum(_shape_functions(places) * values[cells], axis=1)
-        return found
+    @cached_property
+    def triangulation(self) -> Triangulation:
+        """matplotlib's triangulation of the nodes, four straight triangles a cell."""
+        return Triangulation(*self.points.T, self.quarters)
 
     def _boundary(self) -> np.ndarray:
         """(edges, 3) of the edges that belong to one cell, directed with the fluid on the left."""
@@ -68,11 +52,6 @@ class QuadraticMesh:
         edges = edges.reshape(-1, 3)
         _, first, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
         return edges[first[count == 1]]
-
-
-def triangles_of(points: np.ndarray, triangles: np.ndarray) -> Triangulation:
-    """matplotlib's triangulation of points (n, 2) and linear triangles (m, 3)."""
-    return Triangulation(points[:, 0], points[:, 1], triangles)
 
 
 def chained(edges: np.ndarray) -> list[np.ndarray]:
@@ -118,39 +97,3 @@ def enclosed_area(points: np.ndarray, edges: np.ndarray) -> float:
     """Area inside a closed curve of edges, negative if it runs clockwise."""
     x, y = curve(points, edges, 2).T
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
-
-
-def _lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric points (n, 3) of a triangle whose sides are cut into `parts`, and its triangles (m, 3)."""
-    index: dict[tuple[int, int], int] = {}
-    points: list[tuple[int, int, int]] = []
-    for i in range(parts + 1):
-        for j in range(parts + 1 - i):
-            index[i, j] = len(points)
-            points.append((parts - i - j, i, j))
-    upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < parts]
-    inner = [(i, j) for i, j in index if i + j < parts - 1]
-    inverted = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in inner]
-    return np.array(points) / parts, np.array(upright + inverted)
-
-
-def _shape_functions(barycentric: np.ndarray) -> np.ndarray:
-    """(n, 6) quadratic Lagrange shape functions at barycentric points (n, 3)."""
-    a, b, c = barycentric.T
-    corners = a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1)
-    return np.column_stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a])
-
-
-def _reference_places(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric places of points (n, 2) in quadratic cells of nodes (n, 6, 2); Newton's method."""
-    places = np.full((len(points), 3), 1 / 3)
-    for _ in range(8):
-        missing = points - np.einsum("ni,nid->nd", _shape_functions(places), corners)
-        a, b, c = places.T
-        none = np.zeros_like(a)
-        by_b = np.column_stack([1 - 4 * a, 4 * b - 1, none, 4 * (a - b), 4 * c, -4 * c])
-        by_c = np.column_stack([1 - 4 * a, none, 4 * c - 1, -4 * b, 4 * b, 4 * (a - c)])
-        jacobian = np.stack([np.einsum("ni,nid->nd", by, corners) for by in (by_b, by_c)], axis=-1)
-        step = np.linalg.solve(jacobian, missing[:, :, None])[:, :, 0]
-        places += np.column_stack([-step.sum(axis=1), step])
-    return places

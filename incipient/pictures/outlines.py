@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from ...geometry.space.surfaces import sphere
+from ..geometry.space.surfaces import sphere
 from .judged import Judged
 
 _PIECES = 48  # straight pieces a curve is shown with
+SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 _FINE = 40  # parts of the sides of the icosahedron that a sphere is drawn with
 _SHADOW = (
     0.05  # of a grain's size: distance of the points of its surface that its silhouette is made of
@@ -32,11 +33,24 @@ def grain_silhouette(grain: Any, placement: Any) -> Outline:
     return np.asarray(seen[ConvexHull(seen).vertices])
 
 
+def spoke(outline: Outline, placement: Any) -> np.ndarray:
+    """(2, 2) from a plane grain's centre along its first axis to its outline, points (n, 2)."""
+    local = placement.to_body(outline)
+    tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
+    return np.array([placement.centre, tip])
+
+
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:
     """Points (n, 2) along a plane bed from left to right, as far as it is known."""
     low, high = bed.extent
     curves: Iterable[Any] = bed.curves(max(x0, low), min(x1, high))
     return np.vstack([_along(curve) for curve in curves])
+
+
+def placed_surface(grain: Any, placement: Any) -> Solid:
+    """A grain's surface at its place: points (n, 3) and triangles (m, 3)."""
+    surface = grain.surface(SPACING * grain.size)
+    return placement.to_scene(surface.points), surface.triangles
 
 
 def sketched_outline(case: Judged) -> Outline:
@@ -56,15 +70,15 @@ def sketched_outline(case: Judged) -> Outline:
         return points
 
 
-def sketched_solid(case: Judged, coarser: int = 1) -> Solid:
+def sketched_solid(case: Judged) -> Solid:
     """A surface through the contacts: a sphere if they could be a sphere's, else a polyhedron.
 
     The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
-    has no volume there are only its points, without triangles. A sphere's triangles may be coarser than usual.
+    has no volume there are only its points, without triangles.
     """
     radius = round_radius(case)
     if radius is not None:
-        ball = sphere(_FINE // coarser)
+        ball = sphere(_FINE)
         return case.load.centre + radius * ball.points, ball.triangles
     points = mirrored(case)
     try:
