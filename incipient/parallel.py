@@ -5,13 +5,14 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
-from .installed import required
+from .installed import require_directories, require_limits, required
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -44,7 +45,10 @@ def world() -> Comm:
 
     Raises:
         MissingError: mpi4py, or the MPI library that it needs, is not installed.
+        OutputError: as `require_limits`.
     """
+    if "mpi4py" not in sys.modules:
+        require_limits()
     with required():
         from mpi4py import MPI
     return MPI.COMM_WORLD
@@ -130,9 +134,13 @@ def start_alone_quickly() -> None:
     """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
 
     The settings are for this process alone: one that it starts may be an mpirun.
+
+    Raises:
+        OutputError: as `require_directories` and `require_limits`.
     """
     if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         return
+    require_directories()
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)

@@ -62,6 +62,7 @@ PARTS = {
         "end_to_end/test_command_line.py",
         "end_to_end/test_demos.py",
         "end_to_end/test_effects_of_scenes.py",
+        "end_to_end/test_environments.py",
         "end_to_end/test_executors.py",
         "end_to_end/test_failure.py",
         "end_to_end/test_faults.py",

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from .. import geometry
 from ..arrays import Point
-from ..geometry.plane.grains import meeting_sides
+from ..geometry.plane.grains import MAX_EXPONENT, meeting_sides
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, key, three
@@ -155,7 +155,9 @@ class Superellipse(GrainSection):
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
     exponent: float = key(
-        "n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box", ge=2, le=100
+        "n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 20 almost a rectangle with corner_radius",
+        ge=2,
+        le=MAX_EXPONENT,
     )
 
     def new_grain(self) -> geometry.Grain:
