@@ -31,12 +31,9 @@ from ..fluid.raised import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 from ..results.errorbars import Loads
+from .terms import SAFETY
 
-# Error over estimate in space, the largest of a component that was measured (docs/space.md): cells are larger there
-# than in the plane, and one order more, or upwinding, leaves more that is not seen.
-UNSEEN = 1.6
 LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
-COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
 
 class GoalErrors:
@@ -72,7 +69,7 @@ class GoalErrors:
     @property
     def allowance(self) -> float:
         """What an estimate is to be multiplied with where it stands for a bound, as it does in error bars."""
-        return UNSEEN if self.fluid.space.gdim == 3 else 1.0
+        return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
     def force(self) -> Floats:

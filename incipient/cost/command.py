@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..accuracy.errorbars import coarse_scenes
+from ..accuracy.first_mesh import first_mesh
 from ..effects.plan import make_plan
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
@@ -21,7 +22,7 @@ from .comparison import Compared
 from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
-from .prediction import Prediction, first_mesh, known_laws, predict
+from .prediction import Prediction, known_laws, predict
 from .solvers import SolverOptions
 from .study import Say, Study, findings, run_ladder
 

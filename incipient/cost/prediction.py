@@ -13,20 +13,18 @@ from typing import cast
 
 import numpy as np
 
+from ..accuracy import next_mesh
 from ..accuracy.coarse_runs import COARSER_MESH, changed, comparisons, on_coarser_mesh
-from ..accuracy.discretisation import shares
 from ..accuracy.errorbars import coarse_scenes
-from ..adaptive import balance
-from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarsest, highest_order, next_order
-from ..effects.plan import plan_of
-from ..planning import expense, meshing
-from ..planning.flow_setup import Setup, has_inertia, order_of
-from ..planning.layout import coarse_sizes
+from ..accuracy.first_mesh import counted
+from ..accuracy.next_mesh import AIM, COARSEST, UNKNOWNS, coarsest, highest_order, next_order
+from ..accuracy.terms import shares
+from ..planning import expense
+from ..planning.flow_setup import has_inertia, order_of
 from ..planning.plan import Estimate
 from ..results.adaptation import Trial
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
-from ..simulation.build import estimate
 from . import calibration
 from .calibration import Findings
 from .frontier import percent, seconds
@@ -243,7 +241,7 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     elif last and scene.is_averaged:  # the meshes before the last are those it is compared with
         coarser = on_coarser_mesh(end.scene)
         wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
-    others = [_Run(one, estimate(one).counted.unknowns) for one in wanted]
+    others = [_Run(one, counted(one).unknowns) for one in wanted]
     runs = [run.size for run in (*path, *beside, *others)]
     of_loads = scene.time is None and scene.body is not None and not scene.is_averaged
     has_duals = of_loads and (bars or last is not None)
@@ -252,20 +250,6 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     memory = known.mean(lambda one: one.memory) * expense.memory(end.unknowns, *duals[-1:])
     errors = {} if last else known.errors(path[-1].variant)
     return Prediction(cpu, known.factor, memory, known.own, known.where, errors, last)
-
-
-def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
-    if scene.numerics.accuracy is None or scene.is_averaged:
-        as_is = scene.numerics.accuracy is None
-        return estimate(scene if as_is else _sized(scene, COARSEST)).counted
-    steady = scene.time is None
-    setup = Setup(scene if steady else balance.first(scene))
-    plan = plan_of(setup)
-    layout = meshing.lay_out(setup, plan)
-    factor = coarsest(scene.gdim, has_inertia(scene))
-    sized = coarse_sizes(factor, None, layout) if steady else layout
-    return expense.count(sized, plan.order, steady, plan.solver.name)
 
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
@@ -283,7 +267,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
     factor = COARSEST if scene.is_averaged else coarsest(scene.gdim, has_inertia(scene))
-    first = _Run(balance.first(scene) if time else _sized(scene, factor), unknowns)
+    first = _Run(next_mesh.first(scene) if time else _sized(scene, factor), unknowns)
     error = known.errors(first.variant).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
@@ -308,10 +292,10 @@ def _sized(scene: Scene, factor: float) -> Scene:
 def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Meshes of a mean flow, all cells smaller alike, until the estimate is small enough; whether it is."""
     path = [first]
-    while len(path) < MOST_MESHES:
+    while len(path) < next_mesh.MOST_MESHES:
         scene = _sized(path[-1].scene, 1.0 / COARSER_MESH)
         grows = path[-1].unknowns / path[-2].unknowns if len(path) > 2 else 0.0
-        unknowns = grows * path[-1].unknowns if grows else estimate(scene).counted.unknowns
+        unknowns = grows * path[-1].unknowns if grows else counted(scene).unknowns
         path.append(_Run(scene, round(unknowns)))
         error = known.errors(path[-1].variant)[first.scene.accuracy_of].value
         if len(path) > 2 and ESTIMATED * error <= asked:
@@ -324,7 +308,9 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     if excess <= 1.0:
         return [first]
     before, gdim = order_of(first.scene).number, first.scene.gdim
-    order, left = next_order(before, excess, gdim, highest_order(gdim, has_inertia(first.scene)))
+    order, left = next_order(
+        before, excess / AIM, gdim, highest_order(gdim, has_inertia(first.scene))
+    )
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
     unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
@@ -333,11 +319,11 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
 def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Runs in time made finer as the search will choose them until the error is small enough; whether it is."""
     path, trial = [first], _as_tried(first, known)
-    while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < balance.MOST_RUNS:
+    while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < next_mesh.MOST_RUNS:
         last = path[-1].scene
-        wanted = balance.refined(last, trial, balance.AIM * asked)
-        scene, kept = balance.finer(last, wanted), wanted.keeps_mesh(order_of(last).number)
-        path.append(_Run(scene, path[-1].unknowns if kept else estimate(scene).counted.unknowns))
+        wanted = next_mesh.refined(last, trial, AIM * asked / cast(float, trial.estimate))
+        scene, kept = next_mesh.finer(last, wanted), wanted.keeps_mesh(order_of(last).number)
+        path.append(_Run(scene, path[-1].unknowns if kept else counted(scene).unknowns))
         trial = _as_tried(path[-1], known)
     return path, reaches
 

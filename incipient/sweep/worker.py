@@ -125,14 +125,9 @@ def _logged() -> Iterator[list[str]]:
 
 
 def _run(text: str, comm: Comm) -> dict[str, Any]:
-    from ..simulation.simulate import simulate
+    from ..accuracy.run import run_scene
 
-    scene = loads(text)
-    if scene.numerics.accuracy is None:
-        return simulate(scene, comm).to_dict()
-    from ..adaptive.run import run_to_accuracy
-
-    return run_to_accuracy(scene, comm).to_dict()
+    return run_scene(loads(text), comm).to_dict()
 
 
 def _searched(what: str, text: str, comm: Comm) -> dict[str, Any]:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
-from incipient.adaptive.modelling import SMALLEST_GAP
-from incipient.adaptive.orders import (
-    AIM,
-    COMPARED,
-    cheapest_order,
-    highest_order,
-    left_for_corrected,
-    next_order,
-)
-from incipient.adaptive.refinement import WORTH, Refinement, with_less_of
-from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
+from incipient.accuracy.modelling import SMALLEST_GAP, lessened
+from incipient.accuracy.next_mesh import AIM, highest_order, next_order
+from incipient.accuracy.search import Attempt, Estimate, Search
+from incipient.accuracy.sizing import LARGEST, SMALLEST, Shares, resized
+from incipient.accuracy.strategies import COMPARED, DualWeighted
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
@@ -26,10 +23,15 @@ from incipient.meshes.model import meshed
 from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
+from incipient.results.errorbars import Term
 from incipient.results.loads import Couples, Forces
-from incipient.scene import Scene, loads
+from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
+
+ZERO = np.zeros(3)
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+INERTIA = ("fluid.reynolds=20", "fluid.inertia=true")
 
 
 def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +106,10 @@ def test_what_a_geometry_needs_is_not_coarsened() -> None:
     [(2, 1.5, 2), (2, 5.0, 2), (2, 10.0, 3), (2, 1000.0, 4), (3, 2.0, 3), (4, 1e6, 4)],
 )
 def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int) -> None:
-    assert cheapest_order(order, excess) == cheapest
+    assert next_order(order, excess) == (
+        cheapest,
+        pytest.approx(excess * 0.1 ** (cheapest - order)),
+    )
 
 
 def test_no_order_is_tried_in_space_with_inertia_that_the_solver_does_not_serve() -> None:
@@ -113,17 +118,16 @@ def test_no_order_is_tried_in_space_with_inertia_that_the_solver_does_not_serve(
 
 
 def test_a_smaller_gap_or_a_larger_domain() -> None:
+    """A term is lessened by the power with which it falls: a gap of a quarter, a domain twice as large."""
     scene = grain_on_bed()
-    closer, said = with_less_of("gap", scene) or (scene, "")
-    assert closer.contact is not None and closer.contact.gap == pytest.approx(0.0025)
-    assert said == "gap 0.0025 of the grain's size"
-    assert with_less_of("gap", changed(scene, contact={"gap": SMALLEST_GAP})) is None
-    larger, said = with_less_of("domain", scene) or (scene, "")
-    assert (larger.domain.length, larger.domain.height) == (36.0, 30.0)
-    assert said == "domain 36 x 30"
+    gap, domain, datum = (Term(name, ZERO, ZERO, "") for name in ("gap", "domain", "datum"))
+    closer = lessened(scene, gap, 0.25)
+    assert closer is not None and closer.contact.gap == pytest.approx(0.0025)
+    assert lessened(changed(scene, contact={"gap": SMALLEST_GAP}), gap, 0.25) is None
+    larger = lessened(scene, domain, 0.25)
+    assert larger is not None and (larger.domain.length, larger.domain.height) == (48.0, 40.0)
     box = loads(commented(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
-    assert with_less_of("domain", box) is None
-    assert with_less_of("discretisation", scene) is None
+    assert lessened(box, domain, 0.25) is None and lessened(scene, datum, 0.25) is None
 
 
 # -- the quantity -----------------------------------------------------------------------------------
@@ -181,57 +185,60 @@ def test_slope_of_the_safety_factor() -> None:
     assert np.log(factors[1] / factors[0]) == pytest.approx(0.02 * slope[0], rel=1e-2)
 
 
-def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
-    """Its error is infinite, which tells nothing of the cells needed; the finest allowed would be 25 times as many."""
-    search = Refinement(wanting(accuracy_of="safety factor"), MPI.COMM_SELF, Recorder(), Silent())
-    search.report(Trial(2, 200, 1000, np.inf, 0.1))
-    points, triangles = grid(10)
-    shares = Shares(points, triangles, np.ones(len(points)))
-    following = search._next_mesh(search._first(), np.inf, shares)
-    assert following is not None and 1000.0 < following.expected < 6000.0
-
-
-def searching(seconds: float, **numerics: object) -> tuple[Refinement, Shares]:
-    """A search on its first mesh, which took a time [s]."""
-    search = Refinement(wanting(accuracy=1e-3, **numerics), MPI.COMM_SELF, Recorder(), Silent())
+def searching(seconds: float = 1.0, **numerics: object) -> tuple[Search, Estimate]:
+    """A search on its first mesh, which took a time [s] and has an error of 0.1, all of it shared alike."""
+    scene = wanting(**{"accuracy": 1e-3, **numerics})
+    search = Search(scene, MPI.COMM_SELF, Recorder(), Silent(), DualWeighted)
     search.report(Trial(2, 200, 1000, 0.1, seconds))
     points, triangles = grid(10)
-    return search, Shares(points, triangles, np.full(len(points), 0.1 / len(points)))
+    shares = Shares(points, triangles, np.full(len(points), 0.1 / len(points)))
+    search.strategy._plain = 0.1
+    return search, Estimate(0.1, shares=shares)
+
+
+def following(search: Search, estimate: Estimate) -> Attempt | None:
+    first = search.strategy.first()
+    return search.refined(first, estimate, search.strategy.target(estimate))
+
+
+def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
+    """Its error is infinite, which tells nothing of the cells needed; the finest allowed would be 25 times as many."""
+    search, estimate = searching(accuracy_of="safety factor")
+    search.strategy._plain = np.inf
+    wanted = following(search, replace(estimate, error=np.inf))
+    assert wanted is not None and 1000.0 < wanted.unknowns < 6000.0
 
 
 def test_a_budget_too_small_for_the_mesh_wanted_is_used_for_a_coarser_one() -> None:
     """The next mesh is the finest that the budget allows; the search ends where none is worth it."""
-    search, shares = searching(1.0)
-    wanted = search._next_mesh(search._first(), 0.1, shares)
+    wanted = following(*searching())
     assert wanted is not None
-    allowed, _ = searching(1.0, budget_seconds=6.0)
-    milder = allowed._within_budget(allowed._next_mesh(allowed._first(), 0.1, shares))
-    assert (
-        milder is not None
-        and 1000.0 < milder.expected < 0.8 * wanted.expected
-        and allowed.reason == ""
-    )
-    none, _ = searching(1.0, budget_seconds=1.0)
-    assert none._within_budget(none._next_mesh(none._first(), 0.1, shares)) is None
-    assert none.reason.startswith(
-        "stopped at numerics.budget_seconds = 1: the next mesh would take about"
-    )
+    allowed, estimate = searching(budget_seconds=6.0)
+    milder = following(allowed, estimate)
+    assert milder is not None and 1000.0 < milder.unknowns < 0.8 * wanted.unknowns
+    assert allowed.reason == ""
+    none, estimate = searching(budget_seconds=1.0)
+    assert following(none, estimate) is None
+    why = "stopped at numerics.budget_seconds = 1: the next mesh would take about"
+    assert none.reason.startswith(why)
 
 
-def test_a_search_ends_with_the_least_error_that_it_found() -> None:
-    search, _ = searching(1.0)
-    first, second = search._first(), search._first(0.5)
-    for attempt, error in ((first, 0.02), (second, 0.03)):
-        search._keep(attempt, error)
-    assert search._kept is not None and search._kept.attempt is first and search._kept.error == 0.02
-
-
-def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed() -> None:
+@pytest.mark.parametrize(
+    ("plain", "corrected", "left"),
+    [
+        (0.003, None, COMPARED),  # not compared yet: one such mesh shows whether it is enough
+        (0.03, 0.0075, AIM / 7.5),  # not enough yet
+        (0.0015, None, AIM / 1.5),  # the load as computed soon is
+    ],
+)
+def test_corrected_loads_that_agree_need_no_mesh_for_the_load_as_computed(
+    plain: float, corrected: float | None, left: float
+) -> None:
     """Their error is that on the mesh before: one such mesh shows it, and a finer one has less of it."""
-    assert left_for_corrected(3.0, 0.25) == pytest.approx(COMPARED)  # good enough on this mesh
-    assert left_for_corrected(30.0, 0.25) == pytest.approx(AIM / 7.5)  # not yet
-    assert left_for_corrected(1.5, 0.25) == pytest.approx(AIM / 1.5)  # the load itself soon is
-    assert left_for_corrected(30.0, 1.0) == pytest.approx(AIM / 30.0) and WORTH > COMPARED
+    sphere = load(SCENES / "sphere_on_plane.toml", ["numerics.accuracy=0.001", *INERTIA])
+    strategy = Search(sphere, MPI.COMM_SELF, Recorder(), Silent(), DualWeighted).strategy
+    strategy._plain, strategy._compared = plain, corrected is not None
+    assert strategy.target(Estimate(corrected or plain)) == pytest.approx(left)
 
 
 def test_a_range_with_an_infinite_end() -> None:

@@ -9,22 +9,21 @@ from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 from incipient.accuracy.coarse_runs import changed, comparisons
-from incipient.accuracy.discretisation import order_in_space
-from incipient.adaptive.balance import (
+from incipient.accuracy.next_mesh import (
     FINEST,
     SHORTEST,
     WORK,
-    Parts,
-    Powers,
+    WORK_POWER,
     Refined,
     cheapest,
     finer,
     first,
     halved,
-    milder,
     refined,
 )
-from incipient.adaptive.balancing import LEAST_WORK, Balancing
+from incipient.accuracy.search import LEAST_WORK, Attempt, Estimate, Search
+from incipient.accuracy.strategies import InTime
+from incipient.accuracy.terms import order_in_space
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
 from incipient.scene import Scene, loads
@@ -47,16 +46,16 @@ def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
 # -- the least work -------------------------------------------------------------------------------------------
 
 
-def least_work(parts: Parts, asked: float, order: int, powers: Powers) -> float:
+def least_work(of_step: float, of_mesh: float, aim: float, order: int, q: int) -> float:
     """By a general minimiser over the logarithm of the steps relative to before: cells take what they leave."""
     s = order_in_space(order)
 
     def work(log_of_steps: float) -> float:
-        left = asked - parts.step * math.exp(powers.step * log_of_steps)
-        log_of_cells = min(0.0, math.log(left / parts.mesh) / s) if parts.mesh else 0.0
-        return -log_of_steps - powers.work * log_of_cells
+        left = aim - of_step * math.exp(q * log_of_steps)
+        log_of_cells = min(0.0, math.log(left / of_mesh) / s) if of_mesh else 0.0
+        return -log_of_steps - WORK_POWER * log_of_cells
 
-    longest = min(0.0, math.log(asked / parts.step) / powers.step)
+    longest = min(0.0, math.log(aim / of_step) / q)
     found = minimize_scalar(
         work, bounds=(-12.0, longest), method="bounded", options={"xatol": 1e-12}
     )
@@ -64,49 +63,35 @@ def least_work(parts: Parts, asked: float, order: int, powers: Powers) -> float:
     return math.exp(found.fun)
 
 
-@pytest.mark.parametrize("growth", [0.5, 2.2])
-@pytest.mark.parametrize("rate", [1.0, 2.0])
-@pytest.mark.parametrize(
-    "parts", [Parts(0.04, 0.04), Parts(0.05, 0.002), Parts(0.001, 0.05), Parts(0.09, 0.0)]
-)
-def test_no_choice_is_cheaper(parts: Parts, rate: float, growth: float) -> None:
-    powers = Powers(rate, growth)
-    found = cheapest(parts, 0.01, 2, powers)
-    assert found.enough
+@pytest.mark.parametrize("q", [1, 2])
+@pytest.mark.parametrize("parts", [(0.04, 0.04), (0.05, 0.002), (0.001, 0.05), (0.09, 0.0)])
+def test_no_choice_is_cheaper(parts: tuple[float, float], q: int) -> None:
+    found = cheapest(*parts, 0.01, 2, q)
     s = order_in_space(found.order)
-    assert parts.step * found.shorter**rate + parts.mesh * found.finer**s == pytest.approx(0.01)
-    works = {k: least_work(parts, 0.01, k, powers) * WORK[k] for k in WORK}
+    assert parts[0] * found.shorter**q + parts[1] * found.finer**s == pytest.approx(0.01)
+    works = {k: least_work(*parts, 0.01, k, q) * WORK[k] for k in WORK}
     assert found.work == pytest.approx(min(works.values()), rel=1e-5)
     assert found.order == min(works, key=lambda k: works[k])
 
 
 def test_what_does_not_err_stays() -> None:
     """Only what errs is made finer, and a mesh whose error is small is as before."""
-    assert cheapest(Parts(0.08, 0.0), 0.02, 2, Powers(2.0, 2.0)) == Refined(0.5, 1.0, 2, 2.0)
-    found = cheapest(Parts(0.0, 0.012), 0.01, 2, Powers(2.0, 3.0))
-    assert (found.shorter, found.finer, found.work) == (
-        1.0,
-        pytest.approx(1.2 ** (-1 / 3)),
-        pytest.approx(1.2),
-    )
-    assert cheapest(Parts(0.08, 0.001), 0.02, 2, Powers(2.0, 2.0)).keeps_mesh(2)
-    assert not found.keeps_mesh(2)
+    assert cheapest(0.08, 0.0, 0.02, 2, 2) == Refined(0.5, 1.0, 2, 2.0)
+    found = cheapest(0.0, 0.012, 0.01, 2, 2)
+    assert (found.shorter, found.finer) == (1.0, pytest.approx(1.2 ** (-1 / 3)))
+    assert cheapest(0.08, 0.001, 0.02, 2, 2).keeps_mesh(2) and not found.keeps_mesh(2)
 
 
 def test_a_mesh_that_errs_much_gets_a_higher_order() -> None:
-    orders = [
-        cheapest(Parts(0.0, excess), 1.0, 2, Powers(2.0, 2.0)).order for excess in (1.5, 50.0, 1e4)
-    ]
+    orders = [cheapest(0.0, excess, 1.0, 2, 2).order for excess in (1.5, 50.0, 1e4)]
     assert orders == sorted(orders) and orders[0] == 2 and orders[-1] > 2
 
 
 def test_far_ways_are_gone_in_parts() -> None:
-    far = cheapest(Parts(1.0, 0.0), 1e-4, 2, Powers(2.0, 2.0))
-    assert not far.enough and far.shorter == pytest.approx(0.1)
-    fine = cheapest(Parts(1.0, 1.0), 1e-7, 4, Powers(2.0, 2.0))
-    assert fine.shorter >= SHORTEST and fine.finer >= FINEST and not fine.enough
-    half = milder(Refined(0.25, 0.25, 3, 16.0))
-    assert half == Refined(0.5, 0.5, 3, 4.0, enough=False)
+    """Half of the way in the error's logarithm, and again: steps a hundred times as short become ten times so."""
+    assert refined(in_time(), tried(1.0, 0.0), 1e-4).shorter == pytest.approx(0.1)
+    fine = refined(in_time(), tried(1.0, 1.0), 1e-7)
+    assert fine.shorter >= SHORTEST and fine.finer >= FINEST
 
 
 # -- scenes -----------------------------------------------------------------------------------------------------
@@ -151,37 +136,35 @@ def test_what_is_wanted_becomes_the_scene() -> None:
 
 
 def test_what_is_not_known_is_halved() -> None:
-    scene, powers = in_time(), Powers(2.0)
+    scene = in_time()
     unknown = Trial(2, 500, 2500, None, 1.0, 0.1, "not compared: no mesh")
-    assert refined(scene, unknown, 0.01).shorter == 0.5
-    assert refined(scene, tried(math.inf, math.inf), 0.01) == halved(2, powers)
-    # An error that is more than its parts is looked at as that.
+    assert refined(scene, unknown, 0.01) == refined(scene, tried(math.inf, math.inf), 0.01)
+    assert refined(scene, unknown, 0.01) == halved(2) and halved(2).shorter == 0.5
+    # An error that is more than its parts is looked at as that: a sixteenth of it is a quarter of the steps.
     more = Trial(2, 500, 2500, 0.16, 1.0, 0.1, of_step=0.04, of_mesh=0.0)
-    assert refined(scene, more, 0.01).shorter == pytest.approx(0.25)
+    assert refined(scene, more, 0.01 / 0.16).shorter == pytest.approx(0.25)
 
 
 # -- what a budget allows ------------------------------------------------------------------------------------------
 
 
 def test_a_budget_is_spent_on_what_it_allows() -> None:
-    """Error 100 times what is wanted: ten times the steps. A budget of seven runs allows a part of the way there."""
-    search = Balancing(in_time("numerics.budget_seconds=700"), MPI.COMM_SELF, Recorder(), Silent())
-    search.report(tried(0.7, 0.0, seconds=100.0))
-    allowed = search._following(in_time())
-    assert allowed is not None and not allowed.enough
-    assert LEAST_WORK**0.5 < allowed.work < 7.0
-    assert allowed.shorter == pytest.approx(1.0 / allowed.work)
-    assert search._is_last_affordable(allowed), "so that it is recorded"
-    search.report(tried(0.7, 0.0, seconds=300.0))
-    assert search._following(in_time()) is None
-    assert search.reason.startswith(
-        "stopped at numerics.budget_seconds = 700: the next mesh would take about "
-    )
+    """An error of 100 times the accuracy takes ten times the steps; a budget of seven runs allows a part of that."""
+    scene = in_time("numerics.budget_seconds=700")
+    search = Search(scene, MPI.COMM_SELF, Recorder(), Silent(), InTime)
+    search.report(tried(0.6, 0.0, seconds=100.0))
+    allowed = search.refined(Attempt(scene), Estimate(0.6), 0.01)
+    assert allowed is not None and LEAST_WORK < allowed.work < 7.0
+    assert allowed.scene.time.step == pytest.approx(0.1 / allowed.work, rel=0.02)
+    search.report(tried(0.6, 0.0, seconds=400.0))
+    assert search.refined(Attempt(scene), Estimate(0.6), 0.01) is None
+    why = "stopped at numerics.budget_seconds = 700: the next mesh would take about "
+    assert search.reason.startswith(why)
 
 
 def test_runs_are_few() -> None:
-    search = Balancing(in_time(), MPI.COMM_SELF, Recorder(), Silent())
+    search = Search(in_time(), MPI.COMM_SELF, Recorder(), Silent(), InTime)
     for _ in range(6):
         search.report(tried(0.02, 0.0))
-    assert search._following(in_time()) is None
-    assert search.reason == "not reached with 6 runs"
+    assert search.refined(Attempt(in_time()), Estimate(0.02), 0.3) is None
+    assert search.reason == "not reached with 6 meshes"

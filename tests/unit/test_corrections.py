@@ -17,10 +17,10 @@ import incipient
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.errorbars import of_interaction
 from incipient.accuracy.kept_runs import Solve
-from incipient.accuracy.model_terms import is_corrected, of_domain, of_gap
+from incipient.accuracy.terms import is_corrected, of_domain, of_gap
 from incipient.critical.threshold import find_threshold
 from incipient.errors import ConvergenceError
-from incipient.results.errorbars import Correction, ErrorBars, Loads, Term
+from incipient.results.errorbars import Correction, Loads, Term
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 
@@ -108,7 +108,7 @@ def by_gap(*coefficients: float) -> Solve:
 @pytest.mark.parametrize("gap", [0.01, 0.05])
 def test_a_load_that_is_a_parabola_of_the_gap_is_corrected_to_that_without(gap: float) -> None:
     scene, solve = changed(grain_on_bed(), contact={"gap": gap}), by_gap(1.0, 2.0, 10.0)
-    found = of_gap(scene, solve, solve(scene))
+    found = of_gap(scene, solve(scene), solve)
     assert found.correction is not None
     assert solve(scene).force[0] + found.correction.force[0] == pytest.approx(1.0, abs=1e-12)
     assert 0.0 < found.force[0] < abs(found.correction.force[0])
@@ -127,7 +127,7 @@ def by_distance(power: float) -> Solve:
 def test_a_load_that_falls_off_with_the_sides_is_corrected_to_that_without(power: float) -> None:
     """The power, between three quarters of the expected one and that, is seen in the loads."""
     scene, solve = grain_on_bed(), by_distance(power)
-    found = of_domain(scene, solve, computed=solve(scene))
+    found = of_domain(scene, solve(scene), solve)
     assert found.correction is not None
     assert found.correction.force[0] == pytest.approx(-0.01, rel=1e-9)
     assert 1e-5 < found.force[0] < 0.005
@@ -136,7 +136,7 @@ def test_a_load_that_falls_off_with_the_sides_is_corrected_to_that_without(power
 def test_slower_decay_is_seen_by_the_bar() -> None:
     """The rest of an influence that falls off as one over the distance is within the bar."""
     scene, solve = grain_on_bed(), by_distance(1.0)
-    found = of_domain(scene, solve, computed=solve(scene))
+    found = of_domain(scene, solve(scene), solve)
     assert found.correction is not None
     assert 0.0 < 0.01 + found.correction.force[0] <= found.force[0]
 
@@ -144,7 +144,7 @@ def test_slower_decay_is_seen_by_the_bar() -> None:
 def test_a_load_that_does_not_settle_as_sides_move_away_has_no_bar() -> None:
     scene = grain_on_bed()
     with pytest.raises(ConvergenceError, match=r"^the sides 1\.5 times as far change the force by"):
-        of_domain(scene, by_distance(-1.0), computed=by_distance(-1.0)(scene))
+        of_domain(scene, by_distance(-1.0)(scene), by_distance(-1.0))
 
 
 def test_without_sides_farther_away_still_nothing_is_corrected() -> None:
@@ -153,7 +153,7 @@ def test_without_sides_farther_away_still_nothing_is_corrected() -> None:
             raise ConvergenceError("no steady flow found")
         return by_distance(2.0)(scene)
 
-    found = of_domain(grain_on_bed(), solve)
+    found = of_domain(grain_on_bed(), solve(grain_on_bed()), solve)
     assert found.correction is None and found.how.endswith(
         "not corrected, sides 2.25 times as far: no steady flow found"
     )
@@ -164,7 +164,7 @@ def test_coarse_runs_on_meshes_of_their_own_are_off_by_what_they_differ_by() -> 
     scene, solve = grain_on_bed(), by_gap(1.0, 2.0)
     computed = replace(solve(scene), force=np.add(solve(scene).force, [1e-3, 0.0, 0.0]))
     plain, noisy = (
-        of_gap(scene, lambda one, m=m: replace(solve(one), moved=m), computed)
+        of_gap(scene, computed, lambda one, m=m: replace(solve(one), moved=m))
         for m in (True, False)
     )
     assert noisy.force[0] - plain.force[0] == pytest.approx(1e-3)
@@ -176,9 +176,9 @@ def test_corrections_interact() -> None:
     terms = tuple(
         Term(name, NONE, NONE, "", correction=c) for name, c in (("gap", one), ("domain", other))
     )
-    found = of_interaction(ErrorBars(terms), Loads(np.array([1.0, 0.0, 0.0]), NONE))
+    found = of_interaction(terms, Loads(np.array([1.0, 0.0, 0.0]), NONE))
     assert found is not None and found.force == pytest.approx([0.002, 0.002, 0.0])
-    assert of_interaction(ErrorBars(terms[:1]), Loads(np.ones(3), NONE)) is None
+    assert of_interaction(terms[:1], Loads(np.ones(3), NONE)) is None
 
 
 def test_what_has_not_shown_what_it_is_worth_is_not_corrected() -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from made_up_runs import COLUMNS, TIMED, Runner, quiet, scene, studied
 from scenes import TANK
 
+from incipient.accuracy.first_mesh import counted
 from incipient.cost import calibration, frontier, markdown, quantities
 from incipient.cost import study as cost
 from incipient.cost.command import builtin, chosen, summary
@@ -24,7 +25,6 @@ from incipient.cost.measurement import MeasuredRun, Variant
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.scene import Scene, load, loads
-from incipient.simulation.build import estimate
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"
 SPACE = DEMOS / "sphere_on_plane.toml"
@@ -274,7 +274,7 @@ def test_a_calibration_tells_the_price_of_every_demo_in_the_plane() -> None:
         demo = load(path)
         assert demo.gdim == 3 or calibration.kind(demo) in known, path.name
     for name, made in builtin().items():
-        found = estimate(made).estimate
+        found = counted(made)
         assert found is not None and found.unknowns < 40_000, name
 
 

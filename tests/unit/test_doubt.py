@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from incipient.accuracy.discretisation import by_dual
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import with_safety
-from incipient.accuracy.waves import doubt_of_stream
-from incipient.adaptive.search import AccuracySearch
+from incipient.accuracy.search import Search
+from incipient.accuracy.terms import by_dual, doubt_of_stream
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, Term
 from incipient.results.loads import Couples, Forces
@@ -119,9 +118,9 @@ def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
     search: Any = SimpleNamespace(
         numerics=SimpleNamespace(accuracy=0.1), suited=None, met=None, reason=""
     )
-    AccuracySearch.conclude(search, 0.05, "for a reason")
+    Search.conclude(search, 0.05, "for a reason")
     assert not search.met and search.reason == "not known to be reached: for a reason"
-    AccuracySearch.conclude(search, 0.05)
+    Search.conclude(search, 0.05)
     assert search.met
 
 

@@ -12,11 +12,13 @@ from mpi4py import MPI
 from scenes import CARRIED
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, comparisons, farther
-from incipient.accuracy.discretisation import by_coarser_runs
+from incipient.accuracy.coarse_runs import changed, coarse, comparisons, farther
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.accuracy.model_terms import (
+from incipient.accuracy.finish import finished
+from incipient.accuracy.modelling import not_estimated
+from incipient.accuracy.terms import (
     MOVES,
+    by_coarser_runs,
     no_gap,
     of_domain,
     of_gap,
@@ -25,7 +27,6 @@ from incipient.accuracy.model_terms import (
     on_more_bed,
     with_other_datum,
 )
-from incipient.adaptive.modelling import not_estimated
 from incipient.errors import ConvergenceError
 from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup, order_of
@@ -36,7 +37,8 @@ from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
 from incipient.simulation import simulate as simulation
-from incipient.simulation.simulate import loads_of, simulate
+from incipient.simulation.recorder import Recorder
+from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
 
 IN_STREAM = """
@@ -90,6 +92,7 @@ def gust(duration: float) -> str:
 
 
 SOLVED: dict[str, Loads] = {}
+NOTHING = Loads(np.zeros(3), np.zeros(3))
 
 
 def solve(scene: Scene) -> Loads:
@@ -143,7 +146,7 @@ def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None
     """The gap is closed to a sixteenth; the rest changes force and couple by another few per cent of that."""
     scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
     closed = changed(scene, contact={"gap": scene.contact.gap / 16.0})
-    found = effectivities(of_gap(scene, solve), solve(scene), solve(closed))
+    found = effectivities(of_gap(scene, solve(coarse(scene)), solve), solve(scene), solve(closed))
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
@@ -156,7 +159,7 @@ def test_gap_term_of_a_wide_gap(gap: float) -> None:
         solved.append(scene.contact.gap)
         return Loads(np.full(3, 1.0 + scene.contact.gap), np.zeros(3))
 
-    term = of_gap(on_bed(contact={"gap": gap}), growing)
+    term = of_gap(on_bed(contact={"gap": gap}), growing(on_bed(contact={"gap": gap})), growing)
     assert term.force == pytest.approx(np.full(3, gap))
     assert max(solved) <= 0.1
 
@@ -168,7 +171,7 @@ def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     large = farther(farther(farther(scene)))
     assert large.domain.height == pytest.approx(1.5**3 * scene.domain.height)
     assert large.viscosity == pytest.approx(scene.viscosity)
-    found = effectivities(of_domain(scene, solve), solve(scene), solve(large))
+    found = effectivities(of_domain(scene, solve(coarse(scene)), solve), solve(scene), solve(large))
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
@@ -177,7 +180,7 @@ def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
     """It stands for an endless one to 2% of force and couple, by the estimate and by a domain five times as large."""
     scene = on_bed(fluid={"inertia": inertia})
     large = changed(scene, domain={"origin": (-64.0, 0.0), "length": 120.0, "height": 100.0})
-    here, there, term = solve(scene), solve(large), of_domain(scene, solve)
+    here, there, term = solve(scene), solve(large), of_domain(scene, solve(coarse(scene)), solve)
     assert all(e < 0.02 * size for e, size in zip(estimated(term), sizes(here), strict=True))
     assert all(
         d < 0.02 * size for d, size in zip(difference(here, there), sizes(there), strict=True)
@@ -194,7 +197,7 @@ def test_a_stream_without_a_bed_is_endless_downwards_too() -> None:
     larger = farther(scene)
     assert (larger.domain.bottom, larger.domain.ceiling) == (-1.0, 5.0)
     far = changed(scene, domain={"origin": (-57.0, -58.0), "length": 120.0, "height": 120.0})
-    here, term = solve(scene), of_domain(scene, solve)
+    here, term = solve(scene), of_domain(scene, solve(coarse(scene)), solve)
     true = abs(here.force[0] - solve(far).force[0])
     assert true / WITHIN < term.force[0] < WITHIN * true
     shear = loads(IN_STREAM.replace("uniform", "shear"))
@@ -217,7 +220,10 @@ def test_domain_term_of_a_stream(time: Time | None) -> None:
     """The drag in a stream between sides that move with it falls as they go away, at once or from Stokes flow on."""
     scene = Scene(**{**changed(loads(IN_STREAM), numerics=COARSE).model_dump(), "time": time})
     large = farther(farther(farther(scene)))
-    term, drags = of_domain(scene, solve), [solve(one).force[0] for one in (scene, large)]
+    term, drags = (
+        of_domain(scene, solve(coarse(scene)), solve),
+        [solve(one).force[0] for one in (scene, large)],
+    )
     assert abs(np.diff(drags)[0]) / WITHIN < term.force[0] < WITHIN * abs(np.diff(drags)[0])
 
 
@@ -436,7 +442,8 @@ def test_a_carried_grain_and_one_away_from_the_bed() -> None:
 def test_the_path_of_a_grain_in_a_channel_depends_on_its_sides() -> None:
     """The domain's term has an error of the place as well."""
     drifting = IN_STREAM + 'motion = "free"\ndensity = 1.0\n[time]\nend = 0.4\nstep = 0.1\n'
-    term = of_domain(loads(drifting, overrides=("numerics.mesh_size=3",)), solve)
+    scene = loads(drifting, overrides=("numerics.mesh_size=3",))
+    term = of_domain(scene, solve(coarse(scene)), solve)
     assert term.place is not None and term.place[0] > 0.0
 
 
@@ -457,9 +464,8 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
 def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
     """The term that needs no run of its own is there, the others say why not."""
     scene = changed(grain_on_bed(), numerics={"mesh_size": 2.0})
-    bars = simulate(
-        scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")
-    ).error_bars
+    with solved(scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")) as run:
+        bars = finished(run, Recorder()).error_bars
     assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
     assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
 
@@ -482,7 +488,7 @@ def test_far_sides_matter_longer_over_forms() -> None:
         grown = farther(scene).domain.length / scene.domain.length
         expected = (1.0 - grown**-power) / (1.0 - 1.5**-power)
         plain = changed(scene, numerics={"correction": False})
-        assert of_domain(plain, far).force[0] == pytest.approx(expected, rel=1e-9)
+        assert of_domain(plain, far(plain), far).force[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("top", ["stream", "slip"])
@@ -513,11 +519,12 @@ def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, spee
         asked.append(one)
         return Loads(np.array([datum_of(one), 0.0, 0.0]), np.zeros(3))
 
-    assert terms["datum"](solve).force[0] == pytest.approx(abs(datum_of(other) - datum_of(scene)))
+    assert terms["datum"](NOTHING, solve).force[0] == pytest.approx(
+        abs(datum_of(other) - datum_of(scene))
+    )
     del asked[:]
-    terms["domain"](
-        solve
-    )  # by a stream that suits the bed, lest its slow adapting hides what the sides do
+    # By a stream that suits the bed, lest its slow adapting hides what the sides do.
+    terms["domain"](NOTHING, solve)
     assert {datum_of(one) for one in asked} == {
         datum_of(scene) if datum == "auto" else datum_of(other)
     }

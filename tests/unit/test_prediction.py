@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from made_up_runs import TIMED, Runner, scene, studied
 
-from incipient.adaptive import balance
-from incipient.adaptive.orders import AIM, GAIN, UNKNOWNS
+from incipient.accuracy import next_mesh
+from incipient.accuracy.first_mesh import first_mesh
+from incipient.accuracy.next_mesh import AIM, GAIN, UNKNOWNS
 from incipient.cost import calibration
 from incipient.cost.calibration import Findings
 from incipient.cost.command import predicted_plan
@@ -24,7 +25,6 @@ from incipient.cost.prediction import (
     KnownLaws,
     LastMesh,
     Prediction,
-    first_mesh,
     known_laws,
     predict,
 )
@@ -236,7 +236,7 @@ def test_the_plan_says_that_the_run_chooses() -> None:
 
 def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     made = scene(TIMED, "numerics.accuracy=0.01")
-    coarse = balance.first(made)
+    coarse = next_mesh.first(made)
     assert (coarse.numerics.mesh_size, coarse.time.step) == (
         pytest.approx(2.0**1.5),
         pytest.approx(0.08),
@@ -299,7 +299,7 @@ def test_flow_in_time_is_refined_as_its_search_will() -> None:
     last = found.last
     assert last.first.value == pytest.approx(5.0 * 0.08**2)
     assert (last.meshes, last.order, last.reaches) == (2, 2, True)
-    wanted = balance.AIM * 0.001
+    wanted = next_mesh.AIM * 0.001
     assert last.step is not None and 0.8 * wanted < 5.0 * last.step**2 <= wanted
     steps = [made.time.end / step for step in (0.08, last.step)]
     longer = [max(count / 4.0, min(count / 2.0, 8.0)) for count in steps]

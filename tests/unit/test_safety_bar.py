@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from incipient.accuracy.safetybar import bar_of_safety
+from incipient.accuracy.goal import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.results.safetybar import SafetyBar
 
