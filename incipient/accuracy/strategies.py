@@ -177,7 +177,7 @@ class Steady(Strategy):
             finer = search.refined(attempt, estimate, FOR_VERDICT)
             return finer and replace(finer, note="for the verdict")
         term = next((each for each in bars.terms if each.name == bar.decisive), None)
-        scene = term and lessened(attempt.scene, term, FOR_VERDICT)
+        scene = None if term is None else lessened(attempt.scene, term, FOR_VERDICT)
         if scene is None:
             between = f"the safety factor is between {bar.low:.6g} and {bar.high:.6g}"
             why = f"the error of the {bar.decisive} cannot be made smaller"
@@ -425,8 +425,10 @@ class InTime(Strategy):
         except IncipientError as error:
             return Estimate(None, note=f"not compared: {error}")
         terms["discretisation"], terms[OF_MESH] = term, term.parts[-1]
-        error, *parts = (relative(search.goal, on_mesh, each) for each in (term, *term.parts))
-        return Estimate(error, term, term.doubt, parts=(parts[0], parts[1]))
+        whole, of_step, of_mesh = (
+            relative(search.goal, on_mesh, each) for each in (term, *term.parts)
+        )
+        return Estimate(whole, term, term.doubt, parts=(of_step, of_mesh))
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         """See `Strategy`."""

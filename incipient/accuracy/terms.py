@@ -274,7 +274,7 @@ def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """
     contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
     wide = LARGER[-1] * contact.gap > WIDEST_GAP
-    gaps = SMALLER if wide else LARGER
+    gaps: tuple[float, ...] = SMALLER if wide else LARGER
     if scene.closes_contacts:
         gaps = (1.0, gaps[0] if wide else gaps[-1])
     sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in gaps]

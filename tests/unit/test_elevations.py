@@ -12,7 +12,13 @@ from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.modelling import suited
 from incipient.accuracy.next_mesh import cheapest, first
-from incipient.accuracy.terms import SAFETY, _resolve_waves, by_coarser_runs, has_no_far_sides
+from incipient.accuracy.terms import (
+    SAFETY,
+    _resolve_waves,
+    by_coarser_runs,
+    doubt_of_stream,
+    has_no_far_sides,
+)
 from incipient.effects.plan import make_plan
 from incipient.planning.flow_setup import order_of
 from incipient.results.elevations import ElevationReading, Elevations
@@ -265,3 +271,38 @@ def test_the_wall_at_the_end_of_a_channel_is_no_error():
     assert has_no_far_sides(loads(closed)) == "does not apply: the channel is closed by a wall"
     assert not has_no_far_sides(loads(CHANNEL))
     assert has_no_far_sides(loads(WAVE)) == "does not apply: the domain is closed by walls"
+
+
+OPEN_CHANNEL = """
+[domain]
+kind = "channel"
+length = 6.0
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = 10.0
+scale = "flow"
+[flow]
+{stream}
+[gravity]
+acceleration = 10.0
+[surface]
+stations = [1.0]
+[time]
+end = 1.0
+step = 0.1
+[numerics]
+order = 2
+mesh_size = {size}
+"""
+
+
+def test_levels_of_streams_on_cells_above_a_quarter_of_the_depth_are_in_doubt() -> None:
+    """Estimates fell to 0.3 of the error on cells of 0.4, a mesh_size of 4, and held at 2 (docs/channels.md)."""
+    stream, still = (f'kind = "{kind}"\nvelocity = 1.0' for kind in ("open-channel", "still"))
+    still = still.replace("\nvelocity = 1.0", "")
+    assert doubt_of_stream(loads(OPEN_CHANNEL.format(stream=stream, size=2.0))) == ""
+    assert "use numerics.mesh_size = 2.5 or" in doubt_of_stream(
+        loads(OPEN_CHANNEL.format(stream=stream, size=4.0))
+    )
+    assert doubt_of_stream(loads(OPEN_CHANNEL.format(stream=still, size=4.0))) == ""
