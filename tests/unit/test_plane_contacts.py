@@ -1,14 +1,20 @@
-"""Contacts of a resting grain and gaps of one near its bed in 2-D: elementary geometry."""
+"""A grain on its bed in the plane: resting, contacts, gaps, the closed space beside them, by elementary geometry."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load, touching
+from incipient.coupled.enclosed import load_of
 from incipient.errors import SceneError
 from incipient.geometry import (
+    Curved,
     Disc,
+    Discs,
     Ellipse,
     Flat,
     HalfDiscs,
@@ -17,11 +23,150 @@ from incipient.geometry import (
     Polyline,
     Rectangle,
     Sinusoidal,
+    Superellipse,
+    clearance,
     lifted,
     rest,
 )
 from incipient.geometry.closest import NearBed
 from incipient.geometry.plane.beds import Bed
+from incipient.geometry.plane.closing import closing
+from incipient.geometry.plane.curves import part
+
+GRAINS = {
+    "disc": Disc(1.2),
+    "ellipse, long side along x": Ellipse((0.7, 0.3)),
+    "ellipse, long side along y": Ellipse((0.2, 0.5)),
+    "sharp box": Rectangle(1.0, 0.6),
+    "rounded box": Rectangle(1.0, 0.6, 0.1),
+    "stadium": Rectangle(1.0, 0.6, 0.3),
+    "quadrilateral": Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
+    "clockwise arrow": Polygon([(0, 0), (-1, 2), (1, 0), (-1, -2)]),
+}
+BEDS = {
+    "flat": Flat(0.2),
+    "wavy": Sinusoidal(0.1, 1.0, 0.4, 0.2),
+    "steep wavy": Sinusoidal(0.4, 0.7),
+    "touching half-discs": HalfDiscs(0.5, 1.0, 0.1, 0.2),
+    "spaced half-discs": HalfDiscs(0.2, 0.7),
+    "polyline": Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (1, 0), (6, 0.2)], 0.1),
+    "smooth curve": Curved(
+        [(-6, 0.2), (-2, 0.2), (-0.5, 0.3), (0.1, 0.6), (0.8, 0.1), (1.5, 0), (6, 0)], 0.1
+    ),
+}
+
+
+def dense(curves, count=4001):
+    """Points all along a chain of curves."""
+    return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
+
+
+class TestRest:
+    """Heights at rest from elementary geometry, stated case by case."""
+
+    def height(self, grain, bed, x, angle=0.0):
+        return rest(grain, bed, x, angle).centre[1]
+
+    def test_disc_on_a_plane(self):
+        assert self.height(Disc(1.0), Flat(0.3), 2.0) == pytest.approx(0.8, abs=1e-12)
+
+    def test_disc_in_a_pocket_of_two_half_discs(self):
+        # The centres of the three circles form a triangle with sides R + r, R + r and the spacing.
+        expected = np.sqrt((0.5 + 0.4) ** 2 - 0.5**2)
+        assert self.height(Disc(1.0), HalfDiscs(0.4, 1.0), 0.5) == pytest.approx(
+            expected, abs=1e-12
+        )
+
+    def test_disc_on_a_slope(self):
+        # The contact is R along the normal from the centre: y = slope x + R / cos(angle).
+        bed = Polyline([(-4.0, -2.0), (4.0, 2.0)])
+        expected = 0.5 * 1.0 + 0.5 * np.hypot(1.0, 0.5)
+        assert self.height(Disc(1.0), bed, 1.0) == pytest.approx(expected, abs=1e-12)
+
+    @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2, -2.0])
+    def test_ellipse_on_a_plane(self, angle):
+        # The support function of an ellipse in the direction straight down.
+        expected = np.hypot(0.7 * np.sin(angle), 0.3 * np.cos(angle))
+        assert self.height(Ellipse((0.7, 0.3)), Flat(), 0.0, angle) == pytest.approx(
+            expected, abs=1e-12
+        )
+
+    def test_square_on_its_corner_and_on_its_side(self):
+        square = Rectangle(1.0, 1.0)
+        assert self.height(square, Flat(), 0.0, np.pi / 4) == pytest.approx(np.sqrt(0.5), abs=1e-12)
+        assert self.height(square, Flat(), 0.0) == pytest.approx(0.5, abs=1e-15)
+
+    def test_box_on_a_peak_of_the_bed(self):
+        # The side of the box passes over the peak, between the samples of the side.
+        bed = Polyline([(-3.0, -1.0), (0.1234567, 0.25), (3.0, -2.0)])
+        assert self.height(Rectangle(1.0, 0.5), bed, 0.0) == pytest.approx(0.5, abs=1e-12)
+
+    def test_disc_on_a_crest_and_in_a_trough(self):
+        # Flatter than the disc: it touches in one point, crest or trough.
+        crest, trough = 0.25, 0.75
+        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), crest) == pytest.approx(
+            0.52, abs=1e-12
+        )
+        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), trough) == pytest.approx(
+            0.48, abs=1e-12
+        )
+
+    def test_base_line_counts(self):
+        low = self.height(Ellipse((0.5, 0.2)), Sinusoidal(0.1, 1.0), 0.3, 0.2)
+        high = self.height(Ellipse((0.5, 0.2)), Sinusoidal(0.1, 1.0, origin_y=2.0), 0.3, 0.2)
+        assert high - low == pytest.approx(2.0)
+
+    @settings(max_examples=15, deadline=None)
+    @given(
+        grain=st.sampled_from(list(GRAINS.values())),
+        bed=st.sampled_from(list(BEDS.values())),
+        x=st.floats(-1.5, 1.5),
+        angle=st.floats(-np.pi, np.pi),
+        gap=st.sampled_from([0.003, 0.02, 0.3]),
+    )
+    def test_resting_touches_and_lifting_opens_the_gap(self, grain, bed, x, angle, gap):
+        placement = rest(grain, bed, x, angle)
+        outline = dense([curve.moved(placement) for curve in grain.outline()], 1001)
+        # Nowhere below the bed, and touching.
+        assert (outline[:, 1] - bed.height(outline[:, 0])).min() >= -1e-12
+        assert clearance(grain, placement, bed)[0] == pytest.approx(0.0, abs=1e-12)
+        raised = lifted(grain, placement, bed, gap)
+        distance, on_grain, on_bed = clearance(grain, raised, bed)
+        assert distance == pytest.approx(gap, abs=1e-10)
+        assert np.linalg.norm(on_grain - on_bed) == pytest.approx(gap, abs=1e-10)
+        assert raised.centre[0] == placement.centre[0]
+        assert raised.centre[1] >= placement.centre[1] + gap - 1e-10
+
+
+class TestLifted:
+    def test_above_a_plane_the_lift_is_the_gap(self):
+        grain = Rectangle(1.0, 0.5, 0.1)
+        placement = rest(grain, Flat(), 0.0)
+        assert lifted(grain, placement, Flat(), 0.01).centre[1] == pytest.approx(0.26, abs=1e-12)
+        assert lifted(grain, placement, Flat(), 0.0).centre[1] == pytest.approx(0.25, abs=1e-12)
+
+    def test_out_of_a_pocket(self):
+        # The triangle of centres with sides R + r + gap.
+        grain, bed = Disc(1.0), HalfDiscs(0.4, 1.0)
+        raised = lifted(grain, rest(grain, bed, 0.5), bed, 0.02)
+        assert raised.centre[1] == pytest.approx(np.sqrt(0.92**2 - 0.5**2), abs=1e-10)
+
+    def test_clearance_of_a_raised_disc_from_a_corner(self):
+        # The nearest point of the bed is the corner at (0, 1).
+        bed = Polyline([(-5.0, 0.0), (0.0, 1.0), (5.0, 0.0)])
+        distance, on_grain, on_bed = clearance(Disc(1.0), Placement((0.1, 2.0)), bed)
+        assert on_bed == pytest.approx([0.0, 1.0])
+        assert distance == pytest.approx(np.hypot(0.1, 1.0) - 0.5, abs=1e-12)
+        direction = np.array([0.1, 1.0]) / np.hypot(0.1, 1.0)
+        assert on_grain == pytest.approx(np.array([0.1, 2.0]) - 0.5 * direction)
+
+    def test_overlap_is_negative(self):
+        assert clearance(Disc(1.0), Placement((0.0, 0.3)), Flat())[0] == pytest.approx(-0.2)
+
+    def test_bad_gap_is_refused(self):
+        with pytest.raises(SceneError, match="gap"):
+            lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1)
+
 
 TOLERANCE = 1e-6
 WEDGE = Polygon([(0.0, 0.0), (0.5, 1.0), (-0.5, 1.0)])  # stands on its corner
@@ -245,3 +390,92 @@ def test_a_disc_is_nearest_where_the_bed_is_nearest_to_its_centre(bed: Bed) -> N
         foot = bed.nearest(centre[None])[0]
         assert found.feet[least] == pytest.approx(foot, abs=1e-8)
         assert found.normals[least] == pytest.approx((centre - foot) / distance, abs=1e-8)
+
+
+CLOSED_GRAINS = {
+    "disc": Disc(1.0),
+    "ellipse": Ellipse((0.7, 0.4)),
+    "square": Polygon([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]),
+    "superellipse": Superellipse((0.6, 0.4), 3.0),
+    "two discs": Discs([[0.0, 0.0], [0.7, 0.0]], [0.4, 0.5]),
+}
+CLOSED_BEDS = {"flat": Flat(), "wavy": Sinusoidal(0.3, 1.5), "half-discs": HalfDiscs(0.5, 1.2)}
+
+
+def closed(grain, bed, x=0.6, angle=0.0, width=0.01):
+    placement = rest(grain, bed, x, angle)
+    contacts = touching(grain, placement, bed, 1e-6).points[:, :2]
+    return closing(
+        tuple(curve.moved(placement) for curve in grain.drawn()), bed, contacts, width
+    ), placement
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+@pytest.mark.parametrize("bed", CLOSED_BEDS)
+@pytest.mark.parametrize("grain", CLOSED_GRAINS)
+def test_the_lines_are_as_long_as_the_width_and_the_outline_goes_from_one_to_the_other(
+    grain, bed, angle
+):
+    found, _ = closed(CLOSED_GRAINS[grain], CLOSED_BEDS[bed], angle=angle)
+    for line in (found.left, found.right):
+        assert line.length == pytest.approx(
+            0.01, rel=0.03
+        )  # where a crumb of a curve is left out it is longer
+        assert CLOSED_BEDS[bed].distance([line.start])[0] == pytest.approx(0.0, abs=1e-9)
+    x = found.contacts[:, 0]
+    assert found.left.start[0] <= x.min() and x.max() <= found.right.start[0]
+    assert found.outline[0].start == pytest.approx(found.right.end, abs=1e-9)
+    assert found.outline[-1].end == pytest.approx(found.left.end, abs=1e-9)
+    for one, other in pairwise(found.outline):
+        assert one.end == pytest.approx(other.start, abs=1e-9)
+    s = np.linspace(0.0, 1.0, 50)
+    distances = CLOSED_BEDS[bed].distance(np.vstack([curve.point(s) for curve in found.outline]))
+    assert distances.min() > (0.0099 if grain == "disc" else 0.0)
+
+
+@pytest.mark.parametrize("grain", CLOSED_GRAINS)
+def test_a_pressure_that_is_the_same_all_round_neither_pushes_nor_turns(grain):
+    """What is enclosed and what is exposed close the outline; the second by quadrature along its curves."""
+    found, placement = closed(CLOSED_GRAINS[grain], CLOSED_BEDS["wavy"], angle=0.3)
+    s = np.linspace(0.0, 1.0, 2001)
+    exposed = np.vstack([curve.point(s) for curve in found.outline]) - placement.centre
+    force, couple = load_of(exposed, np.full(len(exposed) - 1, 3.0))
+    below = np.vstack([found.left.end, found.contacts, found.right.end]) - placement.centre
+    others = load_of(below, np.full(len(below) - 1, 3.0))
+    assert force + others[0] == pytest.approx(0.0, abs=1e-8)
+    assert couple + others[1] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_the_load_of_a_pressure_below_a_disc_is_its_integral():
+    """On the lower right quarter of a unit circle it is p (-1, 1), through the circle's centre."""
+    angles = np.linspace(-np.pi / 2, 0.0, 3)
+    arms = np.column_stack([2.0 + np.cos(angles), np.sin(angles)])
+    force, couple = load_of(arms, np.array([1.5, 1.5]))
+    # The centre lies two to the right of where the couple is about.
+    assert force == pytest.approx([-1.5, 1.5, 0.0])
+    assert couple == pytest.approx([0.0, 0.0, 2.0 * 1.5])
+
+
+def test_a_part_of_a_curve_lies_on_it():
+    for grain in CLOSED_GRAINS.values():
+        curve = grain.drawn()[0]
+        found = part(curve, 0.2, 0.7)
+        assert found.start == pytest.approx(curve.point([0.2])[0], abs=1e-12)
+        assert found.end == pytest.approx(curve.point([0.7])[0], abs=1e-12)
+        middle = grain.level(found.point([0.5]))
+        assert middle == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_space_that_is_nowhere_wider_is_refused():
+    with pytest.raises(SceneError, match=r"contact\.gap"):
+        closed(CLOSED_GRAINS["disc"], CLOSED_BEDS["flat"], width=2.0)
+
+
+def test_edges_of_an_open_outline_are_put_in_order_from_one_end_to_the_other():
+    """An outline whose contacts are closed has two ends; its edges come in any order and sense."""
+    from incipient.pictures.flow.mesh import directed
+
+    shuffled = np.array([[2, 3, 12], [1, 0, 10], [4, 3, 13], [1, 2, 11]])
+    found = directed(shuffled)
+    assert found[:, 2].tolist() in ([10, 11, 12, 13], [13, 12, 11, 10])
+    assert (found[1:, 0] == found[:-1, 1]).all()
