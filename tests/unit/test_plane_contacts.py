@@ -61,55 +61,39 @@ def dense(curves, count=4001):
     return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
 
 
-class TestRest:
-    """Heights at rest from elementary geometry, stated case by case."""
+# Heights of centres at rest, by elementary geometry: triangles of centres, the support function of an ellipse, ...
+AT_REST = {
+    "disc on a plane": (Disc(1.0), Flat(0.3), 2.0, 0.0, 0.8),
+    "disc in a pocket": (Disc(1.0), HalfDiscs(0.4, 1.0), 0.5, 0.0, np.sqrt(0.9**2 - 0.5**2)),
+    "disc on a slope": (
+        *(Disc(1.0), Polyline([(-4.0, -2.0), (4.0, 2.0)]), 1.0, 0.0),
+        0.5 + 0.5 * np.hypot(1.0, 0.5),
+    ),
+    **{
+        f"ellipse turned by {a:.1f}": (
+            *(Ellipse((0.7, 0.3)), Flat(), 0.0, a),
+            np.hypot(0.7 * np.sin(a), 0.3 * np.cos(a)),
+        )
+        for a in (0.0, 0.3, np.pi / 2, -2.0)
+    },
+    "square on its corner": (Rectangle(1.0, 1.0), Flat(), 0.0, np.pi / 4, np.sqrt(0.5)),
+    "square on its side": (Rectangle(1.0, 1.0), Flat(), 0.0, 0.0, 0.5),
+    "box on a peak between samples of its side": (
+        *(Rectangle(1.0, 0.5), Polyline([(-3.0, -1.0), (0.1234567, 0.25), (3.0, -2.0)]), 0.0, 0.0),
+        0.5,
+    ),
+    "disc on a crest": (Disc(1.0), Sinusoidal(0.02, 1.0), 0.25, 0.0, 0.52),
+    "disc in a trough": (Disc(1.0), Sinusoidal(0.02, 1.0), 0.75, 0.0, 0.48),
+}
 
+
+class TestRest:
     def height(self, grain, bed, x, angle=0.0):
         return rest(grain, bed, x, angle).centre[1]
 
-    def test_disc_on_a_plane(self):
-        assert self.height(Disc(1.0), Flat(0.3), 2.0) == pytest.approx(0.8, abs=1e-12)
-
-    def test_disc_in_a_pocket_of_two_half_discs(self):
-        # The centres of the three circles form a triangle with sides R + r, R + r and the spacing.
-        expected = np.sqrt((0.5 + 0.4) ** 2 - 0.5**2)
-        assert self.height(Disc(1.0), HalfDiscs(0.4, 1.0), 0.5) == pytest.approx(
-            expected, abs=1e-12
-        )
-
-    def test_disc_on_a_slope(self):
-        # The contact is R along the normal from the centre: y = slope x + R / cos(angle).
-        bed = Polyline([(-4.0, -2.0), (4.0, 2.0)])
-        expected = 0.5 * 1.0 + 0.5 * np.hypot(1.0, 0.5)
-        assert self.height(Disc(1.0), bed, 1.0) == pytest.approx(expected, abs=1e-12)
-
-    @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2, -2.0])
-    def test_ellipse_on_a_plane(self, angle):
-        # The support function of an ellipse in the direction straight down.
-        expected = np.hypot(0.7 * np.sin(angle), 0.3 * np.cos(angle))
-        assert self.height(Ellipse((0.7, 0.3)), Flat(), 0.0, angle) == pytest.approx(
-            expected, abs=1e-12
-        )
-
-    def test_square_on_its_corner_and_on_its_side(self):
-        square = Rectangle(1.0, 1.0)
-        assert self.height(square, Flat(), 0.0, np.pi / 4) == pytest.approx(np.sqrt(0.5), abs=1e-12)
-        assert self.height(square, Flat(), 0.0) == pytest.approx(0.5, abs=1e-15)
-
-    def test_box_on_a_peak_of_the_bed(self):
-        # The side of the box passes over the peak, between the samples of the side.
-        bed = Polyline([(-3.0, -1.0), (0.1234567, 0.25), (3.0, -2.0)])
-        assert self.height(Rectangle(1.0, 0.5), bed, 0.0) == pytest.approx(0.5, abs=1e-12)
-
-    def test_disc_on_a_crest_and_in_a_trough(self):
-        # Flatter than the disc: it touches in one point, crest or trough.
-        crest, trough = 0.25, 0.75
-        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), crest) == pytest.approx(
-            0.52, abs=1e-12
-        )
-        assert self.height(Disc(1.0), Sinusoidal(0.02, 1.0), trough) == pytest.approx(
-            0.48, abs=1e-12
-        )
+    @pytest.mark.parametrize("case", AT_REST.values(), ids=AT_REST.keys())
+    def test_height(self, case):
+        assert self.height(*case[:4]) == pytest.approx(case[4], abs=1e-12)
 
     def test_base_line_counts(self):
         low = self.height(Ellipse((0.5, 0.2)), Sinusoidal(0.1, 1.0), 0.3, 0.2)
@@ -185,33 +169,70 @@ def plane(*rows):
     return np.array([[x, y, 0.0] for x, y in rows])
 
 
-class TestPoints:
-    def test_disc_on_a_plane(self):
-        points, normals, areas = found(Disc(1.0), Flat(0.2), 3.0)
-        assert points == pytest.approx(plane((3.0, 0.2)), abs=1e-12)
-        assert normals == pytest.approx(plane((0.0, -1.0)), abs=1e-12)
-        assert areas is None
+SLOPE = Polyline([(-4.0, -3.0), (4.0, 3.0)])  # its normal is (-3, 4)/5
+DOWN, HIGH = (0.0, -1.0), np.sqrt(3.0) / 4.0
+PLATEAUX = [(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)]
+# Grain, bed, x, angle; points, normals and areas of the contacts from left to right
+TOUCHING = {
+    "disc on a plane": (Disc(1.0), Flat(0.2), 3.0, 0.0, [(3.0, 0.2)], [DOWN], None),
+    "disc on a slope": (Disc(1.0), SLOPE, 0.4, 0.0, [(0.7, 0.525)], [(0.6, -0.8)], None),
+    "disc on two half-discs": (
+        *(Disc(1.0), HalfDiscs(0.5, 1.0), 0.5, 0.0),
+        *([(0.25, HIGH), (0.75, HIGH)], [(-0.5, -2.0 * HIGH), (0.5, -2.0 * HIGH)], None),
+    ),
+    "corner on a slope": (WEDGE, SLOPE, 0.0, 0.0, [(0.0, 0.0)], [(0.6, -0.8)], None),
+    "side on a corner of the bed": (
+        *(Rectangle(1.0, 0.5), Polyline([(-3.0, -1.0), (0.1, 0.25), (3.0, -2.0)]), 0.0, 0.0),
+        *([(0.1, 0.25)], [DOWN], None),
+    ),
+    "corner on corner: the bisector of 45 degrees and level": (
+        *(WEDGE, Polyline([(-3.0, -3.0), (0.0, 0.0), (3.0, 0.0)]), 0.0, 0.0),
+        *([(0.0, 0.0)], [(np.sin(np.pi / 8), -np.cos(np.pi / 8))], None),
+    ),
+    "corner in a valley of slopes -1/2 and 1": (
+        *(WEDGE, Polyline([(-2.0, 1.0), (0.0, 0.0), (2.0, 2.0)]), 0.0, 0.0, [(0.0, 0.0)] * 2),
+        *([(-1.0 / 5.0**0.5, -2.0 / 5.0**0.5), (0.5**0.5, -(0.5**0.5))], None),
+    ),
+    "box on a plane": (
+        *(Rectangle(1.0, 0.5), Flat(), 0.0, 0.0),
+        *([(-0.5, 0.0), (0.5, 0.0)], [DOWN] * 2, [0.5, 0.5]),
+    ),
+    "rounded box on a plane": (
+        *(Rectangle(1.0, 0.5, 0.1), Flat(), 0.0, 0.0),
+        *([(-0.4, 0.0), (0.4, 0.0)], [DOWN] * 2, [0.4, 0.4]),
+    ),
+    "box on a slope": (
+        *(Rectangle(1.0, 0.5), SLOPE, 0.0, np.arctan2(3.0, 4.0)),
+        *([(-0.25, -0.1875), (0.55, 0.4125)], [(0.6, -0.8)] * 2, [0.5, 0.5]),
+    ),
+    "points of a level polyline do not split a patch": (
+        *(Rectangle(1.0, 0.5), Polyline([(-3, 0), (-0.1, 0), (0.2, 0), (3, 0)]), 0.1, 0.0),
+        *([(-0.4, 0.0), (0.6, 0.0)], [DOWN] * 2, [0.5, 0.5]),
+    ),
+    "box across two plateaux and a peak": (
+        *(Rectangle(1.0, 1.0), Polyline(PLATEAUX), 0.0, 0.0),
+        [(-0.5, 0), (-0.3, 0), (0, 0), (0.4, 0), (0.5, 0)],
+        *([DOWN] * 5, [0.1, 0.1, 0.0, 0.05, 0.05]),
+    ),
+    "box on three crests": (
+        *(Rectangle(1.0, 0.5), HalfDiscs(0.1, 0.4), 0.0, 0.0),
+        *([(-0.4, 0.1), (0.0, 0.1), (0.4, 0.1)], [DOWN] * 3, None),
+    ),
+    "box between half-discs": (
+        *(Rectangle(0.8, 0.8), HalfDiscs(0.2, 2.0, 1.0), 0.0, 0.0),
+        *([(-0.4, 0.0), (0.4, 0.0)], [DOWN] * 2, [0.4, 0.4]),
+    ),
+}
 
-    def test_disc_on_a_slope(self):
-        # Slope 3/4: the normal out of the disc is (3, -4)/5, the contact half a diameter along it.
-        bed = Polyline([(-4.0, -3.0), (4.0, 3.0)])
-        placement = rest(Disc(1.0), bed, 0.4)
-        points, normals, _ = found(Disc(1.0), bed, 0.4)
-        assert normals == pytest.approx(plane((0.6, -0.8)), abs=1e-12)
-        assert points == pytest.approx(
-            plane(placement.centre) + 0.5 * plane((0.6, -0.8)), abs=1e-12
-        )
 
-    def test_disc_in_a_pocket_touches_both_half_discs(self):
-        # Equal radii that touch: the three centres are the corners of an equilateral triangle of side 1.
-        points, normals, areas = found(Disc(1.0), HalfDiscs(0.5, 1.0), 0.5)
-        assert points == pytest.approx(
-            plane((0.25, np.sqrt(3) / 4), (0.75, np.sqrt(3) / 4)), abs=1e-11
-        )
-        assert normals == pytest.approx(
-            plane((-0.5, -np.sqrt(3) / 2), (0.5, -np.sqrt(3) / 2)), abs=1e-11
-        )
-        assert areas is None
+class TestContacts:
+    @pytest.mark.parametrize("case", TOUCHING.values(), ids=TOUCHING.keys())
+    def test_points_normals_and_areas(self, case):
+        points, normals, areas = found(*case[:4])
+        assert points == pytest.approx(plane(*case[4]), abs=1e-11)
+        assert normals == pytest.approx(plane(*case[5]), abs=1e-11)
+        assert (areas is None) == (case[6] is None)
+        assert areas is None or areas == pytest.approx(case[6])
 
     def test_disc_beside_the_middle_of_a_pocket_touches_one(self):
         points, normals, _ = found(Disc(1.0), HalfDiscs(0.5, 1.0), 0.6)
@@ -233,74 +254,6 @@ class TestPoints:
         assert normals[:, :2] == pytest.approx(outward, abs=1e-9)
         # And it is minus that of the bed, because both are smooth there.
         assert normals[:, :2] == pytest.approx(-bed.normal(points[:, 0]), abs=1e-6)
-
-    def test_corner_of_the_grain_takes_the_normal_of_the_bed(self):
-        bed = Polyline([(-4.0, -3.0), (4.0, 3.0)])
-        points, normals, areas = found(WEDGE, bed, 0.0)
-        assert normals == pytest.approx(plane((0.6, -0.8)), abs=1e-12)
-        assert points == pytest.approx(plane((0.0, 0.0)), abs=1e-12)
-        assert areas is None
-
-    def test_corner_of_the_bed_takes_the_normal_of_the_grain(self):
-        bed = Polyline([(-3.0, -1.0), (0.1, 0.25), (3.0, -2.0)])
-        points, normals, _ = found(Rectangle(1.0, 0.5), bed, 0.0)
-        assert points == pytest.approx(plane((0.1, 0.25)), abs=1e-12)
-        assert normals == pytest.approx(plane((0.0, -1.0)), abs=1e-12)
-
-    def test_corner_on_corner_takes_the_bisector_of_the_bed(self):
-        # Sides of the bed at 45 degrees up and level: their normals enclose 45 degrees.
-        bed = Polyline([(-3.0, -3.0), (0.0, 0.0), (3.0, 0.0)])
-        _, normals, _ = found(WEDGE, bed, 0.0)
-        assert normals == pytest.approx(plane((np.sin(np.pi / 8), -np.cos(np.pi / 8))), abs=1e-12)
-
-    def test_corner_in_a_valley_has_two_contacts(self):
-        # Valley sides of slope -1/2 and 1, both flatter than the wedge's of slope 2.
-        points, normals, _ = found(WEDGE, Polyline([(-2.0, 1.0), (0.0, 0.0), (2.0, 2.0)]), 0.0)
-        assert points == pytest.approx(plane((0.0, 0.0), (0.0, 0.0)), abs=1e-12)
-        left, right = np.array([-1.0, -2.0]) / np.sqrt(5.0), np.array([1.0, -1.0]) / np.sqrt(2.0)
-        assert normals == pytest.approx(plane(left, right), abs=1e-12)
-
-
-class TestPatches:
-    @pytest.mark.parametrize(("radius", "half"), [(0.0, 0.5), (0.1, 0.4)])
-    def test_box_on_a_plane_has_the_ends_of_its_base(self, radius, half):
-        points, normals, areas = found(Rectangle(1.0, 0.5, radius), Flat(), 0.0)
-        assert points == pytest.approx(plane((-half, 0.0), (half, 0.0)), abs=1e-12)
-        assert normals == pytest.approx(plane((0.0, -1.0), (0.0, -1.0)), abs=1e-12)
-        assert areas == pytest.approx([half, half])
-
-    def test_box_on_a_slope(self):
-        bed = Polyline([(-4.0, -3.0), (4.0, 3.0)])
-        _, normals, areas = found(Rectangle(1.0, 0.5), bed, 0.0, np.arctan2(3.0, 4.0))
-        assert normals == pytest.approx(plane((0.6, -0.8), (0.6, -0.8)), abs=1e-12)
-        assert areas == pytest.approx([0.5, 0.5])
-
-    def test_points_of_a_polyline_do_not_split_a_patch(self):
-        bed = Polyline([(-3.0, 0.0), (-0.1, 0.0), (0.2, 0.0), (3.0, 0.0)])
-        points, _, areas = found(Rectangle(1.0, 0.5), bed, 0.1)
-        assert points == pytest.approx(plane((-0.4, 0.0), (0.6, 0.0)), abs=1e-12)
-        assert areas == pytest.approx([0.5, 0.5])
-
-    def test_box_across_two_plateaux_and_a_peak(self):
-        bed = Polyline(
-            [(-3, 0), (-0.3, 0), (-0.2, -0.3), (0.0, 0.0), (0.1, -0.2), (0.4, 0), (3, 0)]
-        )
-        points, normals, areas = found(Rectangle(1.0, 1.0), bed, 0.0)
-        assert points == pytest.approx(
-            plane((-0.5, 0), (-0.3, 0), (0, 0), (0.4, 0), (0.5, 0)), abs=1e-12
-        )
-        assert normals == pytest.approx(np.tile([0.0, -1.0, 0.0], (5, 1)), abs=1e-12)
-        assert areas == pytest.approx([0.1, 0.1, 0.0, 0.05, 0.05])
-
-    def test_box_on_three_crests_has_three_points(self):
-        points, _, areas = found(Rectangle(1.0, 0.5), HalfDiscs(0.1, 0.4), 0.0)
-        assert points == pytest.approx(plane((-0.4, 0.1), (0.0, 0.1), (0.4, 0.1)), abs=1e-9)
-        assert areas is None
-
-    def test_box_on_the_base_line_between_half_discs(self):
-        points, _, areas = found(Rectangle(0.8, 0.8), HalfDiscs(0.2, 2.0, 1.0), 0.0)
-        assert points == pytest.approx(plane((-0.4, 0.0), (0.4, 0.0)), abs=1e-12)
-        assert areas == pytest.approx([0.4, 0.4])
 
 
 class TestTolerance:
