@@ -78,7 +78,7 @@ class TestMeaning:
         found = case(PLANE)
         acting, contacts = found.to_load(), found.to_contacts()
         assert acting.force == pytest.approx([0.3, -0.9, 0.0])
-        assert acting.couple == pytest.approx([0.0, 0.0, -0.2])
+        assert acting.flow_couple == pytest.approx([0.0, 0.0, -0.2])
         assert acting.centre == pytest.approx([1.0, 0.5, 0.0])
         assert contacts.normals == pytest.approx(np.array([[0.0, -1.0, 0.0]]))
         assert contacts.areas is None
