@@ -7,12 +7,8 @@ motion is found are judged one by one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass, fields
-from itertools import repeat
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -32,7 +28,6 @@ from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
 from incipient.geometry.contacts import UNIT_TOLERANCE, Contacts
-from incipient.parallel import end_with_parent
 
 __all__ = ["LABELS", "Batch", "Cases", "Loads", "judge_batch", "judge_many"]
 
@@ -115,44 +110,35 @@ class Batch:
         return ["" if mode == FAILED else self.labels[mode] for mode in self.modes.tolist()]
 
 
-def judge_many(cases: Cases, jobs: int = 1) -> Batch:
-    """Judge cases one like the other: as `exact.judged` does each. Not collective.
+def judge_many(cases: Cases) -> Batch:
+    """Judge cases one like the other: as `verdict.judged` does each. Not collective.
 
-    A case that is not right fails with its reason in the answer; the others are not touched by it. In the plane safety
-    factors are those of the single judge to round-off, in space to what its cone solver leaves (1e-9).
-
-    Args:
-        jobs: processes that share the cases, 10,000 at a time.
-
-    Raises:
-        ConvergenceError: a process was ended from outside.
+    A case that is not right fails with its reason in the answer; the others are not touched by it. In 2-D safety
+    factors are those of the single verdict to round-off, in 3-D to what the conic program leaves (1e-9).
     """
-    starts = range(0, len(cases), CHUNK)
-    if jobs == 1 or len(starts) < 2:
-        return _joined([_judged(cases.part(slice(start, start + CHUNK))) for start in starts])
-    # By files: to a pool of which a worker is killed large messages may never arrive.
-    with TemporaryDirectory() as directory:
-        for item in fields(cases):
-            np.save(_file(directory, item.name), getattr(cases, item.name))
-        with ProcessPoolExecutor(min(jobs, len(starts)), initializer=end_with_parent) as pool:
+    count = len(cases)
+    factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    modes, reasons = np.full(count, FAILED), dict[int, str]()
+    with unwarned():
+        for start in range(0, count, CHUNK):
+            for places, problem in _groups(cases.part(slice(start, start + CHUNK)), start):
+                inert = cases.mass[places], cases.inertia[places]
+                with suppress(ArithmeticError, ValueError):  # numbers out of all proportion
+                    factors[places], held[places], modes[places] = _together(problem, *inert)
+        alone = np.flatnonzero(modes == FAILED)
+        for place in alone.tolist():
+            factors[place], held[place] = np.nan, False
             try:
-                ends = (start + CHUNK for start in starts)
-                return _joined(list(pool.map(_judged_in_files, repeat(directory), starts, ends)))
-            except BrokenProcessPool:
-                why = "a process was ended, perhaps for want of memory"
-                raise ConvergenceError(f"judge_many: {why}; use fewer jobs") from None
-
-
-def _file(directory: str, name: str) -> Path:
-    return Path(directory, f"{name}.npy")
-
-
-def _judged_in_files(directory: str, start: int, end: int) -> Batch:
-    """Judge a part of the cases whose arrays are in files."""
-    arrays = (
-        np.load(_file(directory, item.name), mmap_mode="r")[start:end] for item in fields(Cases)
-    )
-    return _judged(Cases(*map(np.array, arrays)))
+                exact = judged(*cases.case(place))
+            except (SceneError, ConvergenceError) as error:
+                reasons[place] = str(error)
+            except Exception as error:  # as above; one case does not end the others
+                why = shortened(error) or type(error).__name__
+                reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
+            else:
+                factors[place], held[place] = exact.safety.value, not exact.moves
+                modes[place] = LABELS.index(exact.label)
+    return Batch(factors, held, modes, LABELS, len(alone), reasons)
 
 
 def judge_batch(
@@ -170,81 +156,21 @@ def judge_batch(
         SceneError: as `exact.judged` does of the first load that cannot be judged.
     """
     count = len(loads)
-    mass, inertia = (
-        (np.nan, np.full((3, 3), np.nan)) if mass_and_inertia is None else mass_and_inertia
+    mass, inertia = mass_and_inertia or (np.nan, np.full((3, 3), np.nan))
+    points, normals, centre, masses, inertias = (
+        np.broadcast_to(value, (count, *np.shape(value)))
+        for value in (contacts.points, contacts.normals, loads.centre, mass, inertia)
     )
-
-    def each(value: Floats | float) -> Floats:
-        return np.broadcast_to(np.asarray(value, dtype=float), (count, *np.shape(value)))
-
-    cases = Cases(
-        points=each(contacts.points),
-        normals=each(contacts.normals),
-        force=loads.force,
-        couple=loads.couple,
-        weight=loads.weight,
-        centre=each(loads.centre),
-        friction=np.broadcast_to(np.asarray(friction, dtype=float), count),
-        mass=each(mass),
-        inertia=each(inertia),
-    )
-    batch = judge_many(cases)
+    coefficients = np.broadcast_to(np.asarray(friction, dtype=float), count)
+    acting = loads.force, loads.couple, loads.weight, centre
+    batch = judge_many(Cases(points, normals, *acting, coefficients, masses, inertias))
     if batch.reasons:
         raise SceneError(next(iter(batch.reasons.values())))
     return batch
 
 
-def _joined(parts: list[Batch]) -> Batch:
-    if not parts:
-        return Batch(
-            np.empty(0), np.empty(0, dtype=bool), np.empty(0, dtype=np.int64), LABELS, 0, {}
-        )
-    starts = np.cumsum([0, *(len(part.factors) for part in parts)]).tolist()
-    reasons = {
-        start + place: reason
-        for start, part in zip(starts, parts, strict=False)
-        for place, reason in part.reasons.items()
-    }
-    factors, held, modes = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("factors", "held", "modes")
-    )
-    return Batch(factors, held, modes, LABELS, sum(part.alone for part in parts), reasons)
-
-
-def _judged(cases: Cases) -> Batch:
-    count = len(cases)
-    factors, held = np.full(count, np.nan), np.zeros(count, dtype=bool)
-    modes, left = np.full(count, FAILED), np.ones(count, dtype=bool)
-    reasons: dict[int, str] = {}
-    with unwarned():
-        for places, problem in _groups(cases):
-            inert = cases.mass[places], cases.inertia[places]
-            try:
-                factors[places], held[places], modes[places] = _together(problem, *inert)
-            except (ArithmeticError, ValueError):  # numbers out of all proportion
-                continue  # each is judged by itself
-            left[places] = modes[places] == FAILED
-        for place in np.flatnonzero(left).tolist():
-            try:
-                exact = judged(*cases.case(place))
-            except (SceneError, ConvergenceError) as error:
-                reasons[place] = str(error)
-            except (
-                Exception
-            ) as error:  # numbers out of all proportion; one case does not end the others
-                why = shortened(error) or type(error).__name__
-                reasons[place] = f"cannot be judged ({why}); give numbers of a size with the others"
-            else:
-                factors[place], held[place] = exact.safety.value, not exact.moves
-                modes[place] = LABELS.index(exact.label)
-            if place in reasons:
-                factors[place], held[place] = np.nan, False
-    return Batch(factors, held, modes, LABELS, int(left.sum()), reasons)
-
-
-def _groups(cases: Cases) -> Iterator[tuple[Integers, ContactProblem]]:
-    """Places of cases that can be judged together, with as many contacts and equations, and their problems."""
+def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem]]:
+    """Places, from `start`, of cases with as many contacts and equations, which are judged together; their problems."""
     counts = cases.contacts
     for count in np.unique(counts[counts > 0]).tolist():
         places = np.flatnonzero(counts == count)
@@ -262,7 +188,7 @@ def _groups(cases: Cases) -> Iterator[tuple[Integers, ContactProblem]]:
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
             if rows.any():
                 law = FrictionCone(some.friction[rows])
-                yield places[rows], ContactProblem.of_rows(scaled.part(rows), law, plane)
+                yield start + places[rows], ContactProblem.of_rows(scaled.part(rows), law, plane)
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:

@@ -31,7 +31,10 @@ from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]
 CLASSES = 20  # at most, of an input, with ten cases in each at least
-AXES = "xyz"
+INPUTS = (
+    *(f"{name} {axis}" for name in ("flow_force", "flow_couple") for axis in "xyz"),
+    "friction",
+)
 WITHIN = 2.0  # standard errors of every input within which bounds are proved
 DOUBT = 0.05  # chance that a probability of which no case was drawn is larger than said
 
@@ -223,11 +226,9 @@ class StandardErrors:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """The standard error of each input that has one, by its name."""
-        named = {f"flow_force {AXES[k]}": float(self.flow_force[k]) for k in range(3)}
-        named |= {f"flow_couple {AXES[k]}": float(self.flow_couple[k]) for k in range(3)}
-        named["friction"] = float(self.friction)
-        return {name: size for name, size in named.items() if size > 0.0}
+        """The standard error of each input by its name: ``flow_force x`` ... ``flow_couple z``, ``friction``."""
+        values = [*self.flow_force, *self.flow_couple, self.friction]
+        return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
     def arm(self, centre: Floats) -> Floats:
         """From the centre of mass to the point that the torque is measured about, (3,)."""
@@ -270,9 +271,8 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """What is certain while no input is off by more than two standard errors."""
+    """The range of safety factors while no input is off by more than two standard errors, and what is certain then."""
 
-    # The smallest and the largest safety factor.
     low: float
     high: float
     certain: bool  # whether all of these cases rest, or all move
@@ -281,14 +281,14 @@ class Within:
     @classmethod
     def of(cls, bounds: SafetyRange) -> "Within":
         """A range of safety factors in words."""
-        certain = bounds.rests or bounds.moves
-        says = "it moves for certain" if bounds.moves else "it rests for certain"
-        says = says if certain else "it may rest and it may move"
+        says = "it may rest and it may move"
+        if bounds.rests or bounds.moves:
+            says = f"it {'moves' if bounds.moves else 'rests'} for certain"
         factors = f"safety factor between {bounds.low:.4g} and {bounds.high:.4g}"
         if bounds.high == 0.0:
             factors = f"safety factor 0, {held_words(bounds.possible, bounds.guaranteed)}"
         words = f"while no input is off by more than {WITHIN:g} standard errors {says}, {factors}"
-        return cls(bounds.low, bounds.high, certain, words)
+        return cls(bounds.low, bounds.high, bounds.rests or bounds.moves, words)
 
 
 @dataclass(frozen=True)
@@ -305,8 +305,7 @@ class Probabilities:
     moves_equilibrium: Probability
     same: Probability  # that the judges agree on whether it does
     margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
-    influence: dict[str, float]  # first-order share of each input
-    interactions: float  # what is left of the variance
+    influence: dict[str, float]  # first-order fraction of the variance, of each input
     most: str | None  # the input that matters most; None: the margin does not vary
     within: Within  # what is certain
 
@@ -315,8 +314,8 @@ class Probabilities:
         """The outcome in a sentence."""
         said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
-            share = self.influence[self.most]
-            said += f"; what matters most is {self.most}, {share:.0%} of the variance of the margin"
+            part = self.influence[self.most]
+            said += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
         return said
 
 
@@ -338,32 +337,27 @@ def probabilities(
     if samples < 1:
         raise SceneError(f"samples is {samples}; draw at least one case")
     drawn = draw(load, friction, errors, samples, seed)
-    force, torque = (
-        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES])
-        for name in ("flow_force", "flow_couple")
-    )
-    loads = Loads(
-        force, torque + np.cross(errors.arm(load.centre), force), load.weight, load.centre
-    )
-    coefficients = drawn["friction"]
+    inputs = np.column_stack(list(drawn.values()))
+    force, coefficients = inputs[:, :3], inputs[:, 6]
+    torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
+    loads = Loads(force, torque, load.weight, load.centre)
     paper = [classify(loads.load(i), contacts, coefficients[i]).mode for i in range(samples)]
     exact = judge_batch(loads, contacts, coefficients, mass_and_inertia)
     moves = np.array([mode.moves for mode in paper])
-    finite = np.isfinite(exact.factors)
-    margin = np.where(finite, np.divide(exact.factors, 1.0 + exact.factors, where=finite), 1.0)
-    influence = influences({name: drawn[name] for name in errors.sizes}, margin)
+    margin = 1.0 - 1.0 / (1.0 + exact.factors)
+    varied = {name: drawn[name] for name, size in errors.sizes.items() if size > 0.0}
+    influence = influences(varied, margin)
     return Probabilities(
         samples=samples,
         seed=seed,
-        criteria=_shares(mode.label for mode in paper),
-        equilibrium=_shares(exact.mode_names),
+        criteria=_fractions(mode.label for mode in paper),
+        equilibrium=_fractions(exact.mode_names),
         moves_criteria=Probability.of(int(moves.sum()), samples),
         moves_equilibrium=Probability.of(int((~exact.held).sum()), samples),
         same=Probability.of(int((moves != exact.held).sum()), samples),
         # The nearest of the factors, since some may be infinite.
         margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
-        interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
         within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
     )
@@ -372,17 +366,16 @@ def probabilities(
 def draw(
     load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
 ) -> dict[str, Floats]:
-    """Independent values (samples,) of every input by name: ``flow_force x`` ... ``flow_couple z``, ``friction``.
+    """Independent values (samples,) of every input by its name in INPUTS.
 
     Torques are about `errors.about`; an input without error keeps its value.
     """
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
-    force = load.flow_force + noise[:, :3] * errors.flow_force
     torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
-    torque = torque + noise[:, 3:6] * errors.flow_couple
-    drawn = {f"flow_force {AXES[k]}": force[:, k] for k in range(3)}
-    drawn |= {f"flow_couple {AXES[k]}": torque[:, k] for k in range(3)}
-    return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
+    means = np.array([*load.flow_force, *torque, friction])
+    drawn = means + noise * np.array(list(errors.sizes.values()))
+    drawn[:, 6] = np.maximum(drawn[:, 6], 0.0)
+    return dict(zip(INPUTS, drawn.T, strict=True))
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
@@ -394,17 +387,16 @@ def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]
 
 def _correlation_ratio(values: Floats, output: Floats) -> float:
     """Epsilon squared of the output over classes of the input of equal size."""
-    classes = max(2, min(CLASSES, len(output) // 10))
+    count, classes = len(output), max(2, min(CLASSES, len(output) // 10))
+    if count <= classes:
+        return 0.0
     parts = np.array_split(output[np.argsort(values, kind="stable")], classes)
     within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
     total = float(((output - output.mean()) ** 2).sum())
-    free = len(output) - classes
-    if free <= 0:
-        return 0.0
-    return min(1.0, max(0.0, 1.0 - within / free * (len(output) - 1) / total))
+    return min(1.0, max(0.0, 1.0 - within / (count - classes) * (count - 1) / total))
 
 
-def _shares(labels: Iterable[str]) -> dict[str, Probability]:
+def _fractions(labels: Iterable[str]) -> dict[str, Probability]:
     counted = Counter(labels)
     total = counted.total()
     return {label: Probability.of(count, total) for label, count in counted.most_common()}

@@ -146,12 +146,12 @@ class TestBatch:
         assert batch.factors == pytest.approx(0.5 * sine / cosine / push, rel=1e-9)
         assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 20
 
-    def test_processes_say_the_same(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_chunks_say_the_same(self, monkeypatch: pytest.MonkeyPatch) -> None:
         cases = random_cases(90, 2, 2)
         once = judge_many(cases)
         monkeypatch.setattr("incipient.contact.batch.CHUNK", 40)
-        twice = judge_many(cases, jobs=2)
-        assert twice.mode_names == once.mode_names and np.array_equal(twice.factors, once.factors)
+        parts = judge_many(cases)
+        assert parts.mode_names == once.mode_names and np.array_equal(parts.factors, once.factors)
 
     def test_wrong_loads_are_refused(self) -> None:
         good, none = np.zeros((2, 3)), np.zeros(3)
