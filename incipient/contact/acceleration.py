@@ -401,8 +401,8 @@ def inner_forces(
     they are inside the cones, otherwise those farthest inside.
     """
     problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
-    circular = problem.generators is None
-    spans = np.diag(problem.law.scaling[0]) if circular else problem.generators[0]
+    edges = problem.generators
+    spans = np.diag(problem.law.scaling[0]) if edges is None else edges[0]
     opposing = problem.law.edge(-at[None, :, 1:])[0, slides]
     units = np.concatenate([opposing, np.tile(spans, (len(stays), 1))])
     owners = np.concatenate([slides, np.repeat(stays, len(spans))])
@@ -411,7 +411,9 @@ def inner_forces(
         return local, True
     columns = (case.columns[0].reshape(len(wrench), -1, 3)[:, owners] * units).sum(axis=2)
     try:
-        factors = factors_that_balance(columns, wrench, len(slides) if circular else len(owners))
+        factors = factors_that_balance(
+            columns, wrench, len(slides) if edges is None else len(owners)
+        )
     except ConvergenceError:
         factors = None
     unique = bool(np.linalg.matrix_rank(columns, 1e-10 * np.abs(columns).max()) == len(owners))

@@ -20,7 +20,7 @@ from incipient.contact.paper.equations import (
     equal_fractions,
 )
 from incipient.contact.paper.outcomes import Category, Criterion, Mode
-from incipient.contact.problem import Load, plain, require_outward
+from incipient.contact.problem import Law, Load, plain, require_outward
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
@@ -146,7 +146,7 @@ class Classification:
 def classify(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    friction: Law,
     located_by: Located | None = None,
     tolerance: float = TOLERANCE,
 ) -> Classification:
@@ -160,6 +160,7 @@ def classify(
     Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
     normals point into the grain.
     """
+    friction = friction if isinstance(friction, float | int) else float(friction.coefficient)
     arms = _arms(load, contacts, friction)
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
