@@ -8,7 +8,7 @@ solved by Newton's method from several starts. All else is one code.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -260,7 +260,6 @@ def incipient_motion(
     friction: Law,
     mass: float,
     inertia: Floats,
-    safety: SafetyFactor | None = None,
 ) -> IncipientMotion:
     """The accelerations with which a grain at rest answers the load, at contacts that push and rub.
 
@@ -268,15 +267,23 @@ def incipient_motion(
     N >= 0, A_N >= 0, N A_N = 0 (no contact pulls, nothing is penetrated), and |T| <= friction N, where A_T is
     not zero with equality and T against A_T. `inertia` (3, 3) about the centre of mass. Plane cases (the plane's
     normal has to be a principal axis of inertia) are enumerated completely, cases without friction have one
-    solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6. `safety`: the
-    safety factor of the same case, if it is known.
+    solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6.
 
     Raises SceneError on negative friction, a mass that is not positive, an inertia that is not symmetric and
     positive definite, and ConvergenceError if no solution is found.
     """
     known = checked_inertia(mass, inertia)
-    law = FrictionCone(FrictionCone.of(friction).moving)
-    case = ReleaseProblem.of(ContactProblem.of(load, contacts, law, known[1][0]), *known)
+    return motion_of(ContactProblem.of(load, contacts, friction, known[1][0]), *known)
+
+
+def motion_of(
+    problem: ContactProblem, mass: Floats, inertia: Floats, safety: SafetyFactor | None = None
+) -> IncipientMotion:
+    """The incipient motion of a single case, of mass (1,) and inertia (1, 3, 3), with its safety factor if known."""
+    law = problem.law
+    if law.moving[0] != law.coefficient[0]:
+        problem = replace(problem, law=FrictionCone(law.moving))
+    case = ReleaseProblem.of(problem, mass, inertia)
     accelerations, forces, complete = _motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
         raise ConvergenceError(
@@ -378,8 +385,9 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
         return max(balance, case.coulomb.residual(tried)) / max(1.0, float(np.abs(tried).max()))
 
     local, unique = inner_forces(case, needed, kinds[0], at[0])
-    if local is None or missed(local) > max(NEARLY, missed(forces)):
-        local = forces
+    residual = np.inf if local is None else missed(local)
+    if local is None or (residual > NEARLY and residual > missed(forces)):
+        local, residual = forces, missed(forces)
     states = list(ContactState)
     return Solution(
         acceleration=unit * whole[0, :3],
@@ -388,7 +396,7 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
         contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],
         forces_unique=unique,
-        residual=missed(local),
+        residual=residual,
     )
 
 

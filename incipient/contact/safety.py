@@ -71,7 +71,11 @@ def safety_factor(load: Load, contacts: Contacts, friction: Law) -> SafetyFactor
     Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
     not solved.
     """
-    problem = ContactProblem.of(load, contacts, friction)
+    return safety_of(ContactProblem.of(load, contacts, friction))
+
+
+def safety_of(problem: ContactProblem) -> SafetyFactor:
+    """The safety factor of a single case. Raises ConvergenceError if the program is not solved."""
     balanced = intervals(problem)
     if balanced.state[0] == FAILED:
         raise ConvergenceError(

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.acceleration import IncipientMotion, checked_inertia, incipient_motion
+from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
-from incipient.contact.problem import Law, Load, plain
-from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor
+from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor, safety_of
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -149,14 +149,13 @@ def judged(
 
     Raises SceneError as `safety_factor` and `incipient_motion` do.
     """
-    if mass_and_inertia is not None:  # also where the grain rests, and neither is used
-        checked_inertia(*mass_and_inertia)
-    safety = safety_factor(load, contacts, friction)
-    if safety.held or mass_and_inertia is None:
+    known = None if mass_and_inertia is None else checked_inertia(*mass_and_inertia)
+    problem = ContactProblem.of(load, contacts, friction, known and known[1][0])
+    safety = safety_of(problem)
+    if safety.held or known is None:
         return Exact(safety, None)
     try:
-        motion = incipient_motion(load, contacts, friction, *mass_and_inertia, safety)
-        return Exact(safety, motion)
+        return Exact(safety, motion_of(problem, *known, safety))
     except ConvergenceError as error:
         return Exact(safety, None, str(error))
 

@@ -89,7 +89,7 @@ class TestMeaning:
     def test_space(self, case):
         found = case(SPACE)
         assert found.gdim == 3
-        assert found.to_load().couple == pytest.approx([0.0, 0.2, 0.0])
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
         assert found.to_contacts().areas == pytest.approx([0.1])
         assert found.mass_and_inertia() is None
 
@@ -108,7 +108,7 @@ class TestMeaning:
     def test_couple_about_another_point(self, case):
         # tau_c = tau_a + (a - c) ^ F: a - c = (0, -0.5), F = (0.3, 0.1): -0.2 + 0.5 * 0.3.
         found = case(PLANE.replace("centre =", "about = [1.0, 0.0]\ncentre ="))
-        assert found.to_load().couple == pytest.approx([0.0, 0.0, -0.05])
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.0, -0.05])
 
     def test_body_gives_centre_mass_and_inertia(self, case):
         found = case(BODY)
