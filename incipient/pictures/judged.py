@@ -116,7 +116,7 @@ class Judged:
             return "no contact forces balance the load"
         if self.share != 1.0:
             return f"contact force that balances {self.share:.4g} times the flow's load"
-        when = " as it begins to move" if self.motion else ", the smallest that balance the load"
+        when = " as it begins to move" if self.motion else ", a set that balances the load"
         return f"contact force on the grain{when}"
 
 
