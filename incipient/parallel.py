@@ -23,6 +23,12 @@ END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
 OFTEN = 0.01  # seconds between looks at who has come
+# Variables by which a process takes part in the parallel run of its parent.
+_OF_PARALLEL_RUNS = (
+    *("OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_MCA_orte_", "OMPI_MCA_ess", "OMPI_MCA_pmix"),
+    *("OMPI_FILE_", "OMPI_APP_", "OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX"),
+    *("PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
+)
 
 
 class Alone:
@@ -124,6 +130,12 @@ def end_with_parent(parent: int | None = None) -> None:
         _PRCTL(END_WITH_PARENT, signal.SIGKILL)
     if parent is not None and os.getppid() != parent:
         os._exit(1)
+
+
+def leave_parallel_run() -> None:
+    """Forget the MPI run of the parent process: MPI then starts with this process as its only rank."""
+    for name in [name for name in os.environ if name.startswith(_OF_PARALLEL_RUNS)]:
+        del os.environ[name]
 
 
 def start_alone_quickly() -> None:

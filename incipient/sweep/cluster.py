@@ -1,0 +1,120 @@
+"""Clients of Dask: to a cluster of processes of this machine, or to a scheduler that somebody has started."""
+
+from __future__ import annotations
+
+import json
+import logging
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ..errors import OutputError, SceneError, shortened
+from ..input_files import reading
+from ..installed import free_bytes
+
+log = logging.getLogger("incipient")
+START = 30.0  # seconds that a scheduler has to answer
+PATIENCE = 600.0  # seconds that a scheduler has to come back
+FREE = 0.8  # of the free memory that the cases may take together
+# Nothing is stored in workers. Memory that a case holds is ended by the nanny, not written to the disk.
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": 0,  # the sweep itself counts tries
+    "distributed.scheduler.worker-ttl": None,  # PETSc keeps workers from answering while it solves
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": "1",
+    "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": "1",
+    # Signatures of forms depend on it: workers find each other's compiled forms.
+    "distributed.nanny.pre-spawn-environ.PYTHONHASHSEED": "6640",
+}
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
+    """A client of new worker processes of this machine, one thread each, which end with the block.
+
+    memory_mib: of each process; None: a fraction of the free memory
+
+    Raises OutputError: the processes do not start; SceneError: the script that calls has no main guard.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SceneError(
+            'incipient.sweep.run: worker processes import the script; put its calls below `if __name__ == "__main__":`'
+        )
+    import dask
+    from distributed import Client, LocalCluster
+
+    memory = FREE * free_bytes() / jobs if memory_mib is None else memory_mib * 2**20
+    with dask.config.set(_SETTINGS):
+        try:
+            cluster = LocalCluster(
+                n_workers=jobs,
+                threads_per_worker=1,
+                memory_limit=int(memory),
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+        except (OSError, RuntimeError, TimeoutError) as error:
+            remedy = "free memory or give fewer --jobs, and repeat the command to resume"
+            raise OutputError(
+                f"no worker process starts: {shortened(error, 200)}; {remedy}"
+            ) from error
+        with cluster, Client(cluster, set_as_default=False) as client:
+            yield client
+
+
+def client_of(scheduler: Any, patience: float = 0.0) -> Any:
+    """A client of a scheduler: its address, the .json file that it has written, or a cluster object of Dask.
+
+    patience: seconds that it has to come back
+
+    Raises OutputError: no scheduler answers.
+    """
+    from distributed import Client
+
+    until = time.monotonic() + patience
+    while True:
+        try:
+            target = _address(scheduler) if isinstance(scheduler, str) else scheduler
+            return Client(target, timeout=START, set_as_default=False)
+        except (OSError, ValueError, OutputError) as error:
+            if time.monotonic() > until:
+                why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
+                remedy = (
+                    "start `dask scheduler` there, or correct --scheduler, and repeat the command"
+                )
+                raise OutputError(f"{scheduler}: no scheduler answers ({why}); {remedy}") from None
+            time.sleep(1.0)
+
+
+def _address(scheduler: str) -> str:
+    if not scheduler.endswith(".json"):
+        return scheduler if "://" in scheduler else f"tcp://{scheduler}"
+    with reading(Path(scheduler), "give the file of `dask scheduler`", 1, OutputError):
+        return str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
+
+
+def number_of_workers(client: Any) -> int:
+    """How many workers there are; zero while the scheduler does not answer."""
+    with suppress(OSError, ValueError, RuntimeError):
+        return len(client.nthreads())
+    return 0
+
+
+def exceeded_memory(client: Any, worker: str) -> bool:
+    """Whether the nanny has ended a worker because of its memory."""
+    with suppress(OSError, ValueError, RuntimeError):
+        events = client.get_events("worker-restart-memory")
+        return any(event.get("worker") == worker for _, event in events)
+    return False
