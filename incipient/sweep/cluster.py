@@ -6,6 +6,7 @@ import json
 import logging
 import multiprocessing
 import os
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,7 +17,6 @@ from ..errors import OutputError, SceneError, shortened
 from ..input_files import reading
 from ..installed import free_bytes
 
-log = logging.getLogger("incipient")
 START = 30.0  # seconds that a scheduler has to answer
 PATIENCE = 600.0  # seconds that a scheduler has to come back
 FREE = 0.8  # of the free memory that the cases may take together
@@ -55,7 +55,10 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     memory = FREE * free_bytes() / jobs if memory_mib is None else memory_mib * 2**20
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the sweep reports what fails
     with dask.config.set(_SETTINGS):
+        # Keys pressed for this process are not for those that Dask's thread starts.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             cluster = LocalCluster(
                 n_workers=jobs,
@@ -70,6 +73,8 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
             raise OutputError(
                 f"no worker process starts: {shortened(error, 200)}; {remedy}"
             ) from error
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         with cluster, Client(cluster, set_as_default=False) as client:
             yield client
 

@@ -174,6 +174,7 @@ class _Sweep:
             Any, tuple[SweepCase, float]
         ] = {}  # by future, with the time of submission
         self._ended: SimpleQueue[Any] = SimpleQueue()
+        self._outcomes: list[tuple[SweepCase, CaseOutcome]] = []  # not yet in the file
         self._tries = Counter[str]()
         self._client: Any = None
         self._places, self._counted = 0, -LOOK
@@ -190,6 +191,7 @@ class _Sweep:
     def compute(self, refinement: SweepRefinement | None) -> None:
         """Compute what waits, and what a refinement adds. Raises as `run`."""
         with ExitStack() as stack:
+            stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
                 if self._client is None and self._waiting:
                     stack.enter_context(self._connected(refinement is None))
@@ -263,7 +265,6 @@ class _Sweep:
             ended.append(self._ended.get(timeout=LOOK))
             while True:
                 ended.append(self._ended.get_nowait())
-        outcomes: list[tuple[SweepCase, CaseOutcome]] = []
         for future in (one for one in ended if one in self._running):
             case, since = self._running.pop(future)
             try:
@@ -278,8 +279,8 @@ class _Sweep:
             if outcome is None:
                 self._waiting[case.identity] = case
             else:
-                outcomes.append((case, outcome))
-        self._finish(outcomes)
+                self._outcomes.append((case, outcome))
+        self._write()
 
     def _outcome(self, future: Any, case: SweepCase, spent: float) -> CaseOutcome | None:
         """The outcome of a case; None: its process has died, and it is tried again. Raises as Dask's future."""
@@ -322,11 +323,13 @@ class _Sweep:
             self._client.close(timeout=1)
         self._client = client_of(self._means.scheduler, PATIENCE)
 
-    def _finish(self, outcomes: Sequence[tuple[SweepCase, CaseOutcome]]) -> None:
-        if outcomes:
-            self._store.finish(
-                [(one.identity, self._tries[one.identity], out) for one, out in outcomes]
-            )
+    def _write(self) -> None:
+        """Write outcomes that are not in the file."""
+        outcomes, tries = self._outcomes, self._tries
+        if not outcomes:
+            return
+        self._store.finish([(case.identity, tries[case.identity], out) for case, out in outcomes])
+        self._outcomes = []
         progress = self.progress
         for case, outcome in outcomes:
             progress.done += outcome.result is not None
