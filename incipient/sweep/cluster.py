@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
-import multiprocessing
 import os
 import signal
-import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import OutputError, SceneError, shortened
+from ..errors import OutputError, shortened
 from ..input_files import reading
 from ..installed import free_bytes
+from ..parallel import leave_parallel_run
 
-START = 30.0  # seconds that a scheduler has to answer
+START = 10.0  # seconds that a scheduler has to answer
 PATIENCE = 600.0  # seconds that a scheduler has to come back
 FREE = 0.8  # of the free memory that the cases may take together
 # Nothing is stored in workers. Memory that a case holds is ended by the nanny, not written to the disk.
@@ -45,15 +46,12 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
 
     memory_mib: of each process; None: a fraction of the free memory
 
-    Raises OutputError: the processes do not start; SceneError: the script that calls has no main guard.
+    Raises OutputError: the processes do not start.
     """
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        raise SceneError(
-            'incipient.sweep.run: worker processes import the script; put its calls below `if __name__ == "__main__":`'
-        )
     import dask
     from distributed import Client, LocalCluster
 
+    leave_parallel_run()
     memory = FREE * free_bytes() / jobs if memory_mib is None else memory_mib * 2**20
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the sweep reports what fails
     with dask.config.set(_SETTINGS):
@@ -79,28 +77,43 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
             yield client
 
 
-def client_of(scheduler: Any, patience: float = 0.0) -> Any:
+@contextmanager
+def client_of(scheduler: Any) -> Iterator[Any]:
     """A client of a scheduler: its address, the .json file that it has written, or a cluster object of Dask.
 
-    patience: seconds that it has to come back
+    Workers that compute cases when the block ends are restarted: Dask itself lets them go on.
 
     Raises OutputError: no scheduler answers.
     """
     from distributed import Client
 
-    until = time.monotonic() + patience
-    while True:
-        try:
-            target = _address(scheduler) if isinstance(scheduler, str) else scheduler
-            return Client(target, timeout=START, set_as_default=False)
-        except (OSError, ValueError, OutputError) as error:
-            if time.monotonic() > until:
-                why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
-                remedy = (
-                    "start `dask scheduler` there, or correct --scheduler, and repeat the command"
-                )
-                raise OutputError(f"{scheduler}: no scheduler answers ({why}); {remedy}") from None
-            time.sleep(1.0)
+    try:
+        target = _address(scheduler) if isinstance(scheduler, str) else scheduler
+        if isinstance(target, str):
+            with ThreadPoolExecutor(1) as aside:  # a notebook has a loop of its own here
+                aside.submit(asyncio.run, _greet(target)).result()
+        client = Client(target, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        why = shortened(error, 200) or f"{type(error).__name__} after {START:g} s"
+        remedy = "start `dask scheduler` there, or correct --scheduler, and repeat the command"
+        raise OutputError(f"{scheduler}: no scheduler answers ({why}); {remedy}") from None
+    try:
+        yield client
+    finally:
+        with suppress(Exception):  # the scheduler may have gone
+            mine = client.futures.keys()
+            busy = [worker for worker, keys in client.processing().items() if mine & set(keys)]
+            client.restart_workers(busy, timeout=10, raise_for_error=False)
+        with suppress(Exception):
+            client.close(timeout=5)
+
+
+async def _greet(address: str) -> None:
+    """Connect and leave: Dask's client waits without end for what accepts and says nothing."""
+    from distributed.core import connect
+
+    comm = await asyncio.wait_for(connect(address, timeout=START), START)
+    await comm.close()
 
 
 def _address(scheduler: str) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -20,7 +22,7 @@ from ..progress import Silent
 from ..scene import Scene
 from .axes import of_mapping
 from .cases import Source, SweepCase
-from .cluster import PATIENCE, client_of, cores, exceeded_memory, local_client, number_of_workers
+from .cluster import client_of, cores, exceeded_memory, local_client, number_of_workers
 from .refinement import SweepRefinement
 from .request import RefinementOptions, Request, parsed_seconds, requested
 from .store import DONE, FAILED, Store
@@ -52,6 +54,9 @@ class Means:
     limit: float = LIMIT
 
     def __post_init__(self) -> None:
+        if getattr(multiprocessing.current_process(), "_inheriting", False):
+            remedy = 'put the calls of the script below `if __name__ == "__main__":`'
+            raise SceneError(f"incipient.sweep.run: worker processes import the script; {remedy}")
         if ranks_there_are().size > 1:
             remedy = "start it without mpirun, with --jobs, or with --scheduler on a cluster"
             raise SceneError(f"a sweep computes each case on one rank; {remedy}")
@@ -170,9 +175,7 @@ class _Sweep:
         self._store, self._means, self._voice = store, means, voice
         self._began = time.monotonic()
         self._waiting: dict[str, SweepCase] = {}
-        self._running: dict[
-            Any, tuple[SweepCase, float]
-        ] = {}  # by future, with the time of submission
+        self._running: dict[Any, tuple[SweepCase, float]] = {}  # by future; times of submission
         self._ended: SimpleQueue[Any] = SimpleQueue()
         self._outcomes: list[tuple[SweepCase, CaseOutcome]] = []  # not yet in the file
         self._tries = Counter[str]()
@@ -193,12 +196,14 @@ class _Sweep:
         with ExitStack() as stack:
             stack.callback(self._write)
             while self._waiting or self._running or self._grows(refinement):
-                if self._client is None and self._waiting:
-                    stack.enter_context(self._connected(refinement is None))
-                self._give()
-                self._take()
+                if self._client is None:
+                    self._client = stack.enter_context(self._connected(refinement is None))
+                    if find_spec("bokeh"):
+                        self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
                     raise Interrupted(self.left("the time is up"))
+                self._give()
+                self._take()
 
     def left(self, why: str) -> str:
         """Why the sweep ends before its time, and what is kept."""
@@ -208,49 +213,26 @@ class _Sweep:
     def _grows(self, refinement: SweepRefinement | None) -> bool:
         if refinement is None:
             return False
-        while cases := refinement.following(self._store.columns(refinement.identities())):
+        while cases := refinement.following(self._store.columns(refinement.identities)):
             self.add(cases)
             if self._waiting:
                 return True
         return False
 
-    @contextmanager
-    def _connected(self, is_all: bool) -> Iterator[None]:
-        """Have a client; `is_all`: no cases follow those that wait."""
-        with ExitStack() as stack:
-            if self._means.scheduler is None:
-                jobs = self._means.jobs or cores()
-                self._places = min(jobs, len(self._waiting)) if is_all else jobs
-                self._client = stack.enter_context(
-                    local_client(self._places, self._means.memory_mib)
-                )
-            else:
-                self._client = client_of(self._means.scheduler)
-            if find_spec("bokeh"):
-                self._voice.say(f"dashboard: {self._client.dashboard_link}")
-            try:
-                yield
-            finally:
-                self._release()
-
-    def _release(self) -> None:
-        """Leave a scheduler of somebody else; what its workers are at is ended, since Dask does not end it."""
-        if self._means.scheduler is None:
-            return
-        with suppress(Exception):  # the scheduler may have gone
-            if self._running:
-                processing = self._client.processing()
-                mine = {future.key for future in self._running}
-                busy = [worker for worker, keys in processing.items() if mine & set(keys)]
-                self._client.restart_workers(busy, timeout=10, raise_for_error=False)
-        with suppress(Exception):
-            self._client.close(timeout=5)
+    def _connected(self, is_all: bool) -> AbstractContextManager[Any]:
+        """A client; `is_all`: no cases follow those that wait."""
+        if self._means.scheduler is not None:
+            return client_of(self._means.scheduler)
+        jobs = self._means.jobs or cores()
+        self._places = min(jobs, len(self._waiting)) if is_all else jobs
+        return local_client(self._places, self._means.memory_mib)
 
     def _give(self) -> None:
         """Give as many cases to the workers as there are workers, so that each has one at a time."""
         if self._means.scheduler is not None and time.monotonic() > self._counted + LOOK:
             self._places, self._counted = number_of_workers(self._client), time.monotonic()
-        for identity in list(self._waiting)[: max(self._places - len(self._running), 0)]:
+        idle = max(self._places - len(self._running), 0)
+        for identity in list(islice(self._waiting, idle)):
             case = self._waiting.pop(identity)
             order = (self._means.limit, RELEASE, case.task, case.text)
             future = self._client.submit(computed_within, *order, pure=False)
@@ -274,35 +256,23 @@ class _Sweep:
                 future.add_done_callback(self._ended.put)
                 continue
             except CancelledError:
-                self._reconnect(case)
-                break
-            if outcome is None:
+                log.warning("%s: the scheduler has gone; waiting for it", case.name)
+                self._tries[case.identity] -= 1
                 self._waiting[case.identity] = case
-            else:
+                continue
+            if outcome is not None:
                 self._outcomes.append((case, outcome))
         self._write()
 
     def _outcome(self, future: Any, case: SweepCase, spent: float) -> CaseOutcome | None:
-        """The outcome of a case; None: its process has died, and it is tried again. Raises as Dask's future."""
+        """The outcome of a case; None: it is tried again. Raises as Dask's future."""
         from distributed import KilledWorker
 
         try:
             outcome: CaseOutcome = future.result(timeout=LOOK)
             return outcome
         except KilledWorker as error:
-            limit, tries = self._means.limit, self._tries[case.identity]
-            if spent >= limit:
-                return CaseOutcome(
-                    reason=f"was ended: it took longer than {limit:.0f} s", wall=spent
-                )
-            worker = error.last_worker.address
-            reason = f"its worker process at {worker} was killed, or a library has crashed"
-            if exceeded_memory(self._client, worker):
-                reason = "was ended: it took more memory than a worker may; free some, or give fewer --jobs"
-            if tries < self._means.tries:
-                log.warning("%s: %s; it is tried again", case.name, reason)
-                return None
-            return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)
+            return self._of_death(case, error.last_worker.address, spent)
         except (IncipientError, TimeoutError, CancelledError):
             raise
         except ModuleNotFoundError as error:
@@ -312,16 +282,19 @@ class _Sweep:
             message = shortened(f"{type(error).__name__}: {error}", 200)
             return CaseOutcome(reason=f"its worker failed: {message}", wall=spent)
 
-    def _reconnect(self, case: SweepCase) -> None:
-        """Connect to a scheduler that has gone and come back; cases at work wait again, which is no try of theirs."""
-        log.warning("the scheduler has gone; waiting for it")
-        for lost in [case, *(one for one, _ in self._running.values())]:
-            self._tries[lost.identity] -= 1
-            self._waiting[lost.identity] = lost
-        self._running.clear()
-        with suppress(Exception):
-            self._client.close(timeout=1)
-        self._client = client_of(self._means.scheduler, PATIENCE)
+    def _of_death(self, case: SweepCase, worker: str, spent: float) -> CaseOutcome | None:
+        """The outcome of a case whose process has died; None: it is tried again."""
+        limit, tries = self._means.limit, self._tries[case.identity]
+        if spent >= limit:
+            return CaseOutcome(reason=f"was ended: it took longer than {limit:.0f} s", wall=spent)
+        reason = f"its worker process at {worker} was killed, or a library has crashed"
+        if exceeded_memory(self._client, worker):
+            reason = "was ended: it took more memory than its worker may; give fewer --jobs"
+        if tries < self._means.tries:
+            log.warning("%s: %s; it is tried again", case.name, reason)
+            self._waiting[case.identity] = case
+            return None
+        return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)
 
     def _write(self) -> None:
         """Write outcomes that are not in the file."""

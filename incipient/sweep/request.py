@@ -13,7 +13,7 @@ from ..progress import Silent
 from . import axes
 from .axes import VariedKey
 from .cases import TASKS, Source, SweepCase, resolved
-from .refinement import MOST, USUAL, Aim, Family, SweepRefinement, direction
+from .refinement import MOST, QUANTITIES, USUAL, Aim, Family, SweepRefinement, direction
 
 _KEYS = ("over", "zip", "cases", "do", "refine", "most", "quantity")
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
@@ -33,7 +33,7 @@ class RefinementOptions:
     most: int | None = None
     quantity: str | None = None
 
-    def aim(self, section: Mapping[str, Any], name: str) -> Aim | None:
+    def aim(self, section: Mapping[str, Any], name: str, task: str) -> Aim | None:
         """Aim of the refinement, by these options, otherwise by the section [sweep] of the scene of a name.
 
         Raises:
@@ -50,11 +50,8 @@ class RefinementOptions:
                     raise SceneError(f"--{key}: is for a refinement; {remedy}")
             return None
         tolerance = USUAL if values["refine"] is True else float(values["refine"])
-        return Aim(
-            tolerance,
-            values["most"] or MOST if self.most is None else self.most,
-            values["quantity"],
-        )
+        quantity = values["quantity"] or QUANTITIES.get(task, "safety_factor")
+        return Aim(quantity, tolerance, MOST if values["most"] is None else values["most"])
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,7 @@ def requested(
     if not over and table is None and len(sources) == 1:
         remedy = "give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         raise SceneError(f"nothing is varied; {remedy}")
-    aim = refined.aim(section, name)
+    aim = refined.aim(section, name, task)
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 
 

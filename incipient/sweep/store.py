@@ -81,7 +81,7 @@ class Store:
         """Turn errors of SQLite, and of what a row holds, into one line."""
         try:
             yield
-        except (sqlite3.Error, ValueError, RecursionError) as error:
+        except (sqlite3.Error, ValueError, TypeError, AttributeError, RecursionError) as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
             remedy = _REMEDIES.get(
                 code, "it is damaged; put back a copy, or save it by sqlite3 FILE .recover"
@@ -192,7 +192,7 @@ class Store:
         parsed = ("scene", "columns", "versions")
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
-            return [row | {name: json.loads(row[name]) for name in parsed} for row in rows]
+            return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
 
 
 @contextmanager
