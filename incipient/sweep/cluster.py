@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 import os
 import signal
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from typing import Any
 
 from ..errors import OutputError, shortened
 from ..input_files import reading
-from ..installed import free_bytes
+from ..installed import free_bytes, memory_of_libraries
 from ..parallel import leave_parallel_run
 
 START = 10.0  # seconds that a scheduler has to answer
@@ -35,9 +36,10 @@ _SETTINGS = {
 }
 
 
-def cores() -> int:
-    """How many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def usual_jobs() -> int:
+    """The number of cores that this process may use, fewer where memory for the libraries of so many is lacking."""
+    cores = len(os.sched_getaffinity(0))
+    return max(1, int(min(cores, FREE * free_bytes() / 2**20 / memory_of_libraries())))
 
 
 @contextmanager
@@ -61,7 +63,7 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
             cluster = LocalCluster(
                 n_workers=jobs,
                 threads_per_worker=1,
-                memory_limit=int(memory),
+                memory_limit=int(memory) if math.isfinite(memory) else 0,
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,

@@ -16,13 +16,21 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from ..errors import IncipientError, Interrupted, MissingError, SceneError, shortened
+from ..errors import (
+    IncipientError,
+    Interrupted,
+    MissingError,
+    OutputError,
+    SceneError,
+    shortened,
+)
+from ..installed import memory_of_libraries
 from ..parallel import ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
 from .axes import of_mapping
 from .cases import Source, SweepCase
-from .cluster import client_of, cores, exceeded_memory, local_client, number_of_workers
+from .cluster import client_of, exceeded_memory, local_client, number_of_workers, usual_jobs
 from .refinement import SweepRefinement
 from .request import RefinementOptions, Request, parsed_seconds, requested
 from .store import DONE, FAILED, Store
@@ -33,6 +41,7 @@ log = logging.getLogger("incipient")
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
 TRIES = 3  # how often a case is begun whose process dies
 LIMIT = 86400.0  # seconds that a case may take
+RESTART = 60.0  # seconds in which worker processes of this machine start again
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,10 @@ class Means:
         for name, value in numbers.items():
             if value is not None and not value > 0:
                 raise SceneError(f"--{name} {value}: is not above zero; give a positive number")
+        least = memory_of_libraries()
+        if self.memory_mib is not None and self.memory_mib < least:
+            why = f"the libraries of a worker process take {least:.0f} MiB"
+            raise SceneError(f"--memory {self.memory_mib:g}: {why}; give more")
         if self.scheduler is not None and (self.jobs or self.memory_mib):
             name, option = ("jobs", "--nworkers") if self.jobs else ("memory", "--memory-limit")
             remedy = f"give {option} to its `dask worker` instead"
@@ -181,6 +194,7 @@ class _Sweep:
         self._tries = Counter[str]()
         self._client: Any = None
         self._places, self._counted = 0, -LOOK
+        self._seen = float("inf")  # when there were workers last
 
     def add(self, cases: Sequence[SweepCase]) -> None:
         """Put cases into the file; those that are not finished there wait."""
@@ -198,6 +212,7 @@ class _Sweep:
             while self._waiting or self._running or self._grows(refinement):
                 if self._client is None:
                     self._client = stack.enter_context(self._connected(refinement is None))
+                    self._seen = time.monotonic()
                     if find_spec("bokeh"):
                         self._voice.say(f"dashboard: {self._client.dashboard_link}")
                 if time.monotonic() - self._began > self._means.wall:
@@ -223,14 +238,23 @@ class _Sweep:
         """A client; `is_all`: no cases follow those that wait."""
         if self._means.scheduler is not None:
             return client_of(self._means.scheduler)
-        jobs = self._means.jobs or cores()
-        self._places = min(jobs, len(self._waiting)) if is_all else jobs
-        return local_client(self._places, self._means.memory_mib)
+        jobs = self._means.jobs or usual_jobs()
+        return local_client(
+            min(jobs, len(self._waiting)) if is_all else jobs, self._means.memory_mib
+        )
+
+    def _count_workers(self) -> None:
+        """Look at how many workers there are. Raises OutputError: those of this machine do not come back."""
+        now = time.monotonic()
+        if now > self._counted + LOOK:
+            self._places, self._counted = number_of_workers(self._client), now
+            self._seen = now if self._places else self._seen
+        if self._means.scheduler is None and now > self._seen + RESTART:
+            raise OutputError(self.left("worker processes do not start; free memory for them"))
 
     def _give(self) -> None:
         """Give as many cases to the workers as there are workers, so that each has one at a time."""
-        if self._means.scheduler is not None and time.monotonic() > self._counted + LOOK:
-            self._places, self._counted = number_of_workers(self._client), time.monotonic()
+        self._count_workers()
         idle = max(self._places - len(self._running), 0)
         for identity in list(islice(self._waiting, idle)):
             case = self._waiting.pop(identity)

@@ -240,13 +240,13 @@ def test_others_go_on_beside_a_case_that_never_ends(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_case_that_takes_too_much_memory_fails_with_its_reason(tmp_path: Path) -> None:
-    """A 2-D flow on coarse cells takes 190 MiB and more; 150 are too few for its libraries alone."""
+    """A 2-D flow on coarse cells takes 246 MiB (`peak_mib`), of which 95% of 190 are allowed."""
     scene, file, over = (
         written(tmp_path, COARSE),
         tmp_path / "sweep.sqlite",
         {"fluid.reynolds": [1]},
     )
-    progress = incipient.sweep.run(scene, file, over, jobs=1, memory_mib=150.0, tries=2)
+    progress = incipient.sweep.run(scene, file, over, jobs=1, memory_mib=190.0, tries=2)
     assert progress.failed == 1
     ((reason,),) = rows(file, "reason")
     assert "took more memory than its worker may; give fewer --jobs (tried 2 times)" in reason

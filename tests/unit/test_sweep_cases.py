@@ -91,7 +91,7 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert "given twice" in message(lambda: combined(pair[:1] * 2, False))
     assert "nothing is varied" in message(lambda: requested([SOURCE]))
     many = [parsed(f"a.x{n}=lin:0:1:1000") for n in range(3)]
-    assert "at most 1000000" in message(lambda: combined(many, False))
+    assert "at most 100000" in message(lambda: combined(many, False))
     ragged = tmp_path / "cases.csv"
     ragged.write_text("a.x,a.y\n1\n")
     assert "row 2 has not as many cells" in message(lambda: table_of_cases(ragged))
@@ -100,7 +100,7 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     ragged.write_text("a.x,,\n1,,\n")  # empty columns, as spreadsheets write them
     assert table_of_cases(ragged) == [("a.x=1",)]
     ragged.write_text("a.x,a.y\n1,2\n")
-    assert "--over a.x: the table of cases has it, too" in message(
+    assert "--over a.x: the table of cases has it as well" in message(
         lambda: combined(pair[:1], False, table_of_cases(ragged))
     )
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
@@ -111,6 +111,9 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
 
 def test_means_that_are_no_positive_numbers_are_refused() -> None:
     assert "--memory nan: is not above zero" in message(lambda: Means(memory_mib=float("nan")))
+    assert "--memory 60: the libraries of a worker process take" in message(
+        lambda: Means(memory_mib=60)
+    )
     assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
     remedy = "are started by you; give --nworkers to its `dask worker` instead"
     assert remedy in message(lambda: Means(scheduler="tcp://here:1", jobs=2))
