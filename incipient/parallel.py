@@ -8,7 +8,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import takewhile
+from itertools import count, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
@@ -136,8 +136,8 @@ def end_with_parent(parent: int | None = None) -> None:
 def leave_parallel_run() -> None:
     """Forget the MPI run that this process is part of, or that the MPI library has begun: children start alone."""
     environment = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
-    entries = [os.fsdecode(entry) for entry in takewhile(bool, environment) if entry]
-    for name in (entry.partition("=")[0] for entry in entries):
+    entries = takewhile(bool, (environment[n] for n in count()))
+    for name in [os.fsdecode(entry).partition("=")[0] for entry in entries]:
         if name.startswith(_OF_PARALLEL_RUNS):
             os.environ.pop(name, None)
             os.unsetenv(name)  # the library's own are unknown to Python
