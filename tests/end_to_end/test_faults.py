@@ -169,7 +169,7 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
 
 FULL = """
 import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
 from incipient.cli import main
 sys.exit(main(sys.argv[1:]))
 """
