@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ConvergenceError
@@ -26,20 +27,25 @@ def sweep(options: argparse.Namespace, comm: Comm) -> int:
     request = _request(options)
     usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
     file = options.out or usual
+    if options.dry_run:
+        with telling(comm.rank) as voice:
+            cases = request.cases(voice)
+        _count([case.identity for case in cases], file)
+        return 0
     with telling(comm.rank) as voice:
-        if not options.dry_run:
-            progress = computed_into(file, request, means, voice)
-            _tell(progress, file)
-            return ConvergenceError.exit_code if progress.failed else 0
-        identities = [case.identity for case in request.cases(voice)]
-    states = {}
+        progress = computed_into(file, request, means, voice)
+    _tell(progress, file)
+    return ConvergenceError.exit_code if progress.failed else 0
+
+
+def _count(identities: Sequence[str], file: Path) -> None:
+    states = dict[str, str]()
     if file.is_file():
         with Store(file) as store:
             states = store.states()
     known = sum(states.get(one) in (DONE, FAILED) for one in identities)
     counts = f"{known} already in {file}, {len(identities) - known} to compute"
     print(f"cases               {len(identities)}: {counts}")
-    return 0
 
 
 def _request(options: argparse.Namespace) -> Request:

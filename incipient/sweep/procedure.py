@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import multiprocessing
 import time
 from collections import Counter
@@ -37,7 +36,6 @@ from .store import DONE, FAILED, Store
 from .table import in_words
 from .worker import RELEASE, CaseOutcome, computed_within
 
-log = logging.getLogger("incipient")
 LOOK = 0.5  # seconds between looks at the time and at the number of workers
 TRIES = 3  # how often a case is begun whose process dies
 LIMIT = 86400.0  # seconds that a case may take
@@ -280,7 +278,7 @@ class _Sweep:
                 future.add_done_callback(self._ended.put)
                 continue
             except CancelledError:
-                log.warning("%s: the scheduler has gone; waiting for it", case.name)
+                self._voice.say(f"{case.name}: the scheduler has gone; waiting for it")
                 self._tries[case.identity] -= 1
                 self._waiting[case.identity] = case
                 continue
@@ -315,7 +313,7 @@ class _Sweep:
         if exceeded_memory(self._client, worker):
             reason = "was ended: it took more memory than its worker may; give fewer --jobs"
         if tries < self._means.tries:
-            log.warning("%s: %s; it is tried again", case.name, reason)
+            self._voice.say(f"{case.name}: {reason}; it is tried again")
             self._waiting[case.identity] = case
             return None
         return CaseOutcome(reason=f"{reason} (tried {tries} times)", wall=spent)
