@@ -242,7 +242,9 @@ class _Sweep:
         )
 
     def _count_workers(self) -> None:
-        """Look at how many workers there are. Raises OutputError: those of this machine do not come back."""
+        """Look at how many workers there are. Raises OutputError: they, or the scheduler, do not come back."""
+        if self._client.status == "closed":
+            raise OutputError(self.left("the scheduler has gone and does not come back"))
         now = time.monotonic()
         if now > self._counted + LOOK:
             self._places, self._counted = number_of_workers(self._client), now
