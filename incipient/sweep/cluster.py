@@ -11,6 +11,7 @@ import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +56,10 @@ def local_client(jobs: int, memory_mib: float | None) -> Iterator[Any]:
 
     leave_parallel_run()
     memory = FREE * free_bytes() / jobs if memory_mib is None else memory_mib * 2**20
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # the sweep reports what fails
+    _silence("distributed", "tornado.application")
     with dask.config.set(_SETTINGS):
-        # Keys pressed for this process are not for those that Dask's thread starts.
+        # Keys pressed for this process are not for those that Dask's threads start; the tracker's start ends the mask.
+        resource_tracker.ensure_running()
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             cluster = LocalCluster(
@@ -89,6 +91,7 @@ def client_of(scheduler: Any) -> Iterator[Any]:
     """
     from distributed import Client
 
+    _silence("tornado.application")
     try:
         target = _address(scheduler) if isinstance(scheduler, str) else scheduler
         if isinstance(target, str):
@@ -108,6 +111,12 @@ def client_of(scheduler: Any) -> Iterator[Any]:
             client.restart_workers(busy, timeout=10, raise_for_error=False)
         with suppress(Exception):
             client.close(timeout=5)
+
+
+def _silence(*loggers: str) -> None:
+    """Keep libraries from printing the ends of workers, and calls cut by an interrupt, which the sweep reports."""
+    for name in loggers:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 async def _greet(address: str) -> None:
