@@ -42,7 +42,8 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
-from incipient.sweep.table import in_words, quantities
+from incipient.sweep.quantities import quantities
+from incipient.sweep.table import in_words
 
 NOTHING = Loads(np.zeros(3), np.zeros(3))
 
