@@ -10,16 +10,15 @@ from incipient.geometry import (
     Box,
     Ellipsoid,
     HeightMap,
-    Hemispheres,
     Plane,
     Polyhedron,
     Ridges,
     Sphere,
+    SphereBed,
     Spheres,
     Superquadric,
     Triangulated,
 )
-from incipient.geometry.space.beds import SphereHeap
 
 TORUS = trimesh.creation.torus(0.5, 0.2, 16, 12)
 POINTS = np.random.default_rng(5).normal(size=(14, 3)) * [0.5, 0.4, 0.3]
@@ -46,9 +45,9 @@ SOLIDS = {
 X, Y = np.meshgrid(np.linspace(-4.0, 4.0, 81), np.linspace(-4.0, 4.0, 81))
 TERRAINS = {
     "plane": Plane((0.3, -0.2), 0.1),
-    "square half-balls": Hemispheres(0.4, 1.0, "square", (0.1, 0.2), 0.3),
-    "triangular overlapping half-balls": Hemispheres(0.5, 0.8, "triangular"),
-    "heap": SphereHeap(
+    "square half-balls": SphereBed.array(0.4, 1.0, "square", (0.1, 0.2), 0.3),
+    "triangular overlapping half-balls": SphereBed.array(0.5, 0.8, "triangular"),
+    "heap": SphereBed(
         [[-0.8, 0.2, 0.3], [0.5, -0.4, 0.2], [0.2, 1.1, 0.3], [1.4, 0.3, 0.1]],
         [0.9, 0.5, 0.3, 0.6],
         0.3,

@@ -10,13 +10,13 @@ from incipient.geometry import (
     Box,
     Ellipsoid,
     HeightMap,
-    Hemispheres,
     Placement,
     Plane,
     Polyhedron,
     Ridges,
     SettlingOutcome,
     Sphere,
+    SphereBed,
     Spheres,
     Superquadric,
     Triangulated,
@@ -41,7 +41,7 @@ class TestSpheres:
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.3])
     def test_in_a_pocket_of_three(self, spacing, x, friction):
         # The centre is above that of an equilateral triangle, s/sqrt(3) from its corners.
-        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "triangular")
+        grain, bed = Sphere(1.0), SphereBed.array(0.5, spacing, "triangular")
         found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing), friction=friction)
         expected = (0.5 * spacing, spacing / np.sqrt(12.0), np.sqrt(1.0 - spacing**2 / 3.0))
         assert found.placement.centre == pytest.approx(expected, abs=1e-10)
@@ -54,7 +54,7 @@ class TestSpheres:
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
     def test_in_a_pocket_of_four(self, spacing, x):
         # Half a diagonal, s/sqrt(2), from the corners of the square.
-        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "square")
+        grain, bed = Sphere(1.0), SphereBed.array(0.5, spacing, "square")
         found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing))
         expected = (0.5 * spacing, 0.5 * spacing, np.sqrt(1.0 - 0.5 * spacing**2))
         assert found.placement.centre == pytest.approx(expected, abs=1e-10)
@@ -66,14 +66,14 @@ class TestSpheres:
         [("square", (1.2, 2.4, 0.0)), ("triangular", (0.6, 1.2 * np.sqrt(0.75), 0.0))],
     )
     def test_in_a_pocket_of_another_period(self, arrangement, period):
-        bed, start = Hemispheres(0.5, 1.2, arrangement), above(0.3, 0.25)
+        bed, start = SphereBed.array(0.5, 1.2, arrangement), above(0.3, 0.25)
         shift, turn = after_a_period(
             settle(Sphere(1.0), bed, start), Sphere(1.0), bed, start, period
         )
         assert (*shift, turn) == pytest.approx((*period, 0.0), abs=1e-9)
 
     def test_on_the_base_plane_of_sparse_half_balls(self):
-        found = settle(Sphere(1.0), Hemispheres(0.2, 4.0), above(2.0, 2.0))
+        found = settle(Sphere(1.0), SphereBed.array(0.2, 4.0), above(2.0, 2.0))
         assert found.placement.centre == pytest.approx((2.0, 2.0, 0.5))
 
 
@@ -190,15 +190,15 @@ class TestSolidsOnRoughBeds:
     @pytest.mark.parametrize(
         ("grain", "bed", "friction"),
         [
-            (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 1.0),
+            (Ellipsoid((0.7, 0.5, 0.4)), SphereBed.array(0.5, 1.0, "triangular"), 1.0),
             pytest.param(
-                *(Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0),
+                *(Ellipsoid((0.7, 0.5, 0.4)), SphereBed.array(0.5, 1.0, "triangular"), 0.0),
                 marks=pytest.mark.slow,
             ),
-            (CUBE, Hemispheres(0.5, 1.0), 1.0),
+            (CUBE, SphereBed.array(0.5, 1.0), 1.0),
             (
                 Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]),
-                Hemispheres(0.5, 1.0),
+                SphereBed.array(0.5, 1.0),
                 1.0,
             ),
             (Box((0.6, 0.4, 0.3)), Relief(trough, 0.5), 1.0),
@@ -207,10 +207,10 @@ class TestSolidsOnRoughBeds:
             (Sphere(0.6), Relief(egg_crate, 0.25), 1.0),
             (
                 StarSolid(lambda d: 0.5 + 0.1 * d[:, 0] * d[:, 1] + 0.1 * d[:, 2] ** 3),
-                Hemispheres(0.5, 1.0),
+                SphereBed.array(0.5, 1.0),
                 1.0,
             ),
-            (Superquadric((0.5, 0.4, 0.3), (3.0, 3.0)), Hemispheres(0.5, 1.0), 1.0),
+            (Superquadric((0.5, 0.4, 0.3), (3.0, 3.0)), SphereBed.array(0.5, 1.0), 1.0),
         ],
         ids=lambda value: type(value).__name__,
     )

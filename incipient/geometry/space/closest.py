@@ -286,7 +286,7 @@ class SpatialProximity:
         return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
 
     def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""
+        """The placement, lowered (or raised) vertically until the grain touches the bed."""
         samples = placement.to_scene(self._samples.points)
         drop = samples[:, 2] - self.bed.height(samples[:, :2])
         placement = placement.raised(-float(drop.min()))
@@ -296,7 +296,7 @@ class SpatialProximity:
                 raise SceneError("the grain finds no bed below it; move it over the bed")
             lift = float((-minima.gaps / np.maximum(minima.normals[:, 2], STEEPEST)).max())
             placement = placement.raised(lift)
-            if abs(lift) <= 4e-15 * self.size:
+            if abs(lift) <= 1e-13 * self.size:
                 break
             minima = self.tracked(placement, minima)
         return placement
