@@ -29,7 +29,7 @@ from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion,
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
-CLOSED = 1e-9  # gaps of contacts at rest
+CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
@@ -280,7 +280,8 @@ class _Descent:
         then with those only that are local minima of the distance.
         """
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
-        for contacts in (close, self._proximity.locally_least(placement, close)):
+        least = self._proximity.locally_least(placement, close)
+        for contacts in (close, least) if len(least) < len(close) else (close,):
             carrying = self._carrying(placement, contacts)
             result = self._newton(placement, carrying) if len(carrying) else None
             rest = None if result is None else self._verified(result, placement)
@@ -321,13 +322,14 @@ class _Descent:
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
-        last = np.inf
+        last, slow = np.inf, 0
         for _ in range(20):
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
             if size < 1e-15 or 0.1 * last < size < BALANCED:
                 return placement
-            if size > 2.0 * min(last, PROMISING):
+            slow += size > 0.5 * last
+            if slow > 2 or size > 2.0 * min(last, PROMISING):
                 return None
             last = size
             motion = self._correction(placement, carrying, error)
@@ -335,7 +337,7 @@ class _Descent:
                 return None
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
-        return placement
+        return None
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""
