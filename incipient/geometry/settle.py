@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, quarter_turned
+from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts
@@ -31,6 +31,7 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
+NEWTON_STEPS, ROLLS = 12, 30
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
@@ -165,16 +166,17 @@ class _Descent:
             # An attempt costs some steps: it is made when the pull has halved, or when there is no other way;
             # not again next to an unstable equilibrium that the grain is leaving.
             tried = np.inf if strength >= PROMISING else tried
-            if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
+            promising = strength < min(PROMISING, 0.5 * tried)
+            if promising or length < SHORTEST_STEP:
                 rest = self._at_rest(placement, near)
+                tried = strength
                 if rest is not None:
                     if rest.way_down is None or (step == 0 and strength <= BALANCED):
                         return self._settled(rest, step)
-                    pushed = self._pushed(rest, rest.way_down)
-                    if self._work(placement, pushed) > 0.0:
-                        placement, length, tried = pushed, FIRST_STEP, 0.0
+                    ahead = self._pushed(rest, rest.way_down)
+                    if self._work(placement, ahead) > 0.0:
+                        placement, length, tried = ahead, FIRST_STEP, 0.0
                         continue
-                tried = strength
             if length < SHORTEST_STEP:
                 return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
@@ -274,7 +276,7 @@ class _Descent:
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
-        """The equilibrium next to a placement, found by Newton's method.
+        """The equilibrium next to a placement, found by Newton's method or by rolling onto it.
 
         Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
         then with those only that are local minima of the distance.
@@ -287,21 +289,48 @@ class _Descent:
             rest = None if result is None else self._verified(result, placement)
             if rest is not None:
                 return rest
-        return self._verified(placement, placement)
+        return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
         """The equilibrium, if it is one that is not above the placement before."""
-        near = self._proximity.minima(result, 0.01 * self.size)
-        climb = self._work(result, before)
-        if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
+        result = self._proximity.lowered(result)
+        if self._work(result, before) > TOUCHING * self.size:
             return None
-        carrying = self._beneath(
-            result, self._carrying(result, self._touching(result, near, CLOSED))
-        )
+        near = self._proximity.minima(result, 0.01 * self.size)
+        touching = self._touching(result, near, CLOSED)
+        carrying = self._beneath(result, self._carrying(result, touching))
         imbalance = float(np.abs(self._hold(result, carrying).remainder).max())
         if imbalance > BALANCED:
             return None
         return _Rest(result, carrying, imbalance, self._way_down(result, carrying))
+
+    def _rolled(self, placement: Placement) -> Placement:
+        """The grain turned until it touches where a single contact would balance the load.
+
+        Without curvature the place of a contact is a root of the angle, so that Newton's method for the angle fails,
+        but the angle is a smooth function of the place.
+        """
+        last = np.inf
+        for _ in range(ROLLS):
+            near = self._proximity.minima(placement, TOUCHING * self.size)
+            touching = self._touching(placement, near, TOUCHING)
+            shift = self._shift(placement, touching)
+            length = float(np.linalg.norm(shift))
+            if len(touching) != 1 or not CLOSED * self.size < length < 0.99 * last:
+                break
+            last = length
+            ends = placement.to_body(np.vstack([touching.points, touching.points + shift]))
+            here, there = self.grain.normal(ends) @ placement.rotation.T
+            turn = cross(there, here) if len(here) == 3 else planar_cross(there, here)
+            placement = self._proximity.lowered(placement.moved(0.0 * here, turn))
+        return placement
+
+    def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
+        """How far (k, gdim) contacts are from the line of action of the load."""
+        force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
+        forces = np.tile(force, (len(arms), 1))
+        couple = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
+        return cross(forces, couple) if len(force) == 3 else -couple * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
         """A single contact moved along the bed onto the line of action of the load, if the grain is as near there.
@@ -311,30 +340,23 @@ class _Descent:
         remainder = self._hold(placement, carrying).remainder
         if len(carrying) != 1 or np.abs(remainder).max() <= BALANCED:
             return carrying
-        force, arms = self.load[: self.grain.gdim], self._arms(placement, carrying)
-        couple = self.size * (self.load - wrenches(force[None], arms, self.size)[0])[len(force) :]
-        shift = cross(force, couple) if len(couple) == 3 else -couple * quarter_turned(force)
-        points = self.bed.nearest(carrying.points + shift)
-        body = placement.to_body(points)
-        if abs(self.grain.level(body)[0]) > CLOSED * self.size:
-            return carrying
-        return replace(carrying, points=points, anchors=body)
+        points = self.bed.nearest(carrying.points + self._shift(placement, carrying))
+        anchors = placement.to_body(points)
+        as_near = abs(self.grain.level(anchors)[0]) <= CLOSED * self.size
+        return replace(carrying, points=points, anchors=anchors) if as_near else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
-        last, slow = np.inf, 0
-        for _ in range(20):
+        last = np.inf
+        for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
             if size < 1e-15 or 0.1 * last < size < BALANCED:
                 return placement
-            slow += size > 0.5 * last
-            if slow > 2 or size > 2.0 * min(last, PROMISING):
+            motion = self._correction(placement, carrying, error)
+            if size > 2.0 * min(last, PROMISING) or np.linalg.norm(motion) > LONGEST_STEP:
                 return None
             last = size
-            motion = self._correction(placement, carrying, error)
-            if np.linalg.norm(motion) > LONGEST_STEP:
-                return None
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
         return None
@@ -426,6 +448,8 @@ class _Descent:
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
+        if len(rest.carrying) == len(contacts) == 1:
+            contacts = Contacts(spatial(rest.carrying.points), -spatial(rest.carrying.normals))
         outcome = SettlingOutcome.RESTS if rest.way_down is None else SettlingOutcome.BALANCES
         gap = float(np.abs(rest.carrying.gaps).max(initial=0.0)) / self.size
         return Settled(rest.placement, contacts, outcome, steps, gap, rest.imbalance)

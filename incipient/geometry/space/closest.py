@@ -4,6 +4,7 @@ A grain with cores (flat faces, balls, rods) is searched triangle by triangle of
 surface; both by Newton's method with the second derivatives of the bed's distance.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -154,30 +155,17 @@ class SpatialProximity:
         self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
     ) -> ClosestPoints:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
-        points = self._onto(placement, points)
-        sight = pieces.closest(points, which, points[:, :2])
-        for _ in range(30):
-            step = self._newton_step(placement, points, sight)
-            moved = 0.0
-            for _ in range(5):
-                trial = self._onto(placement, points + step)
-                seen = pieces.closest(trial, which, sight.feet[:, :2])
-                lower = seen.gaps <= sight.gaps + 1e-16 * self.size
-                moved = max(moved, float(np.abs(step[lower]).max(initial=0.0)))
-                points = np.where(lower[:, None], trial, points)
-                sight = sight.replaced(lower, seen)
-                step = np.where(lower[:, None], 0.0, 0.25 * step)
-                if lower.all():
-                    break
-            if moved <= LAST_STEP * self.size:
-                break
+
+        def onto(x: Floats) -> Floats:
+            return placement.to_scene(self.grain.project(placement.to_body(x)))
+
+        def step(x: Floats, sight: ClosestPoints, _: np.ndarray) -> Floats:
+            return self._newton_step(placement, x, sight)
+
+        points, sight = descended(pieces, onto(points), which, points[:, :2], step, onto, self.size)
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
         anchors = placement.to_body(points)
         return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
-
-    def _onto(self, placement: Placement, x: Floats) -> Floats:
-        """Points (n, 3) of the smooth grain's surface near points (n, 3), in the scene."""
-        return placement.to_scene(self.grain.project(placement.to_body(x)))
 
     def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
         """Steps (n, 3) along the grain's surface towards the least distance, no longer than the samples' spacing."""
@@ -253,7 +241,11 @@ class SpatialProximity:
         """Minima over parts (m,) of a core in distance from pieces (m,)."""
         radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
         longest = self.spacing if isinstance(pieces, Graph) else np.inf
-        points, sight = least_on_triangles(pieces, corners, piece, start, near, self.size, longest)
+
+        def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
+            return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)
+
+        points, sight = descended(pieces, start, piece, near, step, lambda x: x, self.size)
         origin = np.column_stack([np.full(len(piece), k), part, piece]).astype(int)
         surface, anchors = points - radius * sight.normals, placement.to_body(points)
         gaps = sight.gaps - radius
@@ -378,38 +370,37 @@ def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) ->
     return least
 
 
-def least_on_triangles(
+def descended(
     pieces: Pieces,
-    corners: Floats,
+    points: Floats,
     which: np.ndarray,
-    start: Floats,
     near: Floats,
+    step_of: Callable[[Floats, ClosestPoints, np.ndarray], Floats],
+    onto: Callable[[Floats], Floats],
     size: float,
-    longest: float = np.inf,
 ) -> tuple[Floats, ClosestPoints]:
-    """Where on triangles (m, 3 corners, 3) the distance from pieces (m,) is least, and how they are seen there.
+    """Where on a surface the distance from pieces (m,) is least next to points (m, 3), and how they are seen there.
 
-    Each step, no longer than `longest`, minimises the quadratic model of the distance over the triangle, which may be a
-    segment or a point. `start` (m, 3) lies in the triangles, `near` (m, 2) near the nearest points of the bed.
+    `step_of` gives the steps (k, 3) from points, as they are seen, of some rows (k,); `onto` carries points back onto the
+    surface. `near` (m, 2) lies near the nearest points of the bed.
     """
-    points = start.copy()
-    sight = pieces.closest(points, which, near)
-    pending = np.flatnonzero((np.ptp(corners, axis=1) > 0.0).any(axis=1))
+    points, sight = points.copy(), pieces.closest(points, which, near)
+    pending = np.arange(len(points))
     for _ in range(30):
-        if len(pending) == 0:
-            break
         here, before = sight.only(pending), points[pending]
-        step = _shortened(_model_minimum(corners[pending], before, here) - before, longest)
-        for _ in range(4):
-            seen = pieces.closest(before + step, which[pending], here.feet[:, :2])
-            better = seen.gaps <= here.gaps + 1e-15 * size
+        step = step_of(before, here, pending)
+        for _ in range(5):
+            trial = onto(before + step)
+            seen = pieces.closest(trial, which[pending], here.feet[:, :2])
+            better = seen.gaps <= here.gaps + 1e-14 * size
             if better.all():
                 break
             step = np.where(better[:, None], step, 0.25 * step)
-        rows = pending[better]
-        points[rows] += step[better]
-        sight = sight.replaced(rows, seen, better)
+        points[pending[better]] = trial[better]
+        sight = sight.replaced(pending[better], seen, better)
         pending = pending[better & (np.abs(step).max(axis=1) > LAST_STEP * size)]
+        if len(pending) == 0:
+            break
     return points, sight
 
 
