@@ -5,7 +5,7 @@ surface; both by Newton's method with the second derivatives of the bed's distan
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -406,6 +406,9 @@ def descended(
 
 def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
     """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles: inside, or on one of the sides."""
+    # A bed that is curved one way alone has a line of minima: the nearest place of it is taken.
+    largest = np.abs(sight.hessians).max(axis=(1, 2))[:, None, None]
+    sight = replace(sight, hessians=sight.hessians + 1e-6 * largest * np.eye(3))
     away = corners - points[:, None]
     slopes = sight.normals[:, None] + np.einsum("mij,mkj->mki", sight.hessians, away)
     sides = np.roll(corners, -1, axis=1) - corners
