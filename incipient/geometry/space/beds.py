@@ -8,7 +8,6 @@ units, angles radians.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -70,70 +69,6 @@ class HalfSpacesAndBalls:
         gaps = length - np.append(np.zeros(len(self.origins)), self.radii)[which]
         gaps[flat] = ((points[flat] - self.origins[level]) * normals[flat]).sum(axis=1)
         return ClosestPoints(gaps, points, normals, hessians)
-
-
-@dataclass(frozen=True, eq=False)
-class Graph:
-    """A smooth bed z = b(x): `height`, `gradient` and `hessian` at points (n, 2); `feature` bounds the steps."""
-
-    height: Callable[[Floats], Floats]
-    gradient: Callable[[Floats], Floats]
-    hessian: Callable[[Floats], Floats]  # (n, 2) -> (n, 2, 2)
-    feature: float
-
-    @property
-    def flat(self) -> np.ndarray:
-        """There is one piece, and it is none."""
-        return np.array([False])
-
-    def distance_estimate(self, points: Floats) -> Floats:
-        """The height above the tangent plane straight below, (1, n)."""
-        above = points[:, 2] - self.height(points[:, :2])
-        slope = self.gradient(points[:, :2])
-        return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
-
-    def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """The local nearest points by Newton's method from `near`."""
-        x = self._feet(points, near)
-        height, slope, curvature = self.height(x), self.gradient(x), self.hessian(x)
-        stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
-        normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
-        feet = np.column_stack([x, height])
-        gaps = ((points - feet) * normals).sum(axis=1)
-        second = _hessians(gaps, slope, -curvature / stretch[:, None, None])
-        return ClosestPoints(gaps, points, normals, second)
-
-    def _feet(self, points: Floats, near: Floats) -> Floats:
-        """Where (n, 2) the vector to the points is normal to the bed."""
-        best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
-        x = near
-        for _ in range(30):
-            residual, step = self._foot_step(points[pending], x)
-            size = np.abs(residual).max(axis=1, initial=0.0)
-            better = size < least[pending]
-            best[pending[better]], least[pending[better]] = x[better], size[better]
-            # A residual that gets no smaller is round-off.
-            going = better & (size > 1e-15 * (self.feature + np.abs(x).max(axis=1)))
-            x, pending = (x - step)[going], pending[going]
-            if len(pending) == 0:
-                break
-        return best
-
-    def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
-        offset, slope = self.height(x) - points[:, 2], self.gradient(x)
-        residual = x - points[:, :2] + offset[:, None] * slope
-        matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
-        bent = matrix + offset[:, None, None] * self.hessian(x)
-        convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
-        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
-            ..., 0
-        ]
-        length = np.linalg.norm(step, axis=1, keepdims=True)
-        return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
-
-
-Pieces = HalfSpacesAndBalls | Graph
 
 
 def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
@@ -221,7 +156,7 @@ class Terrain(ABC):
         above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
         reach = float(np.linalg.norm(points[:, :2] - middle, axis=1).max() + above)
         pieces = self.pieces(middle, reach)
-        if isinstance(pieces, Graph):
+        if isinstance(pieces, SmoothTerrain):
             step = 0.25 * min(pieces.feature, 4.0 * float(above))
             offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
             which = np.zeros(len(points), dtype=int)
@@ -436,9 +371,63 @@ class SmoothTerrain(Terrain):
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives of b at points (n, 2), (n, 2, 2)."""
 
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The whole bed."""
-        return Graph(self.height, self.gradient, self.hessian, self.feature)
+    def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
+        """The whole bed, a single piece."""
+        return self
+
+    @property
+    def flat(self) -> np.ndarray:
+        """There is one piece, and it is none."""
+        return np.array([False])
+
+    def distance_estimate(self, points: Floats) -> Floats:
+        """The height above the tangent plane straight below, (1, n)."""
+        above = points[:, 2] - self.height(points[:, :2])
+        slope = self.gradient(points[:, :2])
+        return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
+
+    def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
+        """The local nearest points by Newton's method from `near`."""
+        x = self._feet(points, near)
+        height, slope, curvature = self.height(x), self.gradient(x), self.hessian(x)
+        stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
+        normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
+        feet = np.column_stack([x, height])
+        gaps = ((points - feet) * normals).sum(axis=1)
+        second = _hessians(gaps, slope, -curvature / stretch[:, None, None])
+        return ClosestPoints(gaps, points, normals, second)
+
+    def _feet(self, points: Floats, near: Floats) -> Floats:
+        """Where (n, 2) the vector to the points is normal to the bed."""
+        best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
+        x = near
+        for _ in range(30):
+            residual, step = self._foot_step(points[pending], x)
+            size = np.abs(residual).max(axis=1, initial=0.0)
+            better = size < least[pending]
+            best[pending[better]], least[pending[better]] = x[better], size[better]
+            # A residual that gets no smaller is round-off.
+            going = better & (size > 1e-15 * (self.feature + np.abs(x).max(axis=1)))
+            x, pending = (x - step)[going], pending[going]
+            if len(pending) == 0:
+                break
+        return best
+
+    def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
+        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
+        offset, slope = self.height(x) - points[:, 2], self.gradient(x)
+        residual = x - points[:, :2] + offset[:, None] * slope
+        matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
+        bent = matrix + offset[:, None, None] * self.hessian(x)
+        convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
+        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
+            ..., 0
+        ]
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
+
+
+Pieces = HalfSpacesAndBalls | SmoothTerrain
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
 from incipient.geometry.shape import Moments
-from incipient.geometry.space.beds import Graph, Pieces, SmoothTerrain, Terrain
+from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
 from incipient.geometry.space.grains import Solid
 from incipient.geometry.space.surfaces import (
     Surface,
@@ -102,7 +102,7 @@ class SpatialProximity:
         """
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
         valleys = np.empty((0, 3)), np.empty(0, dtype=int)
-        if isinstance(pieces, Graph) or not self.grain.cores:
+        if isinstance(pieces, SmoothTerrain) or not self.grain.cores:
             valleys = self._valleys(placement, pieces, within)
         parts = [
             self._on_core(
@@ -188,7 +188,7 @@ class SpatialProximity:
         self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
     ) -> Starts:
         """Where to search a core: corners (and edges) close to a plane or a smooth bed, and triangles."""
-        core, curved = self.grain.cores[k], isinstance(pieces, Graph)
+        core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
         parts, points = self._places[k]
         points, bound = placement.to_scene(points), within + core.radius
         slack = 0.5 * self.spacing + 0.25 * self.bed.feature if curved else 0.0
@@ -240,7 +240,7 @@ class SpatialProximity:
     ) -> ClosestPoints:
         """Minima over parts (m,) of a core in distance from pieces (m,)."""
         radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
-        longest = self.spacing if isinstance(pieces, Graph) else np.inf
+        longest = self.spacing if isinstance(pieces, SmoothTerrain) else np.inf
 
         def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
             return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)
@@ -381,8 +381,8 @@ def descended(
 ) -> tuple[Floats, ClosestPoints]:
     """Where on a surface the distance from pieces (m,) is least next to points (m, 3), and how they are seen there.
 
-    `step_of` gives the steps (k, 3) from points, as they are seen, of some rows (k,); `onto` carries points back onto the
-    surface. `near` (m, 2) lies near the nearest points of the bed.
+    `step_of` gives the steps (k, 3) from points, as they are seen, of some rows (k,); `onto` carries points back onto
+    the surface. `near` (m, 2) lies near the nearest points of the bed.
     """
     points, sight = points.copy(), pieces.closest(points, which, near)
     pending = np.arange(len(points))

@@ -247,22 +247,17 @@ def crossed(surface: Surface) -> np.ndarray:
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
-    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3) (Moeller, Trumbore 1997)."""
-    along = ends[:, 1] - ends[:, 0]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    across = np.cross(along, second)
-    determinant = (first * across).sum(axis=1)
-    scale = np.linalg.norm(along, axis=1) * np.linalg.norm(np.cross(first, second), axis=1)
-    proper = np.abs(determinant) > BESIDE * scale
-    inverse = 1.0 / np.where(proper, determinant, 1.0)
-    away = ends[:, 0] - corners[:, 0]
-    turned = np.cross(away, first)
-    u, v = inverse * (away * across).sum(axis=1), inverse * (along * turned).sum(axis=1)
-    t = inverse * (second * turned).sum(axis=1)
-    inside = (
-        (np.minimum(u, v) > BESIDE) & (u + v < 1.0 - BESIDE) & (t > BESIDE) & (t < 1.0 - BESIDE)
-    )
-    return np.asarray(proper & inside)
+    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3)."""
+    along, first = ends[:, 1] - ends[:, 0], corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
+    # start + t along = corner + u first + v second
+    matrix = np.stack([-along, first, second], axis=2)
+    scale = np.linalg.norm(along, axis=1) * np.linalg.norm(cross(first, second), axis=1)
+    proper = np.abs(np.linalg.det(matrix)) > BESIDE * scale
+    matrix = np.where(proper[:, None, None], matrix, np.eye(3))
+    t, u, v = np.linalg.solve(matrix, (ends[:, 0] - corners[:, 0])[..., None])[..., 0].T
+    least = np.min([t, u, v, 1.0 - t, 1.0 - u - v], axis=0)
+    return np.asarray(proper & (least > BESIDE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -438,11 +433,10 @@ def level_surface(
 
 def halved(surface: Surface) -> Surface:
     """The part of a surface with y >= 0, cut in 2-D y = 0, on which the new edge's vertices lie exactly."""
-    points = surface.points.copy()
-    sides = np.linalg.norm(points[surface.edges[:, 0]] - points[surface.edges[:, 1]], axis=1)
+    points, ends = surface.points.copy(), surface.edges
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)
-    for end in (0, 1):
-        np.minimum.at(shortest, surface.edges[:, end], sides)
+    np.minimum.at(shortest, ends.T.ravel(), np.tile(lengths, 2))
     points[np.abs(points[:, 1]) < SNAPPED * shortest, 1] = 0.0
     from trimesh.intersections import slice_faces_plane  # which takes time to import
 
