@@ -195,22 +195,18 @@ class _Descent:
     def _work(self, before: Placement, after: Placement) -> float:
         """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
-        turn = (
-            self.size * after.turn_since(before)
-            if self.load[len(shift) :].any()
-            else 0.0 * self.load[len(shift) :]
-        )
-        return float(self.load[: len(shift)] @ shift + self.load[len(shift) :] @ turn)
+        return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
         """Whether the grain is off the bed or far from the start, or a couple spins it where it is."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
-        turned = (
-            np.linalg.norm(placement.turn_since(start)) if self.load[len(x) + 1 :].any() else 0.0
+        apart = (
+            np.linalg.norm(x - x0),
+            0.25 * self.size * np.linalg.norm(placement.turn_since(start)),
         )
-        return bool(beyond.any() or max(np.linalg.norm(x - x0), 0.25 * turned * self.size) > reach)
+        return bool(beyond.any() or max(apart) > reach)
 
     def _touching(
         self, placement: Placement, near: ClosestPoints, tolerance: float
@@ -398,7 +394,9 @@ class _Descent:
         free = free_motions(self._constraints(placement, carrying)).T
         if len(free) == 0:
             return None
-        values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
+        # The second derivatives of the centre's height, in grain sizes.
+        stiffness = -free @ self._derivative(placement, carrying)[len(carrying) :] @ free.T
+        values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
         direction = np.asarray(vectors[:, 0] @ free)
         if values[0] > -SOFTEST:
             return None
@@ -414,23 +412,6 @@ class _Descent:
         ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)
         return max(lowered, key=lambda end: self._work(rest.placement, end))
-
-    def _stiffness(self, placement: Placement, carrying: ClosestPoints, free: Floats) -> Floats:
-        """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
-        count = len(free)
-        along = np.zeros((count, count))
-        for i in range(count):
-            for j in range(i + 1):
-                direction = free[i] if i == j else (free[i] + free[j]) / np.sqrt(2.0)
-                motions = (s * PROBE * direction for s in (1.0, -1.0))
-                ends = [self._in_contact(placement, carrying, motion) for motion in motions]
-                rise = -sum(self._work(placement, end) for end in ends)
-                along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
-        # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
-        pure = np.diag(along)
-        mixed = along - 0.5 * (pure[:, None] + pure)
-        np.fill_diagonal(mixed, pure)
-        return mixed
 
     def _in_contact(
         self, placement: Placement, carrying: ClosestPoints, motion: Floats

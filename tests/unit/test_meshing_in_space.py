@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import incipient
-from incipient.errors import SceneError
 from incipient import geometry
+from incipient.errors import SceneError
 from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.surfaces import Ground

@@ -8,12 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from solids_and_terrains import SOLIDS, TERRAINS, vectors
 
-from incipient.errors import SceneError
 from incipient.geometry import (
     Box,
-    Disc,
     Ellipsoid,
-    Flat,
     Placement,
     Plane,
     Sphere,
@@ -51,15 +48,6 @@ class TestRestInSpace:
         assert self.height(Sphere(1.0), SphereBed.array(0.4, 3.0), (0.2, 0.1)) == pytest.approx(
             expected, abs=1e-12
         )
-
-    @pytest.mark.parametrize(("arrangement", "third"), [("square", 2.0), ("triangular", 3.0)])
-    @pytest.mark.parametrize("spacing", [0.7, 1.0, 1.2])
-    def test_sphere_in_a_pocket(self, arrangement, third, spacing):
-        # The middle of a square (triangle) of side s is s/sqrt(2) (s/sqrt(3)) from its corners.
-        bed = SphereBed.array(0.5, spacing, arrangement)
-        middle = spacing * np.array([0.5, 0.5 if arrangement == "square" else np.sqrt(1.0 / 12.0)])
-        expected = np.sqrt(1.0 - spacing**2 / third)
-        assert self.height(Sphere(1.0), bed, middle) == pytest.approx(expected, abs=1e-13)
 
     @settings(max_examples=40, deadline=None)
     @given(vectors)
@@ -108,8 +96,3 @@ class TestRestInSpace:
 
     def test_overlap_is_negative(self):
         assert clearance(Sphere(1.0), Placement((0.0, 0.0, 0.3)), Plane())[0] == pytest.approx(-0.2)
-
-    def test_planar_and_spatial_do_not_mix(self):
-        for grain, bed in ((Disc(1.0), Plane()), (Sphere(1.0), Flat())):
-            with pytest.raises(SceneError, match="one is planar, the other is not"):
-                rest(grain, bed, 0.0 if isinstance(grain, Disc) else (0.0, 0.0))

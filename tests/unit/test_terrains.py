@@ -5,7 +5,7 @@ import pytest
 from solids_and_terrains import terrains
 
 from incipient.errors import SceneError
-from incipient.geometry import HeightMap, Plane, Ridges, Sphere, SphereBed, rest
+from incipient.geometry import HeightMap, Sphere, SphereBed, rest
 from incipient.geometry.space.beds import LOWEST
 from incipient.scene.terrains import HeightMapBed
 
@@ -193,9 +193,7 @@ def test_a_sphere_rests_on_disorder():
     assert np.linalg.norm(centres - placement.centre, axis=1).min() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"), [({"spacing": 4.0, "layers": 2}, "so far apart")]
-)
+@pytest.mark.parametrize(("keys", "words"), [({"spacing": 4.0, "layers": 2}, "so far apart")])
 def test_what_is_no_packing_is_refused(keys, words):
     with pytest.raises(SceneError, match=words):
         SphereBed.array(**{"radius": 0.5, "spacing": 1.0, **keys})
