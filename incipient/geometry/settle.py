@@ -173,9 +173,9 @@ class _Descent:
                 if rest is not None:
                     if rest.way_down is None or (step == 0 and strength <= BALANCED):
                         return self._settled(rest, step)
-                    ahead = self._pushed(rest, rest.way_down)
-                    if self._work(placement, ahead) > 0.0:
-                        placement, length, tried = ahead, FIRST_STEP, 0.0
+                    pushed = self._pushed(rest, rest.way_down)
+                    if self._work(placement, pushed) > 0.0:
+                        placement, length, tried = pushed, FIRST_STEP, 0.0
                         continue
             if length < SHORTEST_STEP:
                 return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -214,8 +214,8 @@ class SphereBed(Terrain):
     centres: Floats
     radii: Floats
     origin_z: float = 0.0
-    posts: np.ndarray | None = None
-    periods: Floats | None = None
+    posts: Any = None
+    periods: Any = None
     seed: int | None = None
 
     def __post_init__(self) -> None:
@@ -284,7 +284,7 @@ class SphereBed(Terrain):
 
     def near(self, middle: ArrayLike, reach: float) -> tuple[np.ndarray, Floats]:
         """Numbers (k,) and centres (k, 3) of the spheres of which a part is within a horizontal distance."""
-        which, centres = np.arange(len(self.radii)), self.centres
+        middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
         if self.periods is not None:
             away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
             around = max(int(np.ceil(1.2 * away)), 0) + AROUND
@@ -371,6 +371,10 @@ class SmoothTerrain(Terrain):
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives of b at points (n, 2), (n, 2, 2)."""
 
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
+        return self.height(x), self.gradient(x), self.hessian(x)
+
     def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
         """The whole bed, a single piece."""
         return self
@@ -389,7 +393,7 @@ class SmoothTerrain(Terrain):
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
         """The local nearest points by Newton's method from `near`."""
         x = self._feet(points, near)
-        height, slope, curvature = self.height(x), self.gradient(x), self.hessian(x)
+        height, slope, curvature = self.shape(x)
         stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
         normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
         feet = np.column_stack([x, height])
@@ -415,10 +419,11 @@ class SmoothTerrain(Terrain):
 
     def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
         """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
-        offset, slope = self.height(x) - points[:, 2], self.gradient(x)
+        height, slope, curvature = self.shape(x)
+        offset = height - points[:, 2]
         residual = x - points[:, :2] + offset[:, None] * slope
         matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
-        bent = matrix + offset[:, None, None] * self.hessian(x)
+        bent = matrix + offset[:, None, None] * curvature
         convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
         step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
             ..., 0

@@ -18,6 +18,7 @@ OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may ex
 KEYS = 0.5 * np.array(
     [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
 )  # cubics by four heights
+ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]  # of derivatives in x and y
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 # Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
@@ -165,8 +166,13 @@ class HeightMap(SmoothTerrain):
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2), which jump between cells."""
-        xx, xy, yy = self._derivatives(x, [(2, 0), (1, 1), (0, 2)])
-        return np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+        return self.shape(x)[2]
+
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Height, gradient and second derivatives, of which each needs the same heights."""
+        z, *first, xx, xy, yy = self._derivatives(x, ORDERS)
+        second = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+        return self.origin[2] + z, np.column_stack(first), second
 
     def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
         """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
@@ -178,10 +184,14 @@ class HeightMap(SmoothTerrain):
         outside = (at < 0.0) | (at > count - 1)
         i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
         values = self.heights[j[:, :, None], i[:, None, :]]
+        # Along x first, for each order there.
+        along = [
+            (values @ _weights(t[:, 0], order, self.cell[0])[..., None])[..., 0]
+            for order in range(1 + max(order for order, _ in orders))
+        ]
         result = []
         for order in orders:
-            u, v = (_weights(t[:, k], order[k], self.cell[k]) for k in (0, 1))
-            total = np.einsum("nji,ni,nj->n", values, u, v)
+            total = (along[order[0]] * _weights(t[:, 1], order[1], self.cell[1])).sum(axis=1)
             result.append(np.where((outside & (np.array(order) > 0)).any(axis=1), 0.0, total))
         return result
 
