@@ -89,6 +89,7 @@ class SpatialProximity:
             ends = parts[first:] if isinstance(self.bed, SmoothTerrain) else parts[first:][:corners]
             lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
             counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
+            counts[(lengths > 0.0) & (lengths < 2.0 * self.spacing)] = 0  # as near are corners
             part = np.repeat(np.arange(len(ends)), counts)
             s = np.concatenate([(np.arange(n) + 0.5) / n for n in counts])[:, None]
             result.append((first + part, (1.0 - s) * ends[part, 0] + s * ends[part, 1]))
