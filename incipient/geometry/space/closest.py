@@ -297,7 +297,7 @@ class SpatialProximity:
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
         close, slack = self.minima(placement, tolerance), max(tolerance, SAME * self.size)
-        loose, patches = np.ones(len(close), dtype=bool), list[Patch]()
+        loose, patches = np.ones(len(close), dtype=bool), list[Contacts]()
         for k, piece in np.unique(close.origin[:, [0, 2]], axis=0):
             mine = np.flatnonzero((close.origin[:, 0] == k) & (close.origin[:, 2] == piece))
             if k >= 0:
@@ -309,9 +309,19 @@ class SpatialProximity:
                     nearest = nearest_on_triangles(anchors[:, None], corners)
                     apart = np.linalg.norm(nearest - anchors[:, None], axis=2)
                     loose[mine] &= apart.min(axis=1) > slack
-                    patches.append(Patch.of(corners, radius))
+                    patches.append(_patch(corners, radius))
         points = self.locally_least(placement, close.only(loose), slack=tolerance)
-        return _contacts(points.only(_extreme(points, 1e-7 * self.size)), patches, tolerance)
+        points = points.only(_extreme(points, 1e-7 * self.size))
+        if not len(points) + len(patches):
+            why = f"the grain does not touch the bed within {tolerance:g}"
+            raise SceneError(f"{why}; settle it on the bed")
+        return Contacts(
+            np.concatenate([points.points, *(patch.points for patch in patches)]),
+            np.concatenate([-points.normals, *(patch.normals for patch in patches)]),
+            np.concatenate([np.zeros(len(points)), *(patch.areas for patch in patches)])
+            if patches
+            else None,
+        )
 
     def _flat(
         self, placement: Placement, k: int, close: ClosestPoints, tolerance: float
@@ -434,49 +444,28 @@ def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Flo
     return np.asarray(points + candidates[np.arange(len(points)), np.argmin(values, axis=1)])
 
 
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A flat contact: its corners (k, 3) in order, its normal (3,) out of the grain, parts (k,) of its area."""
+def _patch(triangles: Floats, radius: float) -> Contacts:
+    """The corners of the convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius.
 
-    corners: Floats
-    normal: Floats
-    areas: Floats
+    Each has half of both triangles that it forms with its neighbours and the hull's centroid, so that the parts of the
+    area have that centroid.
+    """
+    from scipy.spatial import ConvexHull  # which takes time to import
 
-    @classmethod
-    def of(cls, triangles: Floats, radius: float) -> "Patch":
-        """The convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius.
-
-        Each corner has half of both triangles that it forms with its neighbours and the hull's centroid, so that the
-        parts have that centroid.
-        """
-        from scipy.spatial import ConvexHull  # which takes time to import
-
-        areas = vector_areas(triangles)
-        normal = unit(areas.sum(axis=0))
-        points = np.unique(triangles.reshape(-1, 3), axis=0)
-        flat = points @ np.stack(frame_of(normal[None]), axis=2)[0]
-        order = ConvexHull(flat).vertices
-        side = np.roll(flat[order], -1, axis=0) - flat[order]
-        # None on the side of another.
-        order = order[
-            planar_cross(np.roll(side, 1, axis=0), side) > SAME * np.ptp(flat, axis=0).max() ** 2
-        ]
-        hull = flat[order] - flat[order].mean(axis=0)
-        away = hull - Moments.within(np.stack([hull, np.roll(hull, -1, axis=0)], axis=1)).centroid
-        fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
-        shares = (fans + np.roll(fans, 1)) / (2.0 * fans.sum())
-        area = np.linalg.norm(areas, axis=1).sum()
-        return cls(points[order] + radius * normal, normal, area * shares)
-
-
-def _contacts(minima: ClosestPoints, patches: list[Patch], tolerance: float) -> Contacts:
-    points = np.concatenate([minima.points, *(patch.corners for patch in patches)])
-    if not len(points):
-        why = f"the grain does not touch the bed within {tolerance:g}"
-        raise SceneError(f"{why}; settle it on the bed")
-    normals = [np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches]
-    areas = np.concatenate([np.zeros(len(minima)), *(patch.areas for patch in patches)])
-    return Contacts(points, np.concatenate([-minima.normals, *normals]), areas if patches else None)
+    areas = vector_areas(triangles)
+    normal = unit(areas.sum(axis=0))
+    points = np.unique(triangles.reshape(-1, 3), axis=0)
+    flat = points @ np.stack(frame_of(normal[None]), axis=2)[0]
+    order = ConvexHull(flat).vertices
+    side = np.roll(flat[order], -1, axis=0) - flat[order]
+    # None on the side of another.
+    turns = planar_cross(np.roll(side, 1, axis=0), side)
+    order = order[turns > SAME * np.ptp(flat, axis=0).max() ** 2]
+    hull = flat[order] - flat[order].mean(axis=0)
+    away = hull - Moments.within(np.stack([hull, np.roll(hull, -1, axis=0)], axis=1)).centroid
+    fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
+    parts = (fans + np.roll(fans, 1)) / (2.0 * fans.sum()) * np.linalg.norm(areas, axis=1).sum()
+    return Contacts(points[order] + radius * normal, np.tile(normal, (len(order), 1)), parts)
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
