@@ -241,7 +241,8 @@ class SpatialProximity:
     ) -> ClosestPoints:
         """Minima over parts (m,) of a core in distance from pieces (m,)."""
         radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
-        longest = self.spacing if isinstance(pieces, SmoothTerrain) else np.inf
+        # So that no step leads across a crest.
+        longest = 0.5 * self.bed.feature if isinstance(pieces, SmoothTerrain) else np.inf
 
         def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
             return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)

@@ -18,6 +18,7 @@ OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may ex
 KEYS = 0.5 * np.array(
     [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
 )  # cubics by four heights
+CUBICS = [polyder(KEYS, order) for order in range(3)]  # and their derivatives
 ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]  # of derivatives in x and y
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
@@ -204,8 +205,7 @@ def _gap(heights: Floats) -> tuple[int, int] | None:
 
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
-    weights = polyval(t, polyder(KEYS, derivative)).T
-    return np.asarray(weights / step**derivative)
+    return np.asarray(polyval(t, CUBICS[derivative]).T / step**derivative)
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
