@@ -20,7 +20,6 @@ from incipient.geometry import (
     Triangulated,
     rest,
 )
-from incipient.geometry.closest import exposed
 from incipient.geometry.placement import product, rotation_by
 
 TOLERANCE = 1e-6
@@ -269,13 +268,3 @@ class TestFrames:
         assert apart.min(axis=1) == pytest.approx(0.0, abs=1e-9)
         assert apart.min(axis=0) == pytest.approx(0.0, abs=1e-9)
         assert (other.areas is None) == (first.areas is None)
-
-    def test_exposed_is_the_rest_of_the_surface(self):
-        grain, placement = Box((1.0, 0.6, 0.4)), Placement((0, 0, 0.2))
-        points = np.array([[0.1, 0.1, -0.2], [0.1, 0.1, 0.2], [0.5, 0.0, 0.0], [0.5, 0.3, -0.2]])
-        assert exposed(grain, placement, Plane(), points, TOLERANCE).tolist() == [
-            False,
-            True,
-            True,
-            False,
-        ]
