@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +19,6 @@ from .flow import Fluid
 from .space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
-STRIP = 2.0  # cells
 ROUNDING = 1e-6  # of the length of a wall: how far apart places are that are one
 
 
@@ -49,20 +47,8 @@ class AlongWall:
 
     def at_outflow(self) -> float:
         """u* in the mean over the places farthest downstream."""
-        last = self.part_at_outflow()
-        return float(np.average(last.shear_velocities, weights=last.lengths))
-
-    def part_at_outflow(self, strip: bool = False) -> AlongWall:
-        """The places farthest downstream; on a plane wall in space those in a `strip` two cells or so wide.
-
-        Nodes of tetrahedra along one line stand for unequal parts of a wall, in corners for too little.
-        """
-        x = self.places[:, 0]
-        last = at_end(x)
-        if strip:
-            last |= x > x.max() - STRIP * math.sqrt(2.0 * self.lengths[last].mean())
-        columns = self.places, self.normals, self.lengths, self.velocities, self.shear_velocities
-        return AlongWall(*(one[last] for one in columns))
+        last = at_end(self.places[:, 0])
+        return float(np.average(self.shear_velocities[last], weights=self.lengths[last]))
 
     @property
     def _level(self) -> np.ndarray:
@@ -132,12 +118,6 @@ def coarse_along(
         if name not in rough and len(one.facets)
     ]
     return max(shares, default=None)
-
-
-def of_mean_stress(walls: Iterable[AlongWall]) -> float:
-    """u* of the shear stress in the mean along walls."""
-    stresses, lengths = zip(*((one.shear_velocities**2, one.lengths) for one in walls), strict=True)
-    return math.sqrt(np.average(np.concatenate(stresses), weights=np.concatenate(lengths)))
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from ..arrays import Floats
-from .wall_report import FIRST_CELL, MOST_OUTSIDE, WallReport
+from .wall_report import MOST_OUTSIDE, WallReport
 
 # Change of the shear stress from cell to cell along a smooth bed, over the stress, beyond which the cell is too long;
 # and the share of the stress's whole change that may lie in such cells. Behind the crest of a bump the stress was 40%
 # off with a share of 0.36 and 12% with 0.16, compared with cells of a quarter the length
 # (tests/end_to_end/test_resolved_along_walls.py).
 LARGEST_CHANGE, MOST_COARSE = 0.25, 0.25
-BOUNDED = (
-    0.5  # thickness of the thickest cell over that asked for, below which others have decided it
-)
 
 
 @dataclass(frozen=True)
@@ -25,9 +21,6 @@ class ResolvedWallReport(WallReport):
     thickest, on_sand: up to which cells at smooth and at rough walls resolve them, in nu/u*; without smooth walls both
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
-    first_cell: the thickness that the scene asks for, in nu/u*; None: nothing
-    each: between side walls u* of the mean stress on each wall at the outflow, by name; the other u* are then of the
-    stress in the mean along all walls
     coarse_along: the largest fraction of the stress's change along a smooth wall that lies in cells in which it
     changes too much, zero along plane walls; None: in space and along rough walls alone cells are not judged
     judged_along: whether it decides, past forms without corners and without a grain. Elsewhere it only withholds that
@@ -39,8 +32,6 @@ class ResolvedWallReport(WallReport):
     thickest: float = 2.5
     on_sand: float = 0.0
     excess: float = 1.0
-    first_cell: float | None = None
-    each: dict[str, float] = field(default_factory=dict)
     coarse_along: float | None = None
     judged_along: bool = False
 
@@ -88,21 +79,10 @@ class ResolvedWallReport(WallReport):
         """What to do where walls are not resolved."""
         if self.judged_along and self._coarse_along and self.outside <= MOST_OUTSIDE:
             return f"set numerics.mesh_size = {0.5 * self.mesh_size:.2g}"
-        if self.first_cell is not None:
-            made, found = self.first_cell, self.largest / self.mesh_size
-            if found < BOUNDED * made:
-                made = found  # which other cells have bounded
-            return f"set {FIRST_CELL} = {0.9 / self.excess * made:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
     def _of_model(self) -> str:
         return ""
-
-    def _friction(self, errors: Floats | None) -> str:
-        if self.each:
-            told = ", ".join(f"{name} {found:.5g}" for name, found in self.each.items())
-            return f"{super()._friction(errors)}, in the mean along all walls ({told})"
-        return super()._friction(errors)
 
     def _judged(self) -> list[str]:
         told = ""

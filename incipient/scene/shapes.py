@@ -238,11 +238,6 @@ class Flat(_Plane):
     """A horizontal plane."""
 
     kind: Literal["flat"] = key("Kind of bed", "flat")
-    leading_edge: float | None = key(
-        "x at which a plate begins in a uniform stream; ahead of it there is no friction [length]",
-        None,
-        examples=[0.0],
-    )
 
 
 class Inclined(_Plane):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from scenes import message
 
 from incipient import compat
 from incipient.compat import petsc
@@ -15,29 +14,6 @@ from incipient.fluid.along_walls import AlongWall, at_end
 from incipient.forms import turbulence as forms
 from incipient.forms.k_omega_sst import BETA_STAR, Closure
 from incipient.results.resolved_wall_report import ResolvedWallReport
-from incipient.scene import (
-    Disc,
-    Domain,
-    Effects,
-    Fluid,
-    Scene,
-    Turbulence,
-    Uniform,
-)
-
-
-def test_turbulence_past_a_grain_in_a_uniform_stream_is_refused():
-    """In one line, with what a user does instead: on two meshes a cylinder's drag was 0.44 and 0.74."""
-    stream = Turbulence(model="k-omega-sst", inflow="given", intensity=0.02, length=0.02)
-    sections = {
-        "domain": Domain(length=22.0, height=20.0, origin=(-6.0, -10.0)),
-        "fluid": Fluid(reynolds=1e5, scale="grain"),
-        "body": Disc(diameter=1.0, centre=(0.0, 0.0)),
-        "effects": Effects(turbulence=True),
-    }
-    told = message(lambda: Scene(**sections, flow=Uniform(), turbulence=stream))
-    assert 'flow.kind: "uniform" is not simulated with turbulence past a grain' in told
-    assert '"open-channel"' in told and "incipient judge --forces" in told
 
 
 def along(velocities):
