@@ -86,7 +86,7 @@ def foretold(
 
 def _time(expected: Mapping[str, Expected], more: float, places: int) -> str:
     sum_of_all = total(expected)
-    text = "not known; run `incipient calibrate`, or `incipient cost` of the scene"
+    text = "not known"
     if sum_of_all is not None:
         whole = more * sum_of_all
         text = f"{f'about {in_words(whole / places)}, ' if places else ''}{in_words(whole)} of processor time"

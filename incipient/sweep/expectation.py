@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from ..critical.gust_bracket import runs_expected
 from ..errors import IncipientError
 from ..installed import free_bytes, memory_of_libraries
 from ..meshes.expected import expected_cells
@@ -17,8 +16,6 @@ from .cases import SweepCase
 
 SHARE = 0.8  # of the memory that is free
 OF_JUDGE = 150.0  # MiB of a process that judges, measured
-# The run of a scene over the search of its threshold: 1.3 with error bars to 2.5 without were measured.
-SEARCH = 2.0
 BESIDE_THE_MESH = {"title", "output", "gravity", "fluid", "effects"}  # no mesh depends on these
 
 
@@ -68,20 +65,14 @@ def _cells(setup: Setup) -> float | None:
 
 
 def _predicted(case: SweepCase) -> Expected:
-    from ..cost.command import predicted_plan
+    from ..adaptive.first_mesh import planned
 
     assert case.scene is not None
     try:
-        found = predicted_plan(case.scene)
+        estimate = planned(case.scene).estimate
     except IncipientError:  # the case itself will say what is wrong
         return Expected()
-    estimate = found.plan.estimate
-    if isinstance(found.prediction, str):
-        return Expected(None, None if estimate is None else estimate.memory_mib)
-    times = SEARCH if case.task in ("threshold", "entrainment") else 1.0
-    if case.task == "gust":
-        times = runs_expected(1, case.scene.numerics.error_bars)
-    return Expected(times * found.prediction.cpu, found.prediction.peak_mib)
+    return Expected(None, None if estimate is None else estimate.memory_mib)
 
 
 def _scaled(known: Expected, of_known: float | None, cells: float | None) -> Expected:

@@ -6,7 +6,6 @@ from one_dimensional import k_omega_channel
 from turbulent import channel
 
 from incipient import make_plan
-from incipient.cost import calibration
 from incipient.forms.k_omega_sst import EXPONENT
 from incipient.planning.developed_channel import developed, of_discharge
 from incipient.planning.developed_duct import developed_duct, middles
@@ -260,4 +259,3 @@ def test_a_duct_to_the_wall_has_thin_cells_at_its_sides_and_lets_in_the_develope
     assert setup.bed_stress() == pytest.approx(
         walls.viscosity * slope, rel=0.02
     )  # in the middle of the bed
-    assert calibration.kind(scene) == "steady in space with turbulence to the wall and to the sides"
