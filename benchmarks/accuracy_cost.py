@@ -14,10 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import machine
+import tables
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
 FIGURES = PAGE.parent / "figures"
+BEGIN, END = "<!-- cost: begin -->", "<!-- cost: end -->"
 
 
 @dataclass(frozen=True)
@@ -81,31 +83,34 @@ def main() -> int:
             print(f"--- {demo.name}", file=sys.stderr, flush=True)
             words = [*demo.command.split()[1:], "--out", str(demo.directory)]
             subprocess.run([sys.executable, "-m", "incipient", *words], cwd=ROOT, check=True)
-    PAGE.write_text("\n".join([_head(), *map(_section, DEMOS)]))
+    about, own = machine.describe(), machine.versions()["incipient"]
+    where = f"{about['processor']}, {about['cores']} cores, {about['memory_gib']} GiB, {about['system']}"
+    parts = [f"Machine: {where}; incipient {own}.", *map(_section, DEMOS)]
+    tables.put(PAGE, "\n\n".join(parts), BEGIN, END)
     return 0
 
 
 def _section(demo: Demo) -> str:
     """A study on the page: its sentence, its picture, the runs on its frontier."""
     if not (demo.directory / "cost.png").exists():
-        return f"## {demo.name}\n\nNot measured yet.\n"
+        return f"## {demo.name}\n\nNot measured yet."
     figure = FIGURES / f"cost_{demo.name}.png"
     shutil.copyfile(demo.directory / "cost.png", figure)
     stored = json.loads((demo.directory / "cost.json").read_text())
     reference, doubt = stored["reference"], stored["reference"]["doubt"]
     names = ", ".join(reference["quantities"])
-    law = stored["law"]
+    law, error = stored["law"], f"largest relative error of {names}, against {reference['source']}"
+    known = f" (known to {100 * doubt:.2g}%)" if doubt else ""
+    digit = (
+        law
+        and f" A tenth of the error takes {10 ** (1 / law['power']):.2g} times the time beyond the start."
+    )
     parts = [
         f"## {stored['title']}",
         f"`{demo.command}`. {demo.said}".rstrip(),
         f"**{stored['sentence']}**",
         f"![Error against CPU time and memory](figures/{figure.name})",
-        f"Error: largest relative error of {names}, against {reference['source']} (known to {100 * doubt:.2g}%)."
-        + (
-            f" A tenth of the error takes {10 ** (1 / law['power']):.2g} times the time beyond the start."
-            if law
-            else ""
-        ),
+        f"Error: {error}{known}.{digit or ''}",
         "| error | CPU time [s] | memory [MiB] | unknowns | run |\n| --: | --: | --: | --: | :-- |",
     ]
     rows = [
@@ -114,40 +119,7 @@ def _section(demo: Demo) -> str:
         for run in stored["judged"]
         if run["on_frontier"] or run["own"]
     ]
-    return "\n\n".join(parts) + "\n" + "\n".join(rows) + "\n"
-
-
-def _head() -> str:
-    about, own = machine.describe(), machine.versions()["incipient"]
-    return f"""# Cost of accuracy
-
-```sh
-incipient cost mine.toml   # error against time for a scene of yours: table, picture, cost.csv, cost.json; resumes
-make cost                  # writes this page (`benchmarks/accuracy_cost.py`): do not edit it by hand
-```
-
-A study runs the scene on a ladder of cell sizes, orders and, in unsteady flow, time steps, and says what the scene's own
-resolution costs and what ten times less error would cost. Each run is a process of one core without error bars, with
-forms compiled before. `--do threshold` measures the critical flow instead of one run.
-
-| option | meaning | default |
-| --- | --- | --- |
-| `--orders`, `--sizes`, `--steps` | orders of the velocity; cells and steps as multiples of the scene's | 2-D steady: 2 3 4, five sizes from 2 to 0.5; unsteady or turbulent: 2 3; 3-D: the scene's order, 2 to 1 |
-| `--quick` | the scene's own order and coarser cells and steps only | |
-| `--exact NAME=VALUE ...` | compare with exact values of these numbers (columns of cost.csv) | the finest run |
-
-- The reference has the highest order, cells smaller by √2 and half the step. It is extrapolated (Richardson) where the
-  last three runs converge, and known to its distance from the finest run. An error less than twice that is shown as a
-  bound (`<`, hollow marks).
-- Frontier: runs better by a tenth than every cheaper one. The law \\(E = C (t - t_0)^{{-p}}\\) is fitted to it and gives
-  times beyond the runs ("by extrapolation"); \\(t_0\\) is the time of libraries, meshing and forms.
-- Gap, domain and bed are the scene's in all runs: their errors are those of [error bars](accuracy.md).
-
-`incipient plan` prints cells, unknowns and memory, and the time of the last run that lies in `results/SCENE`; it does not
-predict times.
-
-Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; incipient {own}.
-"""
+    return "\n\n".join(parts) + "\n" + "\n".join(rows)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ LEAST_SPAN = 2.0  # of the errors that a law is fitted to
 
 
 def extrapolated(three: Sequence[float], ratio: float) -> float | None:
-    """Richardson's limit of three numbers, the finest last, by their order of convergence; None: they do not converge."""
+    """Richardson's limit of three numbers, the finest last, at their order of convergence; None if they diverge."""
     coarse, fine, finest = three
     before, last = fine - coarse, finest - fine
     if last == 0.0 or before / last <= 0.0:

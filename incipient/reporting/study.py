@@ -10,7 +10,7 @@ from .page import PagePart, Rows, picture_beside, section, table
 COLUMNS = {
     "name": "run",
     "error": "relative error",
-    "cpu": "processor [s]",
+    "cpu": "CPU time [s]",
     "wall": "wall time [s]",
     "unknowns": "unknowns",
     "peak_mib": "memory [MiB]",
@@ -22,17 +22,20 @@ def part(record: Path) -> PagePart:
     stored = parsed_json(record)
     reference = stored["reference"]
     values: Rows = [
-        (name.replace("_", " "), value, reference["uncertainty"].get(name))
-        for name, value in reference["values"].items()
+        (name.replace("_", " "), value)
+        for quantity in reference["quantities"].values()
+        for name, value in quantity["numbers"].items()
     ]
-    runs: Rows = [(*(one[key] for key in COLUMNS), bool(one["on_front"])) for one in stored["runs"]]
+    runs: Rows = [
+        (*(run[key] for key in COLUMNS), bool(run["on_frontier"])) for run in stored["judged"]
+    ]
     return PagePart(
         kind="What accuracy costs",
         title=stored["title"] or "What accuracy costs",
-        statements=(f"{stored['words'][0].upper()}{stored['words'][1:]}.",),
+        statements=(stored["sentence"],),
         sections=(
             *section("Picture", picture_beside(record, "Error against time")),
-            *section(f"Reference: {reference['run']}", table(("", "value", "uncertainty"), values)),
-            *section("Runs", table((*COLUMNS.values(), "none better"), runs)),
+            *section(f"Reference: {reference['source']}", table(("", "value"), values)),
+            *section("Runs", table((*COLUMNS.values(), "on the frontier"), runs)),
         ),
     )

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
 from ..record import drawn
-from ..style import INK
+from ..style import INK, Looks
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
@@ -66,7 +66,7 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
     shown = np.array([(runs[i][key], runs[i]["error"]) for i in best])
     axes.plot(*shown.T, color=INK, lw=1.0, alpha=0.7, label="frontier", zorder=2)
     for own in (run for run in runs if run["own"]):
-        looks = {"mfc": "none", "mec": INK, "ms": 12.0, "mew": 1.2, "zorder": 4}
+        looks: Looks = {"mfc": "none", "mec": INK, "ms": 12.0, "mew": 1.2, "zorder": 4}
         axes.plot(own[key], own["error"], "o", label="the scene's own", **looks)
         axes.axhline(0.1 * own["error"], color=INK, lw=0.8, ls=":", label="ten times less error")
     axes.set(xscale="log", yscale="log")
@@ -98,7 +98,7 @@ def _name_frontier(axes: Axes, runs: Runs) -> None:
     for run in (run for run in runs if run["on_frontier"]):
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
         text, at = f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"])
-        place = {"xytext": (7, 3), "textcoords": "offset points"}
+        place: Looks = {"xytext": (7, 3), "textcoords": "offset points"}
         axes.annotate(text, at, fontsize=7, color=_COLOURS[run["order"]], **place)
 
 
