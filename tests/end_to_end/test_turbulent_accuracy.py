@@ -89,6 +89,7 @@ def test_what_accuracy_costs_in_a_turbulent_channel(tmp_path):
     assert not made.failed and set(made.reference.quantities) == {"shear velocity"}
     by_size = sorted(made.judged, key=lambda one: one.run.rung.mesh_size)
     errors = [one.errors["shear velocity"] for one in by_size]
-    assert errors == sorted(errors) and max(errors) < 0.02
+    # The first is the reference. Of the coarsest two it is chance which errs less.
+    assert errors[0] < errors[1] < min(errors[2:]) and max(errors) < 0.02
     # That the number is u* and no other. Its error is judged above.
     assert by_size[-1].run.numbers["shear_velocity"] == pytest.approx(0.05, rel=0.1)
