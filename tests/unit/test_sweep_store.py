@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from incipient.errors import OutputError
-from incipient.reporting.sweep import part
+from incipient.reporting.sweep import context_of
 from incipient.sweep import store as stores
 from incipient.sweep.cases import SweepCase
 from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, network_of
@@ -130,10 +130,9 @@ def test_scenes_that_are_none_are_damaged_whatever_their_checksum(tmp_path: Path
             base.execute("UPDATE cases SET checksum = ? WHERE id = ?", new)
     base.close()
     assert [row["status"] for row in rows(path)] == [DAMAGED] * 8 + [DONE] * 32
-    page = part(path)
-    assert "32 computed, 0 failed, 8 damaged" in page.statements[0]
-    titles = [section.title for section in page.sections if "First case" in section.title]
-    assert titles == ["First case of made"]
+    page = context_of(path)
+    assert "32 computed, 0 failed, 8 damaged" in page["counted"]
+    assert [*page["scenes"]] == ["made"]
 
 
 def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None:
