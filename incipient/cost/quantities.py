@@ -122,10 +122,9 @@ def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantiti
     found: dict[str, dict[str, float]] = {"force": {}, "couple": {}}
     for part, numbers in found.items():
         for column in (name for name in rows[0] if name.startswith(part)):
-            values = np.array([row[column] for row in rows])
+            low, high = extremes(times, np.array([row[column] for row in rows]))
             name = column.replace("couple", "torque")
-            numbers[f"most_{name}"] = peak(times, values)
-            numbers[f"least_{name}"] = -peak(times, -values)
+            numbers |= {f"least_{name}": low, f"most_{name}": high}
     return _of_loads(scene, found["force"], found["couple"])
 
 
@@ -159,15 +158,14 @@ def _kinetic_energy(velocity: Any) -> float:
     return float(mesh.comm.allreduce(float(np.real(local))))
 
 
-def peak(times: Floats, values: Floats) -> float:
-    """The largest value of a sampled function, between samples by the parabola through three of them."""
-    at = int(np.argmax(values))
-    if at == 0 or at == len(values) - 1:
-        return float(values[at])
-    near = slice(at - 1, at + 2)
-    t = (times[near] - times[at]) / (times[at + 1] - times[at - 1])
-    a, b, c = np.linalg.solve(np.vander(t, 3), values[near])
-    return float(c - b**2 / (4.0 * a)) if a < 0.0 else float(values[at])
+def extremes(times: Floats, values: Floats) -> tuple[float, float]:
+    """Least and largest value of a sampled function, between samples by a cubic spline."""
+    from scipy.interpolate import CubicSpline
+
+    if len(times) > 1:
+        spline = CubicSpline(times, values)
+        values = np.append(values, spline(spline.derivative().roots(extrapolate=False)))
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _norm(numbers: Mapping[str, float]) -> float:

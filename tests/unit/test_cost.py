@@ -121,8 +121,9 @@ def test_extrapolation() -> None:
 
 def test_peak_between_samples() -> None:
     t = np.linspace(0.0, 3.0, 30)
-    assert quantities.peak(t, 1.0 - (t - 1.234) ** 2) == pytest.approx(1.0)
-    assert quantities.peak(t, t) == 3.0
+    assert quantities.extremes(t, 1.0 - (t - 1.234) ** 2) == pytest.approx((1.0 - 1.766**2, 1.0))
+    assert quantities.extremes(t, t) == (0.0, 3.0)
+    assert quantities.extremes(t[:1], t[:1]) == (0.0, 0.0)
 
 
 def test_elevations_are_compared_at_equal_times():
