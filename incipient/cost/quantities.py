@@ -34,8 +34,8 @@ class Quantity:
     scale: float
 
     def error(self, numbers: Mapping[str, float]) -> float:
-        """Relative error of numbers with this as the reference; infinite if one is missing."""
-        differences = [numbers.get(name, np.inf) - value for name, value in self.numbers.items()]
+        """Relative error of numbers with this as the reference."""
+        differences = [numbers[name] - value for name, value in self.numbers.items()]
         return float(np.linalg.norm(differences)) / self.scale
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -53,7 +53,7 @@ class JudgedRun:
     @property
     def resolved(self) -> bool:
         """Whether the largest error is clearly more than the doubt about the reference."""
-        return RESOLVED * self.doubt < max(self.errors.values()) < math.inf
+        return RESOLVED * self.doubt < max(self.errors.values())
 
     @property
     def error(self) -> float:
@@ -82,6 +82,7 @@ class Study:
         self, scene: Scene, runs: Sequence[MeasuredRun], exact: Mapping[str, float] | None = None
     ):
         self.own_rung = own_rung(scene)
+        runs = _comparable(runs)
         self.failed = tuple(run for run in runs if run.failed)
         good = [run for run in runs if not run.failed]
         if len(good) < 2:
@@ -90,7 +91,7 @@ class Study:
         self.finest = good[-1]
         self.reference = _exact(good[-1], exact) if exact else _reference(good)
         good.sort(key=lambda run: run.cpu)
-        self.judged = tuple(JudgedRun(run, self._errors(run), self.reference.doubt) for run in good)
+        self.judged = tuple(map(self._judged, good))
         self.own = next((one for one in self.judged if one.run.rung == self.own_rung), None)
         times, errors = [run.cpu for run in good], [judged.error for judged in self.judged]
         best = frontier.front(times, errors, frontier.WORTH)
@@ -103,9 +104,10 @@ class Study:
             [judged.run.cpu for judged in known], [judged.error for judged in known], start
         )
 
-    def _errors(self, run: MeasuredRun) -> dict[str, float]:
+    def _judged(self, run: MeasuredRun) -> JudgedRun:
         of = self.reference.quantities.items()
-        return {name: quantity.error(run.numbers) for name, quantity in of}
+        errors = {name: quantity.error(run.numbers) for name, quantity in of}
+        return JudgedRun(run, errors, self.reference.doubt)
 
     @cached_property
     def sentence(self) -> str:
@@ -177,21 +179,31 @@ def _row(judged: JudgedRun) -> dict[str, Any]:
     return asdict(run.rung) | {"error": judged.error} | {name: getattr(run, name) for name in names}
 
 
+def _comparable(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
+    """The runs; one without a quantity that the finest has, such as a time of contact, counts as failed."""
+    wanted = next((run.quantities for run in reversed(runs) if not run.failed), {})
+    lacking = [", ".join(name for name in wanted if name not in run.quantities) for run in runs]
+    return [
+        replace(run, failed=f"its result has no {names}") if names and not run.failed else run
+        for run, names in zip(runs, lacking, strict=True)
+    ]
+
+
 def _reference(good: Sequence[MeasuredRun]) -> Reference:
     """The last of the runs, extrapolated by those of its order with coarser cells and steps."""
     finest, *others = reversed(good)
     at = [finest.rung.finer(-1), finest.rung.finer(-2)]
     line = [run.numbers for rung in at for run in others if run.rung.is_close(rung)]
-    before = line or [run.numbers for run in others]
+    before = line[0] if line else others[0].numbers
     quantities, doubts, improved = {}, [], False
     for key, quantity in finest.quantities.items():
         limits, doubt = {}, []
         for name, value in quantity.numbers.items():
-            three = [*(numbers.get(name, math.nan) for numbers in reversed(line)), value]
+            three = [*(numbers[name] for numbers in reversed(line)), value]
             limit = frontier.extrapolated(three, RATIO) if len(three) == 3 else None
             improved |= limit is not None
             limits[name] = value if limit is None else limit
-            doubt.append(abs(value - (before[0].get(name, math.inf) if limit is None else limit)))
+            doubt.append(abs(value - (before[name] if limit is None else limit)))
         quantities[key] = Quantity(limits, quantity.scale)
         doubts.append(math.hypot(*doubt) / quantity.scale)
     by = ", extrapolated by Richardson's rule" if improved else ""

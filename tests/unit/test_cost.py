@@ -6,6 +6,7 @@ Runs are made up here, by laws whose constants must be found again; tests/end_to
 import csv
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -290,6 +291,20 @@ def test_failed_runs(tmp_path: Path) -> None:
     assert own.sentence == "As the scene stands (P3-P2, mesh_size 1) its run failed."
     with pytest.raises(ConvergenceError, match=r"fewer than two runs .* succeeded: no steady flow"):
         studied(tmp_path / "all", Runner(*rungs), quick=True)
+
+
+def test_runs_without_a_quantity_of_the_finest_are_left_out(tmp_path: Path) -> None:
+    """Here a coarse grain does not come to the bed, so that it has no time of contact."""
+
+    class Late(Runner):
+        def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
+            run = super().__call__(scene, rung, task)
+            contact = {} if rung.mesh_size == 2.0 else {"time": Quantity({"time": 1.0}, 1.0)}
+            return replace(run, quantities=run.quantities | contact)
+
+    study = studied(tmp_path, Late(), quick=True)
+    assert [run.failed for run in study.failed] == ["its result has no time"]
+    assert len(study.judged) == 3 and "time" in study.judged[0].errors
 
 
 def test_the_directory_of_another_study_is_refused(tmp_path: Path) -> None:
