@@ -14,7 +14,6 @@ import time
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..critical.threshold import find_threshold
 from ..errors import ConvergenceError, IncipientError, SceneError
 from ..parallel import start_alone_quickly
 from ..results.timing import peak_memory_mib
@@ -103,6 +102,8 @@ class _History(Recorder):
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what a `MeasuredRun` holds but for the times of the whole process. Collective."""
     if task == "threshold":
+        from ..critical.threshold import find_threshold
+
         threshold = find_threshold(scene, comm)
         if not threshold.is_critical:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
