@@ -16,7 +16,6 @@ from PIL import Image
 import incipient
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import OutputError
-from incipient.evaluation.si_units import in_si
 from incipient.reporting import RECORDS, part
 from incipient.reporting.page import (
     TEMPLATES,
@@ -30,7 +29,7 @@ from incipient.reporting.page import (
     error_size,
     look,
 )
-from incipient.results.si import FLOW
+from incipient.results.si import FLOW, in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 GUSTS = {
