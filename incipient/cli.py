@@ -133,7 +133,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "cost",
             "costs",
             options.of_cost,
-            "measure error against time by runs on ever finer meshes",
+            "measure error against time on a ladder of meshes, orders and steps",
         ),
         (
             "show",

@@ -117,7 +117,7 @@ def of_cost(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     _scene_to(parser, "_cost", "study")
     add("--do", choices=("run", "threshold"), default="run", help="what to run (default: run)")
-    add("--quick", action="store_true", help="a few coarse runs only")
+    add("--quick", action="store_true", help="the scene's own order, coarser cells and steps only")
     add("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
