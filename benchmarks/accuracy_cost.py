@@ -16,6 +16,8 @@ from pathlib import Path
 import machine
 import tables
 
+from incipient.cost.frontier import percent
+
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
 FIGURES = PAGE.parent / "figures"
@@ -100,7 +102,7 @@ def _section(demo: Demo) -> str:
     reference, doubt = stored["reference"], stored["reference"]["doubt"]
     names = ", ".join(reference["quantities"])
     law, error = stored["law"], f"largest relative error of {names}, against {reference['source']}"
-    known = f" (known to {100 * doubt:.2g}%)" if doubt else ""
+    known = f" (known to {percent(doubt)})" if doubt else ""
     digit = (
         law
         and f" A tenth of the error takes {10 ** (1 / law['power']):.2g} times the time beyond the start."

@@ -118,18 +118,18 @@ class Study:
         return (
             f"As the scene stands ({own.run.rung.name}) a run takes {seconds(own.run.cpu)} of CPU time without error "
             f"bars for an error {'of' if own.resolved else 'below'} {percent(own.error)}; ten times less error "
-            f"({percent(target)}) takes {self._price(target, own.run.cpu)}."
+            f"({percent(target)}) {self._price(target, own.run.cpu)}."
         )
 
     def _price(self, error: float, own_time: float) -> str:
         """The time for an error, in words: of the cheapest run that has it, otherwise by the law."""
         reached = [judged.run for judged in self.judged if judged.error <= error]
         if reached:
-            return f"{seconds(reached[0].cpu)} ({reached[0].rung.name})"
+            return f"takes {seconds(reached[0].cpu)} ({reached[0].rung.name})"
         time = self.law.time(error) if self.law else 0.0
-        if time < self.finest.cpu:
-            return f"more than the {seconds(self.finest.cpu)} of the finest run here"
-        return f"about {seconds(time)} by extrapolation, {time / own_time:.2g} times as much"
+        if time < own_time:
+            return f"is reached by no run here; the finest takes {seconds(self.finest.cpu)}"
+        return f"takes about {seconds(time)} by extrapolation, {time / own_time:.2g} times as much"
 
     def text(self) -> str:
         """The study for a reader: the sentence, the runs with the frontier, the reference, the law."""

@@ -73,7 +73,7 @@ def _show(axes: Axes, runs: Runs, key: str) -> None:
     errors = [run["error"] for run in runs]
     lowest = min(errors + [0.1 * run["error"] for run in runs if run["own"]])
     axes.set_ylim(0.5 * lowest, 2.0 * max(errors))
-    axes.margins(x=0.09)
+    axes.margins(x=0.2)
     axes.grid(color=_GRID, lw=0.5)
     many = max(errors) > 100.0 * lowest
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if many else (1.0, 2.0, 5.0)))
@@ -94,12 +94,12 @@ def _mark(axes: Axes, runs: Runs, key: str, order: int, resolved: bool) -> None:
 
 
 def _name_frontier(axes: Axes, runs: Runs) -> None:
-    """Cells and steps of the runs on the frontier, beside their marks."""
+    """Cells and steps of the runs on the frontier, below and left of it, where no run is."""
     for run in (run for run in runs if run["on_frontier"]):
         step = "" if run["step"] is None else f", step {run['step']:.3g}"
         text, at = f"{run['mesh_size']:.3g}{step}", (run["cpu"], run["error"])
-        place: Looks = {"xytext": (7, 3), "textcoords": "offset points"}
-        axes.annotate(text, at, fontsize=7, color=_COLOURS[run["order"]], **place)
+        place: Looks = {"xytext": (-5, -2), "textcoords": "offset points", "ha": "right"}
+        axes.annotate(text, at, fontsize=7, va="top", color=_COLOURS[run["order"]], **place)
 
 
 def _draw_law(axes: Axes, law: CostLaw, runs: Runs) -> None:
