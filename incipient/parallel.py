@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
@@ -24,6 +25,12 @@ END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
 OFTEN = 0.01  # seconds between looks at who has come
+# Variables by which a process takes part in the parallel run of its parent.
+_OF_PARALLEL_RUNS = (
+    *("OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_MCA_orte_", "OMPI_MCA_ess", "OMPI_MCA_pmix"),
+    *("OMPI_FILE_", "OMPI_APP_", "OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX"),
+    *("PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
+)
 
 
 class Alone:
@@ -128,6 +135,16 @@ def end_with_parent(parent: int | None = None) -> None:
         _PRCTL(END_WITH_PARENT, signal.SIGKILL)
     if parent is not None and os.getppid() != parent:
         os._exit(1)
+
+
+def leave_parallel_run() -> None:
+    """Forget the MPI run that this process is part of, or that the MPI library has begun: children start alone."""
+    environment = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
+    entries = takewhile(bool, (environment[n] for n in count()))
+    for name in [os.fsdecode(entry).partition("=")[0] for entry in entries]:
+        if name.startswith(_OF_PARALLEL_RUNS):
+            os.environ.pop(name, None)
+            os.unsetenv(name)  # the library's own are unknown to Python
 
 
 def start_alone_quickly() -> None:

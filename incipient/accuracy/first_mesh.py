@@ -1,20 +1,33 @@
-"""The expense of a run, counted by making its first mesh."""
+"""The plan of a scene with its expense, counted by making the first mesh of its run."""
 
 from __future__ import annotations
 
 from ..effects import known
-from ..effects.plan import plan_of
+from ..effects.plan import make_plan, plan_of
+from ..errors import MissingError
 from ..installed import memory_of_libraries
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup, has_inertia
 from ..planning.layout import coarse_sizes
-from ..planning.plan import Estimate
+from ..planning.plan import Estimate, Plan
 from ..scene import Scene
 from . import next_mesh
 from .coarse_runs import changed, comparisons
 from .terms import on_more_bed
 
 LARGEST = 100.0  # of numerics.mesh_size
+
+
+def planned(scene: Scene) -> Plan:
+    """The plan with cells, unknowns and memory, on the first mesh if there are several. Not collective.
+
+    Without gmsh the plan has a warning instead. Raises MeshError.
+    """
+    plan = make_plan(scene)
+    try:
+        return plan.with_estimate(first_mesh(scene))
+    except MissingError as error:
+        return plan.warned(f"cells, unknowns and memory are not known: {error}")
 
 
 def first_mesh(scene: Scene) -> Estimate:

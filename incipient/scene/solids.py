@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from .. import geometry
 from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
-from ..geometry.space.grains import MAX_EXPONENT
+from ..geometry.plane.grains import MAX_EXPONENT
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import counted, split
 from .points import MOST_POINTS, about_file, file_key, with_file_read
