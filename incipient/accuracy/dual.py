@@ -101,10 +101,11 @@ class GoalErrors:
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
         last, both = (
-            float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force)
+            float(np.linalg.norm(vector))
+            for vector in (before.force - self.improved.force, self.force)
         )
         couples = before.couple - self.improved.couple, self.couple
-        turned_last, turned_both = (float(np.linalg.norm(one)) for one in couples)
+        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in couples)
         least = max(LEAST_COUPLE * both * self._reach, 1e-300)
         return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
 

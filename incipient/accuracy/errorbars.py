@@ -148,10 +148,10 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return Term("pocket", speed**2 * force, speed**2 * couple, how)
 
     by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))
-    found = {"discretisation": by_runs or discretisation, "not steady": not_steady}
+    estimates = {"discretisation": by_runs or discretisation, "not steady": not_steady}
     if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
-        found["pocket"] = pocket
-    return found
+        estimates["pocket"] = pocket
+    return estimates
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:

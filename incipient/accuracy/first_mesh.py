@@ -57,9 +57,11 @@ def counted(scene: Scene) -> Estimate:
     wider = on_more_bed(scene) if has_dual else None
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
-    found = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    found = found.with_more(sum(effect.memory(setup, found.unknowns) for effect in known.EFFECTS))
+    expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
+    expected = expected.with_more(
+        sum(effect.memory(setup, expected.unknowns) for effect in known.EFFECTS)
+    )
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = counted(comparisons(scene)[1])
-        found = found.with_more(other.memory_mib - memory_of_libraries())
-    return found
+        expected = expected.with_more(other.memory_mib - memory_of_libraries())
+    return expected

@@ -62,24 +62,24 @@ class Quantity(Protocol):
         """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
 
 
-def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
+def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
     """The relative error of a quantity of a run by a term of its error bars; None where that is not known.
 
     Of elevations it is the largest error within the run, or at the end, over the largest elevation of the run.
     """
     if goal.name == OF_WALLS:
-        if term.shear is None or found.turbulence is None:
+        if term.shear is None or on_mesh.turbulence is None:
             return None
-        which = found.turbulence.leading
-        return _ratio(float(term.shear[which]), float(found.turbulence.shear_velocities[which]))
+        which = on_mesh.turbulence.leading
+        return _ratio(float(term.shear[which]), float(on_mesh.turbulence.shear_velocities[which]))
     if goal.name in OF_SURFACE:
         error = term.elevation if goal.name == "elevation" else term.level
-        if error is None or found.elevations is None:
+        if error is None or on_mesh.elevations is None:
             return None
-        return _ratio(float(error.max(initial=0.0)), found.elevations.largest)
-    if found.force is None or found.couple is None:
+        return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
+    if on_mesh.force is None or on_mesh.couple is None:
         return None
-    return goal.error(found.force, found.couple, term.force, term.couple)
+    return goal.error(on_mesh.force, on_mesh.couple, term.force, term.couple)
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,9 @@ class Goal:
         assert contacts is not None and scene.contact is not None and scene.grain is not None
         friction, step = scene.contact.friction, DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        return slopes(load, steps, places, lambda one: judged(one, contacts, friction).safety.value)
+        return slopes(
+            load, steps, places, lambda each: judged(each, contacts, friction).safety.value
+        )
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
@@ -154,13 +156,13 @@ def slopes(
     load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
 ) -> Floats:
     """Derivatives (k,) of log factor along the components of a flow's load, as `components` has them, by steps (k,)."""
-    found = np.zeros(len(steps))
+    derivatives = np.zeros(len(steps))
     for i, place in places.items():
         ahead = steps[i] * np.eye(6)[place]
         values = [factor(load.shifted(sign * ahead)) for sign in (-1.0, 1.0)]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
-    return found
+            derivatives[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
+    return derivatives
 
 
 def _ratio(error: float, scale: float) -> float:
@@ -195,23 +197,23 @@ def bar_of_safety(
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
         return safety_range(load, contacts, friction, box)
 
-    found, case = within(set(errors)), (contacts, friction, inert)
+    common, case = within(set(errors)), (contacts, friction, inert)
     widths = {name: within(set(errors) - {name}).width for name in errors}
     exact = judged(load, *case)
     # Modes are those of the load and of the worst one within the box: it may have others, unless all loads rest.
     modes: tuple[str, ...] = ("rest",)
-    if not found.rests:
-        labels = exact.label, judged(found.worst, *case).label, *([] if found.moves else ["rest"])
+    if not common.rests:
+        labels = exact.label, judged(common.worst, *case).label, *([] if common.moves else ["rest"])
         modes = tuple(dict.fromkeys(labels))
     value = exact.safety.value
     return SafetyBar(
         value=value,
-        low=min(found.low, value),
-        high=max(found.high, value),
-        certain=found.rests or found.moves,
+        low=min(common.low, value),
+        high=max(common.high, value),
+        certain=common.rests or common.moves,
         modes=modes,
-        complete=found.rests,
+        complete=common.rests,
         decisive=min(widths, key=lambda name: widths[name], default=""),
-        some=found.possible,
-        every=found.guaranteed,
+        some=common.possible,
+        every=common.guaranteed,
     )

@@ -182,14 +182,14 @@ def _remedy(scene: Scene, term: Term, relative: float) -> str:
 
 def _keys(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
     """The keys of gap and domain in which two scenes differ, with both values."""
-    found: dict[str, tuple[str, str]] = {}
+    keys: dict[str, tuple[str, str]] = {}
     for section, names in KEYS.items():
         now, before = (getattr(getattr(each, section), "__dict__", {}) for each in (scene, other))
         for name in names:
             pair = now.get(name), before.get(name)
             if None not in pair and pair[0] != pair[1]:
-                found[f"{section}.{name}"] = (_written(pair[0]), _written(pair[1]))
-    return found
+                keys[f"{section}.{name}"] = (_written(pair[0]), _written(pair[1]))
+    return keys
 
 
 def _written(value: Any) -> str:

@@ -210,7 +210,7 @@ class Search:
         return None if self.reason else attempt
 
     @property
-    def asked(self) -> float:
+    def allowed(self) -> float:
         """The relative error that the discretisation may have; none where a verdict is sought."""
         accuracy = self.numerics.accuracy
         if not isinstance(accuracy, float | int):

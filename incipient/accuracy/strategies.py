@@ -93,14 +93,14 @@ class Strategy(ABC):
         self, attempt: Attempt, run: Run, on_mesh: LoadsOnMesh, estimate: Estimate
     ) -> Attempt | None:
         """The next attempt, or None, with the reason noted, once the accuracy is reached or cannot be."""
-        if estimate.rank <= self.search.asked:
+        if estimate.rank <= self.search.allowed:
             self.search.conclude(estimate.rank, estimate.doubt)
             return None
         return self.search.refined(attempt, estimate, self.target(estimate))
 
     def target(self, estimate: Estimate) -> float:
         """The fraction of an error that is to be left."""
-        return AIM * self.search.asked / estimate.rank or FOR_VERDICT
+        return AIM * self.search.allowed / estimate.rank or FOR_VERDICT
 
     @contextmanager
     def coarse_runs(self) -> Iterator[InTurn]:
@@ -243,7 +243,7 @@ class DualWeighted(Steady):
                 )
             )
             error = search.goal.error(force, couple, whole.force, whole.couple)
-            if error <= search.asked:
+            if error <= search.allowed:
                 return Estimate(error, term, term.doubt)  # there is no next mesh
             parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, couple)]
             shares = gathered(run.domain.mesh, parts)
@@ -259,7 +259,7 @@ class DualWeighted(Steady):
         if not (self._has_one_order and self._corrects):
             return wanted
         compared = min(COMPARED, wanted) if self._compared else COMPARED
-        return max(AIM * self.search.asked / self._plain, compared)
+        return max(AIM * self.search.allowed / self._plain, compared)
 
     def refined(self, attempt: Attempt, estimate: Estimate, left: float) -> Attempt:
         """See `Strategy`."""
@@ -361,7 +361,7 @@ class Uniform(Steady):
     ) -> Attempt | None:
         """See `Strategy`."""
         known = [trial.estimate for trial in self.search.trials if trial.estimate is not None]
-        many = self.search.asked < estimate.rank < np.inf and len(known) > LOOKED_AT
+        many = self.search.allowed < estimate.rank < np.inf and len(known) > LOOKED_AT
         if many and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
             why = f"on the last {LOOKED_AT} meshes the error has hardly fallen any more"
             self.search.reason = f"not reached: {why}"

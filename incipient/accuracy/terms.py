@@ -113,10 +113,10 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     here = goals.loads(plain)
     apart = np.concatenate([here.force - beside.force, here.couple - beside.couple])
     change = -plain * np.concatenate([goals.force, goals.couple])
-    found = term.corrected(change, goals.allowance * np.abs(apart))
-    if goals.allowance > 1.0 and np.linalg.norm(found.force) > np.linalg.norm(term.force):
+    corrected = term.corrected(change, goals.allowance * np.abs(apart))
+    if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
         return term
-    return replace(found, how=f"{term.how}, on larger cells as well")
+    return replace(corrected, how=f"{term.how}, on larger cells as well")
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
@@ -133,9 +133,9 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
         return _by_two_meshes(scene, computed, solve, AT_CORNERS, AT_CORNERS)
     over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
     fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
-    found = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
+    term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
     scatters = scene.resolves_walls and scene.gdim == 3
-    return found.with_components_alike() if scatters else found
+    return term.with_components_alike() if scatters else term
 
 
 def _by_two_meshes(
@@ -184,9 +184,9 @@ def by_coarser_runs(
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
         of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
         of_mesh = of_mesh.with_elevations_times(SAFETY)
-    found = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
-    found = found.with_elevations_times(_of_large(found, computed))
-    return replace(found, doubt=doubt_of_stream(scene))
+    both = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    both = both.with_elevations_times(_of_large(both, computed))
+    return replace(both, doubt=doubt_of_stream(scene))
 
 
 def shares(scene: Scene) -> tuple[float, float]:
@@ -358,7 +358,7 @@ def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Flo
     Raises:
         ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
     """
-    near, far = (float(np.linalg.norm((two - one)[:3])) for one, two in pairwise(values))
+    near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
     if far > max(near, noise):
         raise ConvergenceError(NO_LIMIT.format(near, far))
     seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
@@ -408,19 +408,19 @@ def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None
 
 def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
     """How the errors are estimated, by name, that no finer mesh reduces; the flow may be faster. Not collective."""
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     other, wider = with_other_datum(scene, speed), on_more_bed(scene)
     if not no_gap(scene):
-        found["gap"] = partial(of_gap, scene)
+        estimates["gap"] = partial(of_gap, scene)
     if not has_no_far_sides(scene):
         # Far sides otherwise tell of how slowly a stream adapts that does not suit its bed.
         suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
-        found["domain"] = partial(of_domain, scene if suits else other or scene)
+        estimates["domain"] = partial(of_domain, scene if suits else other or scene)
     if other is not None:
-        found["datum"] = partial(of_datum, scene, other)
+        estimates["datum"] = partial(of_datum, scene, other)
     if wider is not None:
-        found[GROUND] = partial(of_level_ground, wider)
-    return found
+        estimates[GROUND] = partial(of_level_ground, wider)
+    return estimates
 
 
 def not_there(scene: Scene) -> dict[str, str]:
@@ -474,10 +474,10 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     base_flow = Setup(scene).base_flow_at(speed)
     if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
         return None
-    found, datum = base_flow.effective_height, base_flow.datum
+    level, datum = base_flow.effective_height, base_flow.datum
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
-    off = bottom + found.height - datum
-    other = min(datum + off + math.copysign(found.uncertainty, off), crest)
+    off = bottom + level.height - datum
+    other = min(datum + off + math.copysign(level.uncertainty, off), crest)
     if abs(other - datum) < ROUND_OFF * (crest - bottom):
         return None
     return changed(scene, flow={"datum": other - bottom})

@@ -251,15 +251,15 @@ def test_over_half_discs_the_search_ends() -> None:
 
 def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
     search = seeking(narrow(accuracy=0.01, accuracy_includes="all"))
-    assert search.asked == 0.01
+    assert search.allowed == 0.01
     search.suited = Suited(search.scene, (), 0.004)
-    assert search.asked == pytest.approx(0.006)
+    assert search.allowed == pytest.approx(0.006)
     search.conclude(0.005)
     assert (search.reason, search.met) == ("reached", True)
     search.suited = Suited(
         search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be made smaller"
     )
-    assert search.asked == pytest.approx(0.005)
+    assert search.allowed == pytest.approx(0.005)
     search.conclude(0.005)
     assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be made smaller"
     assert not search.met
