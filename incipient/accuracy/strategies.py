@@ -268,9 +268,9 @@ class DualWeighted(Steady):
         together = self.search.comm.bcast(float(np.sum(shares.errors)), root=0)
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = min(self._plain / max(together, 1e-300) * CANCELLING, 1.0)
-        wanted = resized(shares, order, cancelling / excess, self.search.comm)
-        more = UNKNOWNS[gdim][order] / UNKNOWNS[gdim][before] * wanted.more_cells
-        sizing = partial(coarse_sizes, COARSEST, wanted.field)
+        field, more = resized(shares, order, cancelling / excess, self.search.comm)
+        more *= UNKNOWNS[gdim][order] / UNKNOWNS[gdim][before]
+        sizing = partial(coarse_sizes, COARSEST, field)
         unknowns = more * self.search.trials[-1].unknowns
         work = max(1.0, more) ** TIME_GROWTH
         return Attempt(self.set_up(attempt.scene, order), sizing, unknowns, work)
