@@ -34,7 +34,7 @@ class Case:
         law: ContactLaw,
         velocities: Floats | None = None,
     ):
-        self.body = RigidBody(Inertia.of(grain, 1.0))  # type: ignore[arg-type]
+        self.body = RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim))  # type: ignore[arg-type]
         near = NearBed(grain, bed)  # type: ignore[arg-type]
         self.moves = ContactMotion(self.body, near.gaps, law, grain.size)  # type: ignore[attr-defined]
         self.state = BodyState.at(placement, velocities)

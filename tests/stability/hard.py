@@ -105,7 +105,7 @@ def box_with_disc(
     holes = {"body": tuple(curve.moved(placement) for curve in DISC.outline())}
     bottom = (Line((sides[0], 0.0), (sides[1], 0.0)),)
     region = Region(bottom, top, holes, sides=("bottom", "right", "top", "left"))
-    return build(MPI.COMM_WORLD, partial(meshed, region, Sizes(far, near), 2), 2)
+    return build(MPI.COMM_WORLD, partial(meshed, region, Sizes(far, near), 2))
 
 
 def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
@@ -230,7 +230,7 @@ def exact_wall_force(motion: str, gap: float) -> float:
 def poiseuille_error(length: float, height: float, columns: int, rows: int) -> float:
     """The largest error of a parabolic flow through a channel, relative: it is in the elements' space."""
     grid = rectangle((0.0, 0.0), length, height, columns, rows)
-    domain = build(MPI.COMM_WORLD, partial(meshed, grid), 2)
+    domain = build(MPI.COMM_WORLD, partial(meshed, grid))
 
     def parabola(x: Floats, t: float) -> Floats:
         s = x[1] / height

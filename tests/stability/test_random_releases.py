@@ -70,7 +70,12 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     step = 10.0 ** random.uniform(-3.0, -1.0) * math.sqrt(grain.size)
     rolling = random.choice([0.0, 0.0, random.uniform(0.0, 0.5)])
     law = ContactLaw(friction, kinetic, restitution, rolling)
-    moves = ContactMotion(RigidBody(Inertia.of(grain, 1.0)), near.gaps, law, grain.size)
+    moves = ContactMotion(
+        RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim)),
+        near.gaps,
+        law,
+        grain.size,
+    )
     return moves, state, gravity, step
 
 

@@ -140,7 +140,7 @@ def test_one_contact_sticks_slides_or_opens() -> None:
 def test_bodies_without_mass_and_with_any_take_the_same_steps(density: float) -> None:
     """With added mass a body without mass rests on its bed as any other: no step is shortened."""
     grain = Disc(1.0)
-    body = RigidBody(Inertia.of(grain, density))
+    body = RigidBody(Inertia.about(density * grain.volume, density * grain.inertia, grain.gdim))
     moves = ContactMotion(body, NearBed(grain, Flat()).gaps, ContactLaw(0.5), grain.size)
     state, load = BodyState.at(Placement((0.0, 0.5))), np.array([0.2, -1.0, 0.0])
     added = np.diag([1.0, 1.0, 0.1])

@@ -19,9 +19,8 @@ from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
 from ...mesh.elevation import RisingDisplacement
-from ...mesh.locator import Locator
 from ...mesh.motion import MeshMotion
-from ...mesh.sampling import sample
+from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
