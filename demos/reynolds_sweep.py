@@ -6,7 +6,7 @@ Cost:    60 thresholds with error bars, three to five minutes on two cores; in s
          and without error bars, half a minute of processor time a case (finer by --set, see SMALL)
 Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
          mpirun -n 2 python demos/reynolds_sweep.py or more ranks: one gives out the cases, others compute them
-Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md
+Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/howto/sweeps.md
 """
 
 import argparse

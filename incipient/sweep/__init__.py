@@ -6,7 +6,7 @@
     rows = incipient.sweep.rows("results/curve.sqlite")       # a dictionary a case
     frame = incipient.sweep.frame("results/curve.sqlite")     # the same for pandas
 
-docs/sweeps.md says what the file holds and what happens to a sweep that is killed.
+docs/howto/sweeps.md says what the file holds and what happens to a sweep that is killed.
 """
 
 from __future__ import annotations

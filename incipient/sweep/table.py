@@ -25,7 +25,7 @@ LAST = ("reason", "wall", "cpu", "peak_mib", "tries", "finished", "versions", "i
 
 
 def rows(path: Path | str, most: int | None = None) -> list[dict[str, Any]]:
-    """One dictionary a case, in the order in which cases came; columns as in docs/sweeps.md. Not collective.
+    """One dictionary a case, in the order in which cases came; columns as in docs/howto/sweeps.md. Not collective.
 
     A number that a case does not have is missing, an infinite one is infinite. A case that was changed after it was
     written has the status "damaged" and no numbers. With more than `LARGE` cases this is not looked at, unless no more
