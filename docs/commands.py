@@ -146,6 +146,8 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
             (f for f in (f"{base}.toml", f"demos/scenes/{base}.toml") if (directory / f).exists()),
             "mine.toml",
         )
+        if scene == "mine.toml" and not (directory / scene).exists():
+            yield ["incipient", "new", "mine"]
         if made.endswith(".sqlite"):
             yield [
                 "incipient",
