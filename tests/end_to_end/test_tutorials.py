@@ -52,7 +52,7 @@ def test_a_lighter_grain() -> None:
     result = incipient.run(scene_of("verdict", "gravity.acceleration=1"))
     (factor,) = numbers(r"begins to move \(pivoting\), safety factor ([\d.]+)", "verdict")
     assert result.verdict["safety_factor"] == approx(factor, rel=SHOWN)
-    assert result.verdict["mode"] == "PIVOTING"
+    assert result.verdict["mode"] == "pivoting"
 
 
 @pytest.mark.slow
@@ -60,7 +60,7 @@ def test_the_threshold() -> None:
     critical = incipient.threshold(scene_of("verdict"))
     factor, error = numbers(r"threshold +([\d.]+) \+- ([\d.]+)", "threshold")
     assert critical.factor == approx(factor, abs=0.005)
-    assert critical.errors["factor"] == approx(error, abs=0.005)
+    assert error - 0.01 < critical.errors["factor"] <= error  # printed rounded up
     assert critical.shields == approx(*numbers(r"Shields number +([\d.]+)", "threshold"), rel=SHOWN)
 
 
@@ -86,7 +86,7 @@ def test_the_grain_in_the_flume() -> None:
     result = incipient.run(scene_of("flume"))
     (factor,) = numbers(r"a safety factor of ([\d.]+)\. ", "flume")
     assert result.verdict["safety_factor"] == approx(factor, abs=0.02)
-    assert result.verdict["mode"] == "PIVOTING"
+    assert result.verdict["mode"] == "pivoting"
 
 
 @pytest.mark.slow
