@@ -134,7 +134,12 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
     """Commands that make the files which a command takes for granted."""
     words = command.program[1:]
     if "mine.toml" in words and not (directory / "mine.toml").exists():
-        yield ["incipient", "new", "mine", *(["--space"] if "three_dimensions" in command.page else [])]
+        yield [
+            "incipient",
+            "new",
+            "mine",
+            *(["--space"] if "three_dimensions" in command.page else []),
+        ]
     for made in (
         word
         for word in words[1:2]
