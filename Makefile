@@ -89,10 +89,9 @@ shields: setup ## a natural bed and beads in a fluctuating stream beside flumes 
 	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
-turbulence: setup ## turbulent channels, a step, a plate and a stone beside OpenFOAM, a hump, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
+turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, a hump, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
-	$(PYTHON) benchmarks/turbulent_plate.py
 	$(PYTHON) benchmarks/turbulent_stone.py
 	$(PYTHON) benchmarks/turbulent_models.py
 	$(PYTHON) benchmarks/turbulent_hump.py

@@ -25,7 +25,6 @@ SHOWN: dict[str, tuple[str, str]] = {
     "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
     "sphere_leaving_pocket": ("", "trajectory.png"),
-    "sand_leaving_pocket": ("", "trajectory.png"),
     "pocket_in_gusts": ("", "entrainment.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),

@@ -6,6 +6,7 @@ import argparse
 import atexit
 import gc
 import logging
+import os
 import signal
 import sys
 import time
@@ -19,7 +20,7 @@ from .commands import options
 from .errors import IncipientError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import required
-from .interrupt import nobody_reads, open_streams, output_is_lost, say
+from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
@@ -37,7 +38,11 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
     open_streams()
-    start_alone_quickly()
+    try:
+        start_alone_quickly()
+    except OutputError as error:
+        say(f"incipient: {error}")
+        return error.exit_code
     # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
     atexit.register(gc.freeze)
     try:
@@ -188,7 +193,9 @@ def _guarded(arguments: Sequence[str] | None) -> int:
     try:
         given = _parser().parse_args(arguments)
         _listen(given.log_level)
-        signal.signal(signal.SIGTERM, _as_interrupt)
+        for number in SIGNALS:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, _as_interrupt)
         with _system_errors_reported(), required():
             code = int(given.command(given, comm))
         meeting.failed(False)
@@ -202,11 +209,13 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         if comm.rank == failed.index(True):
             say(f"incipient: {error}")
         return error.exit_code
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            say("incipient: interrupted; what was computed so far is kept")
-        return _leave(comm, INTERRUPTED)
-    except Exception as error:
+    except BaseException as error:
+        if comes_of_interrupt(error):
+            if comm.rank == 0:
+                say("incipient: interrupted; what was computed so far is kept")
+            return _leave(comm, INTERRUPTED)
+        if not isinstance(error, Exception):
+            raise
         if isinstance(error, BrokenPipeError) and nobody_reads():
             return _leave(comm, UNREAD)
         if output_is_lost(error):
@@ -229,11 +238,20 @@ def _system_errors_reported() -> Iterator[None]:
 
     Raises:
         OutputError: naming the file, or what else is short.
+        SceneError: the user's options of PETSc have failed.
     """
     try:
         yield
     except BrokenPipeError:
         raise
+    except RuntimeError as error:
+        options = os.environ.get("PETSC_OPTIONS")
+        if not options or type(error).__module__ != "petsc4py.PETSc":
+            raise
+        why = shortened(str(error).splitlines()[-1])
+        raise SceneError(
+            f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
+        ) from error
     except MemoryError as error:
         why = shortened(error) or "no more can be had"
         raise OutputError(f"the memory is too small ({why}); {_MORE}") from error

@@ -58,7 +58,6 @@ OF_TURBULENCE = (
     "effects.turbulence.pseudo_time",
     "mesh.wall_distance",
     "planning.developed_channel",
-    "planning.developed_duct",
     "planning.resolved_walls",
     "planning.wall_layer",
     "planning.wall_cells",

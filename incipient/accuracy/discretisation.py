@@ -109,11 +109,7 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     found = _by_two_meshes(
         on_coarser_mesh(scene), computed, solve, _slowest(scene.resolves_walls), fastest
     )
-    return _alike(found, scene.resolves_walls and scene.gdim == 3)
-
-
-def _alike(found: Term, scatters: bool) -> Term:
-    """The term of the mesh; where loads scatter from mesh to mesh each component errs by as much as all do."""
+    scatters = scene.resolves_walls and scene.gdim == 3
     return found.with_components_alike() if scatters else found
 
 
@@ -185,8 +181,7 @@ def by_coarser_runs(
         if on_another_mesh(scene):
             how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
-        found = enlarged(found, error_over_change(scene))
-        of_mesh = _alike(found, scene.resolves_walls and scene.gdim == 3)
+        of_mesh = enlarged(found, error_over_change(scene))
     together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
     return replace(
         enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene)

@@ -134,7 +134,7 @@ def digest(scene: Scene) -> str:
     }
     if scene.time is not None:
         content["time"] = {key: content["time"][key] for key in ("end", "scheme", "start")}
-    content["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}
+    content["numerics"] = {"convection": scene.numerics.convection}
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -75,11 +75,6 @@ WORDS = {
     "unstabilised": Solver(
         "without stabilisation", CONVECTION, {"stabilisation": "off"}, laminar=True
     ),
-    "printed": Solver("convection as in the paper", TIME, {"form": "printed"}, laminar=True),
-    "energy-stable": Solver(
-        "convection that creates no energy", TIME, {"form": "energy-stable"}, laminar=True
-    ),
-    "naive": Solver("grain and fluid by turns", (EffectName.FREE_BODY,), {"coupling": "naive"}),
 }
 USUAL_STEADY = ("chords", "loose", "umfpack", "stabilised", "unstabilised")
 USUAL_IN_TIME = ("implicit", "extrapolated", "bdf1", "bdf2", "loose")

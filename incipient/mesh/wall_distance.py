@@ -52,11 +52,17 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
+    pieces = np.array(PIECES)
+    if domain.gdim == 2:
+        pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
+    return places_on_facets(domain, walls)[:, pieces].reshape(-1, domain.gdim, domain.gdim)
+
+
+def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
+    """Ends of the pieces (facets, n, gdim) of the facets of walls, in 2-D in order, on all ranks. Collective."""
     mesh, gdim = domain.mesh, domain.gdim
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
-    on_facet, pieces = IN_TRIANGLE, np.array(PIECES)
-    if gdim == 2:
-        on_facet, pieces = np.column_stack([1 - t, t]), np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
+    on_facet = IN_TRIANGLE if gdim == 3 else np.column_stack([1 - t, t])
     places = [np.insert(on_facet, corner, 0.0, axis=1)[:, 1:] for corner in range(gdim + 1)]
     shapes = np.array([shape_functions(mesh).tabulate(0, x)[0, :, :, 0] for x in places])
     every, first = np.unique(cell_facets(mesh, local_cells(mesh))[0], return_index=True)
@@ -64,8 +70,7 @@ def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     # A facet is numbered as the corner that it lacks.
     cells, lacking = np.divmod(first[np.searchsorted(every, wanted)], gdim + 1)
     nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[cells], :gdim]
-    points = np.concatenate(domain.comm.allgather(shapes[lacking] @ nodes))
-    return points[:, pieces].reshape(-1, gdim, gdim)
+    return np.concatenate(domain.comm.allgather(shapes[lacking] @ nodes))
 
 
 def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:

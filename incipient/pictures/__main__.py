@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 from ..errors import IncipientError
-from .directory_pictures import draw
-from .film import animate
+from ..installed import require_limits
 
 parser = argparse.ArgumentParser()
 parser.add_argument("directory", type=Path)
@@ -18,9 +17,14 @@ parser.add_argument("--out", type=Path)
 parser.add_argument("--field", default="velocity")
 options = parser.parse_args()
 try:
+    require_limits()  # before libraries are imported
     if options.animate:
+        from .film import animate
+
         print(animate(options.directory, options.out, options.field))
     else:
+        from .directory_pictures import draw
+
         draw(options.directory, lambda path: print(path, flush=True))
 except IncipientError as error:
     print(error, file=sys.stderr)

@@ -57,6 +57,7 @@ def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") ->
     command = [sys.executable, "-P", "-m", module, *arguments]
     # Names of files need not be UTF-8.
     surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
+    surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others
     child = subprocess.run(
         command,
         capture_output=True,

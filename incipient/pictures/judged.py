@@ -116,7 +116,7 @@ class Judged:
             return "no contact forces balance the load"
         if self.share != 1.0:
             return f"contact force that balances {self.share:.4g} times the flow's load"
-        when = " as it begins to move" if self.motion else ", the smallest that balance the load"
+        when = " as it begins to move" if self.motion else ", a set that balances the load"
         return f"contact force on the grain{when}"
 
 
@@ -160,7 +160,7 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         safety_factor=math.inf if stored is None else float(stored),
         outcome=f"{paper['row']}: {quoted(paper['wording'])}",
         significant=tuple(paper["significant"]),
-        left=(np.array(paper["force"]), np.array(paper["couple"])),
+        left=(np.array(paper["force"]), np.array(paper["torque"])),
         sentences=(sentence(first), sentence(_PAPER[2:] + second) if second else ""),
     )
 
@@ -190,7 +190,7 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
         rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
     except ConvergenceError:
         return None
-    return None if rest.moves else rest.contact_forces
+    return None if rest.moves else rest.first.contact_forces
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -81,8 +81,7 @@ class Setup:
     @cached_property
     def sides(self) -> SideNames:
         """Names of the sides of the domain."""
-        edged = self.scene.leading_edge is not None
-        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric, edged)
+        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
 
     @cached_property
     def base_flow(self) -> BaseFlow:
@@ -138,17 +137,9 @@ class Setup:
     @cached_property
     def resolved_walls(self) -> ResolvedWalls:
         """Walls that the mesh resolves, and what enters between them."""
-        from . import free_stream, measured_inflow, resolved_walls
+        from .measured_inflow import resolved_walls_as_asked
 
-        asked, parts = self.turbulence, (self.geometry, self.base_flow, self.sides)
-        if self.scene.flow.kind != "uniform" or not asked.intensity or not asked.length:
-            found = measured_inflow.resolved_walls_as_asked(*parts, asked)
-        else:
-            stream = free_stream.FreeStream.of(
-                self.base_flow.reference, asked.intensity, asked.length
-            )
-            found = resolved_walls.resolved_walls_of(*parts, 0.0, stream, self.scene.leading_edge)
-        return replace(found, first_cell=asked.first_cell)
+        return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)
 
     @cached_property
     def walls(self) -> LayeredWalls:

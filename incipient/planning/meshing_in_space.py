@@ -61,16 +61,10 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 
 def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
-    """Where the bed is meshed as it is; None: everywhere, also where a grain that moves may come to.
-
-    Where walls are resolved it is about the start of such a grain on every mesh: what enters has developed over level
-    ground, and next to forms that the inflow cuts k runs away.
-    """
-    geometry = setup.geometry
-    if geometry.moves and not setup.resolves_walls:
+    """Where the bed is meshed as it is; None: everywhere, as where a grain moves."""
+    if setup.geometry.moves:
         return None
-    about = geometry.placement if geometry.moves else placement
-    return resolved_bed(geometry, about, setup.base_flow.datum)
+    return resolved_bed(setup.geometry, placement, setup.base_flow.datum)
 
 
 def cut_at_inflow(setup: Setup) -> bool:
@@ -88,15 +82,6 @@ def cut_at_inflow(setup: Setup) -> bool:
     return meshed is None or bool(meshed.share(nearest)[0] < 1.0)
 
 
-def way_on_bed(setup: Setup) -> float:
-    """How far a grain that moves may go until level ground takes the bed's place; infinite: as far as it likes."""
-    grain, placement = setup.geometry.grain, setup.geometry.placement
-    meshed = (
-        _meshed(setup, placement) if setup.geometry.moves and setup.geometry.gdim == 3 else None
-    )
-    return math.inf if meshed is None or grain is None else meshed.radius - 0.5 * float(grain.size)
-
-
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     """Cell sizes for mesh_size = 1."""
     layer = thinner(setup)
@@ -109,7 +94,7 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
         near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
     layers = None
     if setup.resolves_walls:
-        placement = stance.placement if setup.geometry.moves else setup.geometry.placement
+        placement = setup.geometry.placement
         near += [*_in_wake(setup, placement), *_at_plane_walls(setup, placement)]
         layers = setup.resolved_walls.layers(order, min(one.size for one in near if one.boundary))
     far = setup.far_cells.largest_in_space(order)
@@ -125,9 +110,8 @@ def _at_plane_walls(setup: Setup, placement: Placement | None) -> Iterator[Near]
         away = Away(point(placement.centre), BED_GROWTH, largest)
     if bed is None or not np.isfinite(bed.feature):
         yield Near(size, GROWTH, boundary=walls.names[0], away=away)
-    for name in walls.names:
-        if name in (setup.sides.top, *setup.sides.across):
-            yield Near(largest, GROWTH, boundary=name)
+    if setup.sides.top in walls.names:
+        yield Near(largest, GROWTH, boundary=setup.sides.top)
 
 
 def _in_wake(setup: Setup, placement: Placement | None) -> list[Near]:
@@ -168,10 +152,7 @@ def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
     largest, away = BED_LARGEST * bed.feature, None
     if stance.placement is not None:
         meshed = _meshed(setup, stance.placement)
-        level = math.inf
-        if meshed is not None:
-            way = np.linalg.norm(np.subtract(stance.placement.centre[:2], meshed.centre))
-            level = meshed.radius + meshed.passage + float(way)
+        level = math.inf if meshed is None else meshed.radius + meshed.passage
         away = Away(point(stance.placement.centre), BED_GROWTH, largest, level)
     size = min(BED_CELL[order] * bed.feature, largest)
     return [Near(size, GROWTH, boundary="bed", away=away, most=largest)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -14,12 +14,9 @@ from ..arrays import Floats, Point
 from ..forms.k_omega_sst import EXPONENT, at_smooth_wall
 from ..meshes import LAYERS_SHARE, Away, Grid, Near, WallLayers, graded_ends
 from ..scene import Domain
-from . import free_stream
 from .base_flow import BaseFlow
 from .cells import FEWEST_ROWS, RowSizes, growing_rows, layer_ends
 from .developed_channel import DevelopedChannel, length_at_sand, of_discharge
-from .developed_duct import DevelopedDuct, developed_duct
-from .free_stream import FreeStream, thickness
 from .scene_geometry import Geometry
 from .sides import SideNames
 from .wall_layer import height_at_inflow
@@ -41,8 +38,6 @@ NEAR_GRAIN, AWAY_GROWTH = (
 GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
-# Likewise of a duct's, whose section takes nearly all cells and whose flow hardly changes along it.
-COLUMN_OF_DUCT, FEWEST_OF_DUCT = 2.0, 4
 ACROSS = 2  # layers of such a mesh in space, at the least
 LAYER_GROWTH = (
     2.0  # of layers along walls in space, by which as many are made as lead to the cells beyond
@@ -65,8 +60,7 @@ class Entering(Protocol):
 class ResolvedWalls:
     """The walls of a flow that its mesh resolves.
 
-    depth:          over which a wall is felt: that of an open channel, half of that between two walls; along a plate
-                    the thickness of its boundary layer at the end, by which `developed` is a start
+    depth:          over which a wall is felt: that of an open channel, half of that between two walls
     number:         of walls above each other at the inflow, one or two
     floor:          height of the lower one there
     shear_velocity: u* of what enters, of two walls the larger one
@@ -76,16 +70,10 @@ class ResolvedWalls:
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
-    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth;
-                    sides are smooth upstream, too
+    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
     measured:       what enters in place of developed flow; None: that does
-    stream:         that which passes a plate; None: there is none
-    edge:           abscissa at which a plate begins; None: there is no plate
     smooth:         whether the bed has forms without corners, and there is no grain
     rise:           length over which such a bed would rise by its relief at its steepest slope
-    sides:          y of side walls with friction, none: there are none
-    duct:           what enters between these, in place of `developed`
-    first_cell:     thickness of the cells at smooth walls for mesh_size = 1 [nu/u*]; None: as usual
     """
 
     depth: float
@@ -101,31 +89,19 @@ class ResolvedWalls:
     roughness: float = 0.0
     upstream: float = 0.0
     measured: Entering | None = None
-    stream: FreeStream | None = None
-    edge: float | None = None
     smooth: bool = False
     rise: float = math.inf
-    sides: tuple[float, ...] = ()
-    duct: DevelopedDuct | None = None
-    first_cell: float | None = None
     bed_shear_velocity: float | None = None
 
     @property
     def is_laminar(self) -> bool:
         """Whether what enters is laminar by the model."""
-        return self.developed.is_laminar if self.duct is None else self.duct.is_laminar
-
-    @property
-    def reach(self) -> float:
-        """Over which the next wall is felt: the depth, between sides that are nearer half of their distance."""
-        return min(self.depth, 0.5 * (self.sides[1] - self.sides[0])) if self.sides else self.depth
+        return self.developed.is_laminar
 
     @property
     def bed_stress(self) -> float:
-        """Shear stress of what enters on the lower wall, fluid density one; between sides that in the middle."""
-        if self.duct is None:
-            return (self.bed_shear_velocity or self.shear_velocity) ** 2
-        return float(self.duct.stresses[1][-1] * self.mean**2)
+        """Shear stress of what enters on the lower wall, fluid density one."""
+        return (self.bed_shear_velocity or self.shear_velocity) ** 2
 
     @property
     def layer_over_forms(self) -> bool:
@@ -146,7 +122,7 @@ class ResolvedWalls:
     def first(self) -> float:
         """Thickness [length] of the cells at plane walls for mesh_size = 1."""
         if not self.roughness:
-            return (self.first_cell or FIRST_ROW) * self.unit
+            return FIRST_ROW * self.unit
         return ON_SAND * length_at_sand(self.sand) * self.roughness
 
     def thickest(self, name: str) -> float:
@@ -166,7 +142,7 @@ class ResolvedWalls:
             kind += " and a smooth grain"
         told = (
             f"{kind} resolved, first cells {first:.3g} nu/u* thick with mesh_size = 1, "
-            f"u* about {self.shear_velocity:.3g}{'' if self.edge is None else ' at the end of the plate'}"
+            f"u* about {self.shear_velocity:.3g}"
         )
         if not self.upstream:
             return told
@@ -183,7 +159,7 @@ class ResolvedWalls:
     @property
     def largest_row(self) -> float:
         """Size of the largest cells that are fine enough next to the layers at a wall [length]."""
-        return LARGEST_ROW * self.reach
+        return LARGEST_ROW * self.depth
 
     def from_next(self, x: Floats) -> Floats:
         """Distances (n,) of places (3, n) of the inflow from the next wall, at least zero."""
@@ -201,18 +177,9 @@ class ResolvedWalls:
 
     def velocity(self, x: Floats, t: float) -> Floats:
         """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-        if self.stream is not None:
-            return self._along(np.full(x.shape[1], self.stream.speed))
-        if self.duct is not None:
-            return self._along(self.mean * self.duct.speed(*self._in_duct(x)))
         if self.measured is None:
             return self.velocity_at(self.from_next(x))
         return self._along(self.measured.speed(np.maximum(x[self.up] - self.floor, 0.0)))
-
-    def _in_duct(self, x: Floats) -> tuple[Floats, Floats]:
-        """Distances (n,) of places (3, n) from the next side, and from floor or top, over the depth."""
-        from_side = np.minimum(x[1] - self.sides[0], self.sides[1] - x[1])
-        return np.maximum(from_side, 0.0) / self.depth, self.from_next(x) / self.depth
 
     def _along(self, speed: Floats) -> Floats:
         return np.vstack([speed, *np.zeros((self.up, len(speed)))])
@@ -225,19 +192,9 @@ class ResolvedWalls:
 
     def logarithms(self, x: Floats) -> Floats:
         """ln k and ln omega (2, n) at places (3, n) of the inflow. Not collective."""
-        if self.stream is not None:
-            return np.repeat(np.array([self.stream.logarithms]).T, x.shape[1], axis=1)
-        if self.duct is not None:
-            return self._of_duct(*self._in_duct(x))
         if self.measured is None:
             return self.logarithms_at(self.from_next(x))
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
-
-    def _of_duct(self, from_side: Floats, from_floor: Floats) -> Floats:
-        """ln k and ln omega (2, n) that enter at distances (n,) from side and floor, over the depth."""
-        assert self.duct is not None
-        units = np.log([[self.mean**2], [self.mean / self.depth]])
-        return self.duct.logarithms(from_side, from_floor) + units
 
     def logarithms_at(self, away: Floats) -> Floats:
         """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
@@ -254,39 +211,12 @@ class ResolvedWalls:
             log_omega[below] = at_smooth_wall(self.viscosity, self.depth * heights[below], np)
         return np.array([log_k, log_omega])
 
-    def start(self, places: Floats, away: Floats) -> tuple[Floats, Floats]:
-        """Velocity (gdim, n) and both logarithms (2, n) at places (n, gdim), distances (n,) from walls: a first guess.
-
-        It is the developed flow; over a plate that within its boundary layer, and the stream outside. Between sides it
-        is that of a place of the duct whose next wall is as far away, in the same proportion from side and floor. Not
-        collective.
-        """
-        if self.duct is not None:
-            section = np.array(self._in_duct(places.T))
-            section *= np.minimum(away / self.depth / np.maximum(section.min(axis=0), 1e-300), 1.0)
-            return self._along(self.mean * self.duct.speed(*section)), self._of_duct(*section)
-        velocity, logarithms = self.velocity_at(away), self.logarithms_at(away)
-        if self.stream is None:
-            return velocity, logarithms
-        layer = np.full(len(away), self.depth)
-        if self.edge is not None:
-            along = np.maximum(places[:, 0] - self.edge, 0.0)
-            layer, behind = np.zeros_like(along), along > 0.0
-            layer[behind] = along[behind] * thickness(self.mean * along[behind] / self.viscosity)
-        outside = np.minimum(away / np.maximum(layer, 1e-300), 1.0)
-        velocity[0] *= self.stream.speed / np.maximum(self.velocity_at(layer)[0], 1e-300)
-        velocity[0, outside >= 1.0] = self.stream.speed
-        free = np.array([self.stream.logarithms]).T
-        return velocity, np.where(
-            outside < 1.0, (1.0 - outside) * logarithms + outside * free, free
-        )
-
     def coarsest(self, domain: Domain, order: int) -> float:
         """The largest numerics.mesh_size by which rows become fewer, and columns where the flow develops along them.
 
         No bound but between planes.
         """
-        if not self.plane or self.edge is not None:
+        if not self.plane:
             return math.inf
         _, rows = self._row_sizes.counted(domain.height / self.number)
         columns = (
@@ -307,10 +237,6 @@ class ResolvedWalls:
         """The mesh between plane walls: rows that grow with the distance from them. Not collective."""
         domain = geometry.domain
         coarse, sizes = mesh_size * COARSENING.get(order, ORDER_THREE), self._row_sizes
-        if self.edge is not None:
-            return self._plate(self.edge, geometry, names, coarse)
-        if self.sides:
-            return self._duct(sizes, geometry, names, coarse)
         rows = tuple(map(float, growing_rows(sizes, domain.height, self.number, coarse)))
         columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * self.depth * coarse)))
         along, upright = (domain.left, domain.right), (domain.bottom, domain.ceiling)
@@ -322,42 +248,6 @@ class ResolvedWalls:
         ends = graded_ends(columns, 1.0), layer_ends(across, 1.0, half), rows
         shape = along, (low, high), upright
         return Grid(shape, ends, names.of_box(half), half, parallel=True)
-
-    def _duct(self, sizes: RowSizes, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
-        """The mesh of a duct: rows and layers grow with the distances from floor, top and sides."""
-        domain, (low, high), half = geometry.domain, geometry.half, geometry.symmetric
-        columns = max(FEWEST_OF_DUCT, round(domain.length / (COLUMN_OF_DUCT * self.depth * coarse)))
-        rows = growing_rows(sizes, domain.height, self.number, coarse)
-        layers = growing_rows(sizes, high - low, 1 if half else 2, coarse)
-        ends = (
-            layer_ends(columns, 1.0, False),
-            (*map(float, 1.0 - layers[-2::-1] if half else layers[:-1]), 1.0),
-            tuple(map(float, rows)),
-        )
-        extents = ((domain.left, domain.right), (low, high), (domain.bottom, domain.ceiling))
-        return Grid(extents, ends, names.of_box(half), half)
-
-    def _plate(self, edge: float, geometry: Geometry, names: SideNames, coarse: float) -> Grid:
-        """The mesh over a plate: rows that grow with the distance from it, columns with that from its leading edge."""
-        domain, of = geometry.domain, free_stream
-        along, ahead = domain.right - edge, edge - domain.left
-        finest = min(of.FIRST_COLUMN * self.first, of.LARGEST_COLUMN * along)
-        columns = RowSizes(finest, of.COLUMN_GROWTH, of.LARGEST_COLUMN * along)
-        ends, number = ahead + along * growing_rows(columns, along, 1, coarse), 0
-        if ahead:
-            before = growing_rows(replace(columns, growth=of.GROWTH_AHEAD), ahead, 1, coarse)
-            ends, number = (
-                np.concatenate([ahead * (1.0 - before[-2::-1]), [ahead], ends]),
-                len(before),
-            )
-        sizes = RowSizes(self.first, of.ROW_GROWTH, of.LARGEST_ROW * domain.height)
-        rows = growing_rows(sizes, domain.height, 1, coarse)
-        return Grid(
-            ((domain.left, domain.right), (domain.bottom, domain.ceiling)),
-            (tuple(map(float, ends / domain.length)), tuple(map(float, rows))),
-            names.of_rectangle,
-            ahead=(names.ahead, number),
-        )
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
         """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
@@ -383,7 +273,7 @@ class ResolvedWalls:
     @property
     def _first_free(self) -> float:
         """Thickness [length] of the cells at smooth walls that are not all planes for mesh_size = 1."""
-        return (self.first_cell or FIRST_CELL) * self.unit
+        return FIRST_CELL * self.unit
 
     def _first_cells(self, order: int) -> dict[str, float]:
         """How thick cells at each wall are."""
@@ -402,11 +292,9 @@ def resolved_walls_of(
     base_flow: BaseFlow,
     names: SideNames,
     roughness: float = 0.0,
-    stream: FreeStream | None = None,
-    leading_edge: float | None = None,
     upstream: float = 0.0,
 ) -> ResolvedWalls:
-    """The walls of a flow, of an equivalent sand roughness, and what enters; a uniform one passes a plate.
+    """The walls of a flow, of an equivalent sand roughness, and what enters.
 
     upstream: equivalent sand roughness of the bed over which what enters past smooth walls developed
 
@@ -422,47 +310,29 @@ def resolved_walls_of(
         base_flow.reference,
         base_flow.viscosity,
     )
-    edge = None
-    if base_flow.flow.kind == "uniform":
-        edge = domain.left if leading_edge is None else leading_edge
-        along = domain.right - edge
-        depth = min(depth, along * float(thickness(np.array(mean * along / viscosity))))
     developed = of_discharge(mean * depth / viscosity, (upstream or roughness) / depth)
     body = () if geometry.grain is None else ("body",)
-    duct, (low, high), walled = (
-        None,
-        domain.across if geometry.walled else (0.0, 0.0),
-        geometry.walled,
-    )
-    if walled:
-        sand = roughness / depth, (upstream or roughness) / depth
-        duct = developed_duct(mean * depth / viscosity, 0.5 * (high - low) / depth, sand=sand)
     smooth = geometry.gdim == 2 and not plane and geometry.grain is None
     smooth = smooth and not len(bed.corners(domain.left, domain.right))
     return ResolvedWalls(
         depth=depth,
         number=number,
         floor=ground,
-        shear_velocity=mean / developed.mean if duct is None else mean * duct.shear_velocity,
+        shear_velocity=mean / developed.mean,
         mean=mean,
         viscosity=viscosity,
         plane=plane,
         names=(
             names.bottom,
             *((names.top,) if two else ()),
-            *(names.across if walled else ()),
             *body,
         ),
         up=geometry.up,
         developed=developed,
         roughness=roughness,
         upstream=upstream,
-        stream=stream,
-        edge=edge,
         smooth=smooth,
         rise=_rise(bed, domain) if smooth else math.inf,
-        sides=(low, high) if walled else (),
-        duct=duct,
     )
 
 

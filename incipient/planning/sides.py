@@ -17,7 +17,6 @@ class SideNames:
     across: tuple[
         str, ...
     ] = ()  # in space, at least and largest y; of half a domain only the latter
-    ahead: str = ""  # what of the lower side lies ahead of a leading edge; empty: nothing
 
     @property
     def around(self) -> tuple[str, str, str, str]:
@@ -34,16 +33,11 @@ class SideNames:
         return self.left, self.right, SYMMETRY if half else "right", "left", self.bottom, self.top
 
 
-def side_names(domain: Domain, has_bed: bool, symmetric: bool, edged: bool = False) -> SideNames:
-    """Names of the sides of a domain, of which half is meshed if it is `symmetric`. Not collective.
-
-    `edged` tells that the bed begins at a leading edge within it.
-    """
+def side_names(domain: Domain, has_bed: bool, symmetric: bool) -> SideNames:
+    """Names of the sides of a domain, of which half is meshed if it is `symmetric`. Not collective."""
     in_space = domain.width is not None
     right, left = ("downstream", "upstream") if in_space else ("right", "left")
     if domain.kind == "channel":
         right, left = "outflow", "inflow"
     across = () if not in_space else ("left",) if symmetric else ("right", "left")
-    return SideNames(
-        "bed" if has_bed else "bottom", right, "top", left, across, "ahead" if edged else ""
-    )
+    return SideNames("bed" if has_bed else "bottom", right, "top", left, across)

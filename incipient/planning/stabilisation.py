@@ -4,8 +4,7 @@ The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocit
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
 Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
-where cells are coarse. Flow in time in space by the k-omega model is upwinded as well: a steady one then stays as it
-is.
+where cells are coarse.
 """
 
 from dataclasses import dataclass
@@ -46,9 +45,8 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     number, asked = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
-        flow = "steady flow" if setup.scene.time is None else "flow by the k-omega model"
         return Stabilisation(
-            True, f"streamline upwinding of {flow} in space; {found}", number, True
+            True, f"streamline upwinding of steady flow in space; {found}", number, True
         )
     if asked == "auto" and _stretches_cells(setup):
         return Stabilisation(False, f"cells are stretched along walls; {found}", number)
@@ -66,7 +64,7 @@ def _stretches_cells(setup: Setup) -> bool:
     if not setup.resolves_walls:
         return False
     walls = setup.resolved_walls
-    return setup.base_flow.flow.kind == "uniform" or walls.layer_over_forms or walls.plane
+    return walls.layer_over_forms or walls.plane
 
 
 def upwinds(setup: Setup) -> bool:
@@ -75,10 +73,10 @@ def upwinds(setup: Setup) -> bool:
     In a box with a grid that does harm, and the block preconditioner does not converge there.
     """
     scene = setup.scene
-    upwinded, asked = scene.time is None or scene.resolves_walls, scene.numerics.stabilisation
+    asked = scene.numerics.stabilisation
     return (
         scene.gdim == 3
-        and upwinded
+        and scene.time is None
         and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
     )
 

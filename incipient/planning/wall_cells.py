@@ -44,15 +44,8 @@ def channel_grid(
         return Grid((along, upright), (along_ends, rows), names.of_rectangle)
     low, high = geometry.half
     layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
-    if walls.sides:
-        rubbing = 1 if half else 2
-        high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
-        layers = max(layers, round(ROWS * rubbing / coarse))
-    across = layer_ends(layers, GRADING if walls.sides else 1.0, half)
-    ends = along_ends, across, rows
-    return Grid(
-        (along, (low, high), upright), ends, names.of_box(half), half, parallel=not walls.sides
-    )
+    ends = along_ends, layer_ends(layers, 1.0, half), rows
+    return Grid((along, (low, high), upright), ends, names.of_box(half), half, parallel=True)
 
 
 def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:

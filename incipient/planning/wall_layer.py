@@ -1,6 +1,5 @@
 """The wall-function layer of a flow: where walls are, and how far from them the mesh ends."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +30,6 @@ class LayeredWalls:
     # How many of these the mesh stands off from; the others are where the mesh ends, `distance` being one of the law's
     # alone
     beside: int
-    sides: tuple[float, ...]  # y of side walls with friction; none in the plane
     mean: float  # reference velocity of the flow
     viscosity: float  # kinematic
     plane: (
@@ -40,22 +38,15 @@ class LayeredWalls:
     names: tuple[str, ...]  # of the boundaries that have a wall beyond them
 
     @property
-    def reach(self) -> float:
-        """Over which the next wall is felt: the depth, in a duct that is narrower half its width."""
-        return min(self.depth, 0.5 * (self.sides[-1] - self.sides[0])) if self.sides else self.depth
-
-    @property
     def ceiling(self) -> float:
         """Height of the upper side of the mesh."""
         return self.top - (self.number - 1) * self.distance
 
-    def from_next(self, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
-        """Distances (n,) of heights, and of y between side walls, from the next wall, at least that of the law."""
+    def from_next(self, height: np.ndarray) -> np.ndarray:
+        """Distances (n,) of heights from the next wall, at least that of the law."""
         away = [height - self.floor]
         if self.number == 2:
             away.append(self.top - height)
-        if across is not None:
-            away.extend(np.abs(across - side) for side in self.sides)
         return np.maximum(np.min(away, axis=0), self.distance)
 
     def text(self) -> str:
@@ -80,26 +71,19 @@ def walls_of(
 ) -> LayeredWalls:
     """Where walls are and how far from them the mesh ends: at a distance, None: where the law suits. Not collective.
 
-    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
-    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Where measured rows
-    of height and speed enter it is the one that gives the row next to a wall its speed, the larger of two. Beds that
+    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa (Keulegan 1938, J. Res. Natl. Bur.
+    Stand. 21, 707). Where measured rows of height and speed enter, u* gives the row next to a wall its speed; of two
+    walls it is the larger. Beds that
     are not flat and grains bound the mesh themselves.
     """
     domain, bed, open_above = geometry.domain, geometry.bed, base_flow.flow.kind == "open-channel"
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
     number, top = 1 if open_above else 2, domain.ceiling
-    ground = (
-        domain.bottom
-        if bed is None
-        else height_at_inflow(geometry, base_flow.datum, geometry.moves)
-    )
+    ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
     depth, viscosity = (top - ground) / number, base_flow.viscosity
-    sides = domain.across if geometry.walled else ()
-    width = sides[1] - sides[0] if sides else math.inf
-    hydraulic = depth / (1.0 + 2.0 * depth / width)
     shear_velocity = base_flow.reference / 20.0
     for _ in range(50):
-        mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
+        mean = float(law.velocity(shear_velocity, viscosity, depth)) - 1.0 / law.kappa
         shear_velocity = base_flow.reference / max(mean, LEAST)
     of_walls = np.array([shear_velocity])
     if rows:
@@ -109,7 +93,7 @@ def walls_of(
             of_walls = law.shear_velocity(speed * base_flow.reference, viscosity, away)
     shear_velocity = float(of_walls.max())
     distance = distance or law.suitable(shear_velocity, viscosity)
-    floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
+    floor = ground if plane else ground - distance
     return LayeredWalls(
         law=law,
         depth=depth,
@@ -120,29 +104,26 @@ def walls_of(
         floor=floor,
         top=top,
         beside=number - (not plane),
-        sides=(sides[0] - beyond, sides[1] + beyond) if sides else (),
         mean=base_flow.reference,
         viscosity=viscosity,
         plane=plane,
         names=(
             names.bottom,
             *(() if open_above else (names.top,)),
-            *(names.across if geometry.walled else ()),
             *(() if geometry.grain is None else ("body",)),
         ),
     )
 
 
-def height_at_inflow(geometry: Geometry, datum: float, with_forms: bool = False) -> float:
+def height_at_inflow(geometry: Geometry, datum: float) -> float:
     """Height of the bed where the flow enters. Not collective.
 
-    In space it is the mean, or that of the level ground which takes the bed's place there; `with_forms`: none does, as
-    below a grain that moves where walls are not resolved.
+    In space it is the mean, or that of the level ground which takes the bed's place there.
     """
     bed, domain = geometry.bed, geometry.domain
     if geometry.gdim == 2:
         return float(bed.height([domain.left])[0])
-    resolved = None if with_forms else resolved_bed(geometry, geometry.placement, datum)
+    resolved = resolved_bed(geometry, geometry.placement, datum)
     if resolved is not None and resolved.level is not None:
         return resolved.level
     y = np.linspace(*domain.across, SAMPLES)

@@ -35,7 +35,6 @@ FORCES = (
     ("surface_integral", "the same as an integral over the surface, a check"),
     ("buoyancy", "buoyancy"),
     ("weight", "weight"),
-    ("repulsion", "repulsion by walls and bed"),
     ("total", "in all"),
 )
 
@@ -129,10 +128,10 @@ def _acting(kind: str, stored: dict[str, Any], axes: Sequence[int], head: str) -
 
 
 def _left_out(key: str, loads: dict[str, Any]) -> bool:
-    """Whether a row of loads says nothing: no repulsion, or no correction."""
+    """Whether a row of loads says nothing: no correction."""
     if key == "computed":
         return loads.get(key) in (None, loads["flow"])
-    return key not in loads or (key == "repulsion" and not any(loads[key]))
+    return key not in loads
 
 
 def _others(stored: dict[str, Any], planar: bool) -> Rows:
@@ -168,8 +167,6 @@ def _surface(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         for place, *numbers in zip(found["stations"], found["elevations"], *errors, strict=True)
     ]
     entering = f"What enters per time: {found['inflow']:.6g}." if "inflow" in found else ""
-    if "seepage" in found:
-        entering += f" Through the bed: {found['seepage']:.6g}."
     head = ("station", "elevation at the end", "its error", "error within the run, at most")
     return section("The free surface", table(head, rows), words(entering))
 

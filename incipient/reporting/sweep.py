@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,7 @@ from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
 from ..results.quantity import HIGH, LOW
 from ..results.si import FLOW
-from ..sweep.quantities import scene_of
-from ..sweep.store import DAMAGED, DONE, FAILED, Store
+from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows
 from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
 
@@ -26,7 +24,7 @@ FOUND = (
     *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
     *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
-FIRST = 300  # cases of a large sweep that a page has
+FIRST = 300  # cases that a page has
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
     "wall": "wall time [s]",
@@ -40,23 +38,19 @@ Row = Mapping[str, Any]
 def part(file: Path) -> PagePart:
     """What a page says of a sweep, with new pictures. Not collective; raises OutputError for a bad or empty file."""
     with Store(file) as store:
-        keys, scenes, counts = store.keys(), _scenes(store), store.counts()
-        most = FIRST if store.is_large else None
-    found = rows(file, most)
-    if not found:
+        keys, scenes = store.keys(), _scenes(store)
+    every = rows(file)
+    if not every:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
-    drawn = draw_sweep_apart(file)
+    drawn, found = draw_sweep_apart(file), every[:FIRST]
     done, failed = ([row for row in found if row["status"] == state] for state in (DONE, FAILED))
-    if most is None:
-        counts = Counter(row["status"] for row in found)  # by checksums, too
+    counts = Counter(row["status"] for row in every)
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
-    total = sum(counts.values())
-    rest = total - sum(counts.get(state, 0) for state in (DONE, FAILED, DAMAGED))
-    counted = f"{total} cases: {counts.get(DONE, 0)} computed, {counts.get(FAILED, 0)} failed"
-    counted += f", {counts[DAMAGED]} damaged" if counts.get(DAMAGED) else ""
+    rest = len(every) - counts[DONE] - counts[FAILED]
+    counted = f"{len(every)} cases: {counts[DONE]} computed, {counts[FAILED]} failed"
     counted += f", {rest} not computed yet." if rest else "."
-    counted += f" Tables are of the first {len(found)}." if most else ""
+    counted += f" Tables are of the first {FIRST}." if len(every) > FIRST else ""
     varied = table(("key", "values", "how many"), [_varied(key, found) for key in named])
     first = [section(f"First case of {name}", Settings(text)) for name, text in scenes.items()]
     return PagePart(
@@ -76,13 +70,11 @@ def part(file: Path) -> PagePart:
 
 
 def _scenes(store: Store) -> dict[str, str]:
-    """The scene of the first case of each source, as TOML; none of a damaged case."""
+    """The scene of the first case of each source, as TOML."""
     first: dict[str, str] = {}
-    for stored in store.first_of_sources():
-        if stored["status"] != DAMAGED:
-            with suppress(ValueError, TypeError, AttributeError, RecursionError):
-                scene, is_case = scene_of(stored), stored["task"] == "judge"
-                first[stored["source"]] = tomli_w.dumps(scene) if is_case else stored["scene"]
+    for case in store.cases():
+        if case["source"] not in first:
+            first[case["source"]] = tomli_w.dumps(case["scene"])
     return first
 
 

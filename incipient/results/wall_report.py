@@ -15,7 +15,6 @@ from .trajectory import place_words
 REATTACHES = (
     "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 )
-FIRST_CELL = "turbulence.first_cell"
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
 

@@ -258,11 +258,6 @@ class SceneSections(Section):
         return self.effects.turbulence is True
 
     @property
-    def leading_edge(self) -> float | None:
-        """Abscissa at which a plate begins; None: the bed reaches from end to end."""
-        return getattr(self.bed, "leading_edge", None)
-
-    @property
     def has_wall_layer(self) -> bool:
         """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
         return self.is_averaged and (self.turbulence is None or self.turbulence.has_wall_functions)

@@ -52,12 +52,6 @@ class Turbulence(Section):
         (),
         examples=[[[0.1, 0.7], [0.5, 0.85], [1.5, 1.0]]],
     )
-    first_cell: Positive | None = key(
-        'Thickness of the cells at smooth walls with model = "k-omega-sst" and numerics.mesh_size = 1, half of it at '
-        "a grain on a bed; without it 0.6 between planes, else 1 [nu/u*]",
-        None,
-        examples=[2.0],
-    )
     c_mu: Positive = key("nu_t = c_mu k^2/epsilon [-]", 0.09)
     c_1: Positive = key("Production of epsilon [-]", 1.44)
     c_2: Positive = key("Loss of epsilon [-]", 1.92)
@@ -86,8 +80,6 @@ class Turbulence(Section):
                 raise self.refused(name, why, "leave it out" if there else "add it")
         if wrong := self._wrong_profile():
             raise self.refused("profile", *wrong)
-        if self.first_cell is not None and (wrong := self._wrong_first_cell()):
-            raise self.refused("first_cell", *wrong)
         if other := self._of_other_model():
             raise self.refused(*other)
         if not 1.0 < self.c_1 < self.c_2:
@@ -110,17 +102,6 @@ class Turbulence(Section):
             )
         if self.inflow == "given":
             return 'is not read with inflow = "given"', "leave it out"
-        return None
-
-    def _wrong_first_cell(self) -> tuple[str, str] | None:
-        """What contradicts a thickness of the first cells, and the remedy; None: nothing."""
-        if self.has_wall_functions:
-            return 'is not read by model = "k-epsilon"', "leave it out, or give wall_distance"
-        if self.roughness:
-            return (
-                'is for smooth walls, but wall is "rough"',
-                "leave it out: sand sizes the cells at these walls",
-            )
         return None
 
     def _wrong_profile(self) -> tuple[str, str] | None:

@@ -16,7 +16,7 @@ from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
-from incipient.geometry.space.beds import Hemispheres, Plane, Ridges
+from incipient.geometry.space.beds import Plane, Ridges, SphereBed
 from incipient.geometry.space.grains import Sphere
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "gust_in_vacuo.csv"
@@ -333,7 +333,7 @@ def _leaves(pocket: str, force: float, duration: float, friction: float = 100.0)
         bed, saddle, place = HalfDiscs(0.5, 1.0, 0.0), 1.0, (0.5, float(np.sqrt(0.75)))
         case = Case(Disc(1.0), bed, Placement(place), ContactLaw(friction))
     else:
-        array, saddle = Hemispheres(0.5, 1.0, "triangular", (0.0, 0.0), 0.0, 0.5 * np.pi), 0.0
+        array, saddle = SphereBed.array(0.5, 1.0, "triangular", (0.0, 0.0), 0.0, 0.5 * np.pi), 0.0
         centre = (-1.0 / float(np.sqrt(12.0)), 0.5, float(np.sqrt(2.0 / 3.0)))
         case = Case(Sphere(1.0), array, Placement(centre), ContactLaw(friction))
     push, unit = np.zeros(case.body.gdim), np.sqrt(1.0 / G)

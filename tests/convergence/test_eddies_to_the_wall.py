@@ -30,7 +30,6 @@ from incipient.effects.turbulence.fields import TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime, solve_steadily
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.effects.turbulence.pseudo_time import solve_together
-from incipient.effects.turbulence.together_in_time import InTimeTogether
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
@@ -102,13 +101,9 @@ class Eddying(Flow):
         return found
 
     def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, KOmegaSST]:
-        """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both.
-
-        In space k and omega are given on two sides, and do not change across the others.
-        """
-        sides = SIDES[:4] if self.gdim == 2 else SIDES[:2]
+        """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
         given = TurbulenceConditions(
-            sides, lambda x: interpolated(self.logarithms, x, 0.0), distance=DISTANCE
+            SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0), distance=DISTANCE
         )
         fields = KOmegaSST(domain, given, order, NU, order)
         fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
@@ -137,17 +132,6 @@ IN_TIME = Eddying(
     lambda x, t, m: (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t), x[0] ** 2 * m.sin(3 * t)),
     lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
     lambda x, t, m: (bubble(x, t, m) + 1, bubble(x, t, m) + 3),
-)
-# Likewise in space, in elements of order two, too slow for upwinding.
-IN_SPACE = Eddying(
-    3,
-    lambda x, t, m: (
-        0.4 * (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t)),
-        0.4 * x[2] ** 2 * m.sin(3 * t),
-        0.4 * x[0] * x[1] * m.cos(3 * t),
-    ),
-    lambda x, t, m: (x[0] - 2 * x[1] + x[2]) * m.cos(2 * t),
-    lambda x, t, m: tuple(one + 2 * m.sin(2 * t) * x[0] * (1 - x[0]) for one in (1.5, 3.5)),
 )
 
 
@@ -206,27 +190,3 @@ def test_orders_in_time(order: int, moving: bool) -> None:
     )
     print(order, found[-1], observed)
     assert observed == pytest.approx(order, abs=0.1)
-
-
-@pytest.mark.parametrize("moving", [False, True], ids=["mesh at rest", "mesh that moves"])
-def test_orders_in_time_in_space(moving: bool) -> None:
-    """Flow, k and omega of each step as one system; by turns on a mesh that moves."""
-    found, counts = [], [8, 16]
-    for steps in counts:
-        fluid, fields = IN_SPACE.joined(
-            unit_box(3, 2), FlowModel(unsteady=True, moving_mesh=moving), 2
-        )
-        with fluid:
-            if moving:
-                interface = InTime(fluid, fields, moving=swaying(fluid))
-            else:
-                interface = fluid.holding(InTimeTogether(fluid, fields))
-            transient = Transient(fluid, 2, 1e-9, interface=interface)
-            for _ in range(steps):
-                assert transient.advance(END / steps).rejected == 0
-            found.append(errors_with_eddies(fluid, fields, IN_SPACE))
-    observed = np.array(
-        [orders([1 / n for n in counts], column)[-1] for column in np.array(found).T]
-    )
-    print(found[-1], observed)
-    assert observed == pytest.approx(2.0, abs=0.1)

@@ -36,7 +36,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     # Statics by hand: no couple about the line through the two contacts ahead, which alone are loaded.
     ahead = found.contacts.points[:, 0] > found.load.centre[0]
     arm = found.load.centre - found.contacts.points[ahead][0]
-    about_line = found.load.couple + np.cross(arm, found.load.force)
+    about_line = found.load.flow_couple + np.cross(arm, found.load.force)
     assert abs(about_line[1]) < 1e-6 * np.linalg.norm(arm) * np.linalg.norm(found.load.weight)
     assert np.abs(found.contact_forces[~ahead]).max() < 1e-6 * np.linalg.norm(found.load.weight)
     # mu G f / ((rho_s - rho_f) g d): 0.0379 +- 0.0007 on finer cells, with a third of the gap (docs/beads.md).

@@ -215,7 +215,9 @@ def test_forces_of_a_grain_that_rests_balance_its_load_inside_their_cones():
     case = box_on_a_plane([0.2, 0.0, 0.0])
     acting = case.load
     assert np.allclose(case.forces.sum(axis=0) + acting.force, 0.0, atol=1e-8)
-    assert np.allclose(np.cross(case.arms, case.forces).sum(axis=0) + acting.couple, 0.0, atol=1e-8)
+    assert np.allclose(
+        np.cross(case.arms, case.forces).sum(axis=0) + acting.flow_couple, 0.0, atol=1e-8
+    )
     assert case.share == 1.0 and case.motion is None
     assert set(case.states) <= {"INSIDE", "EDGE"}
     assert (np.hypot(*case.forces[:, :2].T) <= 0.5 * case.forces[:, 2] * (1 + 1e-6)).all()

@@ -1,7 +1,5 @@
 """Sand that moves in a turbulent open channel by k-omega SST: paths, new meshes, resumed runs, ranks."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -9,7 +7,6 @@ from scipy.special import k0, k1
 from turbulent import column, ends_on_ranks, resumed_and_whole
 
 import incipient
-from incipient.errors import ConvergenceError
 from incipient.planning.developed_channel import developed
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
@@ -24,34 +21,33 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Output,
-    RidgeBed,
     Scene,
     Sinusoidal,
-    Sphere,
     Time,
 )
-from incipient.scene.file import dumps, load
+from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 
 COURSE = ("0.8*(1-exp(-t/0.02))", "0.2*(1-exp(-t/0.02))", "0.3")
 
 
-def moving(
-    end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size=2.8, width=None, **body
-):
-    """A disc over a wavy bed four diameters deep, with a width a sphere over a level one, on a course by default."""
-    in_space = width is not None
-    place = (3.0, 0.5 * width, 1.2) if in_space else (3.0, 1.2)
-    course = (COURSE[0], "0", COURSE[1], "0", COURSE[2], "0") if in_space else COURSE
-    grain = {"diameter": 1.0, "centre": place, "motion": "prescribed", "course": course, **body}
+def moving(end, step, start="steady", remesh_below=0.35, checkpoint=0, mesh_size=2.8, **body):
+    """A disc over a wavy bed four diameters deep, on a course by default."""
+    grain = {
+        "diameter": 1.0,
+        "centre": (3.0, 1.2),
+        "motion": "prescribed",
+        "course": COURSE,
+        **body,
+    }
     if grain["motion"] != "prescribed":
         del grain["course"]
     return Scene(
-        domain=Domain(length=6.0, width=width, height=4.0),
+        domain=Domain(length=6.0, height=4.0),
         fluid=Fluid(reynolds=600.0, scale="flow"),
         flow=OpenChannel(),
-        bed=Flat() if in_space else Sinusoidal(amplitude=0.08, wavelength=1.0),
-        body=(Sphere if in_space else Disc)(**grain),
+        bed=Sinusoidal(amplitude=0.08, wavelength=1.0),
+        body=Disc(**grain),
         gravity=Gravity(acceleration=0.2),
         contact=Contact(friction=0.6),
         effects=Effects(turbulence=True),
@@ -64,15 +60,9 @@ def moving(
     )
 
 
-IN_SPACE = {"width": 4.0, "mesh_size": 4.4}
-BOTH = pytest.mark.parametrize("size", [{}, IN_SPACE], ids=["plane", "space"])
-
-
-def still(motion, start, **size):
+def still(motion, start):
     """A grain that is held, or goes along a course of no way."""
-    return incipient.run(
-        moving(0.1, 0.05, start, motion=motion, course=("0",) * (6 if size else 3), **size)
-    )
+    return incipient.run(moving(0.1, 0.05, start, motion=motion, course=("0",) * 3))
 
 
 def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
@@ -83,43 +73,20 @@ def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", ["steady", "rest"])
-def test_in_space_what_is_solved_by_turns_is_what_is_solved_as_one(start):
-    """A grain that is held is in one system of flow and turbulence, that on a course of no way has them by turns."""
-    held, by_course = (still(motion, start, **IN_SPACE) for motion in ("fixed", "prescribed"))
-    size = np.linalg.norm(held.force.flow)
-    assert by_course.force.flow == pytest.approx(held.force.flow, abs=1e-5 * size)
-    assert by_course.couple.flow == pytest.approx(held.couple.flow, abs=1e-5 * size)
-    assert by_course.turbulence.largest == pytest.approx(held.turbulence.largest, rel=1e-4)
-
-
-@pytest.mark.slow
-@BOTH
-def test_a_run_with_new_meshes_goes_on_where_it_was_kept(size, tmp_path):
-    """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does.
-
-    In space steps from rest become shorter by themselves, and a run that is to end at 0.06 then takes others.
-    """
-    names, body = ("x", "couple", "y_plus_max", "mesh_quality"), {}
-    start, below = "rest", 0.9995
-    if size:
-        names, body = (
-            ("x", "couple_y", "y_plus_max", "mesh_quality"),
-            {"motion": "free", "density": 0.5},
-        )
-        start, below = "steady", 0.99995
+def test_a_run_with_new_meshes_goes_on_where_it_was_kept(tmp_path):
+    """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does."""
+    names = ("x", "couple", "y_plus_max", "mesh_quality")
     resumed, whole = resumed_and_whole(
-        lambda end: moving(end, 0.02, start, below, 3, **size, **body), (0.06, 0.1), tmp_path, names
+        lambda end: moving(end, 0.02, "rest", 0.9995, 3), (0.06, 0.1), tmp_path, names
     )
     assert resumed == [pytest.approx(one, rel=1e-10) for one in whole]
 
 
 @pytest.mark.slow
-@BOTH
-def test_moving_sand_on_two_ranks(size, mpirun, tmp_path):
+def test_moving_sand_on_two_ranks(mpirun, tmp_path):
     """With a new mesh after each step, load and velocity of a free grain are those of one rank."""
     path = tmp_path / "scene.toml"
-    scene = moving(0.1, 0.02, "rest", 0.99995, motion="free", density=0.5, **size)
+    scene = moving(0.1, 0.02, "rest", 0.99995, motion="free", density=0.5)
     path.write_text(dumps(scene), encoding="utf-8")
     found = ends_on_ranks(mpirun, path)
     assert found[0][-1] >= 3
@@ -127,19 +94,15 @@ def test_moving_sand_on_two_ranks(size, mpirun, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("width", "cells", "often"), [(None, 2.0, 0.95), (4.0, 3.0, 0.97)], ids=["plane", "space"]
-)
-def test_new_meshes_leave_the_load_as_it_is(width, cells, often, tmp_path):
+def test_new_meshes_leave_the_load_as_it_is(tmp_path):
     """Several meshes in twenty steps, or one: loads and velocities change by less than meshes err, as of a stone."""
     ends = []
-    for below, finer in ((0.05, 1.0), (often, 1.0), (0.05, 0.5**0.5)):
+    for below, finer in ((0.05, 1.0), (0.95, 1.0), (0.05, 0.5**0.5)):
         directory = tmp_path / f"{below} {finer}"
-        size = {"mesh_size": cells * finer, "width": width}
+        size = {"mesh_size": 2.0 * finer}
         scene = moving(1.0, 0.05, "steady", below, motion="free", density=0.5, **size)
         incipient.run(scene, directory)
-        up = "z" if width else "y"
-        names = ("velocity_x", f"velocity_{up}", "force_x", f"force_{up}", "meshes")
+        names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
         ends.append([column(directory, name)[2:] for name in names])
     (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
     assert meshes[-1] > 3
@@ -151,52 +114,25 @@ def test_new_meshes_leave_the_load_as_it_is(width, cells, often, tmp_path):
         assert changed < 2.0 * wrong
 
 
-@pytest.mark.slow
-def test_a_run_ends_where_the_bed_about_the_start_does(tmp_path):
-    """0.4 from its start, in space over ridges that are meshed as they are up to 0.9; earlier steps are kept."""
-    course = ("t", "0", "0", "0", "0", "0")
-    given = moving(1.0, 0.1, course=course, **IN_SPACE).model_dump()
-    given["bed"], given["numerics"]["meshed_bed"] = RidgeBed(amplitude=0.05, wavelength=1.0), 0.3
-    with pytest.raises(
-        ConvergenceError,
-        match=r"level ground takes the bed's place: use a larger numerics.meshed_bed",
-    ):
-        incipient.run(Scene.model_validate(given), tmp_path)
-    times = column(tmp_path, "time")
-    assert times[-1] == pytest.approx(0.9)  # the first at which t^2/2 exceeds 0.4
-
-
 def of_disc(q):
     """Added mass of a disc in a step, over the fluid it displaces."""
     return 1.0 + 4.0 * k1(q) / (q * k0(q))
 
 
-def of_sphere(q):
-    """Likewise of a sphere."""
-    return 0.5 + 4.5 / q + 4.5 / q**2
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("first", "size", "displaced", "stokes", "walls"),
-    [
-        (0.02, {"mesh_size": 1.4}, 0.25 * np.pi, of_disc, (1.05, 1.25)),
-        (0.1, {"mesh_size": 1.6, "width": 4.0}, np.pi / 6.0, of_sphere, (1.0, 1.15)),
-    ],
-    ids=["plane", "space"],
-)
-def test_sand_let_go_begins_with_the_load_on_it_when_held(first, size, displaced, stokes, walls):
+def test_sand_let_go_begins_with_the_load_on_it_when_held():
     """(m + m_a) dU/dt is the load when held, and weight: grains of two densities agree on it and on the added mass.
 
     That in a step of a viscous fluid depends on q = R (nu dt)^(-1/2) (Stokes 1851, his oscillation at a rate of 1/dt),
-    and is larger next to a bed 2.4 radii from the centre, below a lid and behind an inflow, in space by less.
+    and is larger next to a bed 2.4 radii from the centre, below a lid and behind an inflow.
     """
+    first, displaced, size = 0.02, 0.25 * np.pi, {"mesh_size": 1.4}
     held = incipient.run(moving(1.0, 1.0, motion="fixed", **size).model_copy(update={"time": None}))
     found = {
         density: incipient.run(moving(first, first, motion="free", density=density, **size))
         for density in (0.3, 2.65)
     }
-    along = [0, held.gdim - 1]
+    along = [0, 1]
     velocities = {
         density: np.array(one.trajectory["velocity"])[along] for density, one in found.items()
     }
@@ -207,9 +143,9 @@ def test_sand_let_go_begins_with_the_load_on_it_when_held(first, size, displaced
         assert balance == pytest.approx(one.force.flow[along], rel=1e-5)
     light, heavy = (one.force.flow[along] for one in found.values())
     added = (heavy - light) / (gained[0.3] - gained[2.65])
-    expected = displaced * stokes(0.5 * (4.0 / 600.0 * first) ** -0.5)
+    expected = displaced * of_disc(0.5 * (4.0 / 600.0 * first) ** -0.5)
     print(added / expected, light + added * gained[0.3])
-    assert (walls[0] * expected < added).all() and (added < walls[1] * expected).all()
+    assert (1.05 * expected < added).all() and (added < 1.25 * expected).all()
     load = held.force.flow[along]
     assert light + added * gained[0.3] == pytest.approx(load, abs=0.01 * np.linalg.norm(load))
 
@@ -278,18 +214,3 @@ def test_on_a_new_mesh_k_is_at_least_what_is_not_destroyed():
         beyond = np.delete(state[0::2], after.fields._within)
         assert beyond.min() == pytest.approx(least)
         assert (beyond < -5.5).mean() > 0.2 and (beyond > -5.5).mean() > 0.2
-
-
-@pytest.mark.slow
-def test_a_sphere_let_go_among_spheres_goes_on_after_a_new_mesh(tmp_path):
-    """At u* d/nu = 54, with a new mesh after the first step: the next one is as long as asked for.
-
-    Coarse cells fill the clefts of the bed otherwise on each mesh. With what lies there extrapolated no step was found.
-    """
-    scene = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
-    faster = ("fluid.reynolds=900", "gravity.acceleration=0.12", "time.end=0.5")
-    numerics = ("numerics.remesh_below=0.9999", "output.fields=false", "output.every=0")
-    incipient.run(load(scene, [*faster, *numerics]), tmp_path)
-    assert column(tmp_path, "step") == pytest.approx([0.25, 0.25])
-    assert column(tmp_path, "meshes")[-1] >= 2
-    assert column(tmp_path, "x")[-1] > 4.005

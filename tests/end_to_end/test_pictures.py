@@ -195,7 +195,7 @@ def with_verdict(run, verdict):
 
 def test_a_grain_that_rests_shows_the_forces_that_hold_it(grain_run):
     texts = texts_of(verdict.of_run(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
-    assert "contact force on the grain, the smallest that balance the load" in texts
+    assert "contact force on the grain, a set that balances the load" in texts
     assert "Acceleration" not in texts
 
 

@@ -1,12 +1,10 @@
-"""A small grain on a level bed in space by k-omega SST: how sure its loads are, slow streams, flow in time."""
+"""A small grain on a level bed in space by k-omega SST: how sure its loads are, slow streams, ranks."""
 
 import re
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
-from turbulent import column
 
 import incipient
 from incipient.accuracy.discretisation import by_coarser_mesh
@@ -22,16 +20,13 @@ from incipient.scene import (
     Flat,
     Fluid,
     Gravity,
-    Inclined,
     Numerics,
     OpenChannel,
     Output,
     Scene,
     Sphere,
     SphereBed,
-    Time,
     Turbulence,
-    load,
 )
 from incipient.scene.file import dumps
 
@@ -124,41 +119,6 @@ def test_a_cube_begins_to_slide_where_friction_no_longer_holds_it():
     assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.01)
 
 
-def assert_stays(reynolds, step, end, **changes):
-    """Force and couple of a steady flow are within 1e-4 what they are after it has gone on in time."""
-    steady = incipient.run(sand(reynolds, 3.0, **changes))
-    later = incipient.run(
-        sand(reynolds, 3.0, time=Time(step=step, end=end, start="steady"), **changes)
-    )
-    assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
-    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_a_steady_flow_stays_in_time():
-    """u* d/nu = 22: loads on the sphere after three steps, in each of which the flow passes half of it."""
-    assert_stays(1500.0, 0.5, 1.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "body", [{"motion": "fixed"}, {"motion": "prescribed", "course": ("0",) * 6}]
-)
-def test_over_sand_a_steady_flow_stays_in_time(body):
-    """u* k_s/nu = 4.4; a held sphere is in one system with its flow, one on a course of no way goes by turns."""
-    rough = Turbulence(model="k-omega-sst", wall="rough", roughness=0.2)
-    sphere = {"diameter": 1.0, "centre": (3.0, 3.0, 0.55)}
-    steady = incipient.run(
-        sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, motion="fixed"))
-    )
-    time = Time(step=0.5, end=1.5, start="steady")
-    later = incipient.run(
-        sand(1500.0, 3.0, turbulence=rough, body=Sphere(**sphere, **body), time=time)
-    )
-    assert later.force.flow == pytest.approx(steady.force.flow, rel=1e-4, abs=1e-9)
-    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=1e-4, abs=1e-9)
-
-
 POCKET = {
     "domain": Domain(length=9.0, width=5.0, height=5.866),
     "fluid": Fluid(reynolds=300.0, scale="grain"),
@@ -171,27 +131,6 @@ POCKET = {
         offset=(4.0 + 12.0**-0.5, 3.0),
     ),
 }
-
-
-@pytest.mark.slow
-def test_a_steady_flow_past_a_sphere_in_its_pocket_stays_in_time():
-    """u* d/nu = 20, on a bed of equal spheres: loads after four steps, in each of which the flow passes a quarter."""
-    assert_stays(300.0, 0.25, 1.0, **POCKET)
-
-
-@pytest.mark.slow
-def test_a_sphere_set_off_from_rest_in_its_pocket_gains_what_is_done_on_it():
-    """Two steps of the demo; the first begins as one system with the flow. Kinetic energy is the sum of all works."""
-    demo = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
-    words = ["time.start=rest", "time.step=0.125", "time.end=0.25", "output.fields=false"]
-    path = incipient.run(load(demo, words)).trajectory
-    mass, velocity, spin = (
-        2.65 * np.pi / 6.0,
-        *(np.array(path[name]) for name in ("velocity", "spin")),
-    )
-    gained = 0.5 * mass * (velocity @ velocity + 0.1 * spin @ spin)
-    assert gained == pytest.approx(sum(path["on_bed"]["works"].values()), rel=1e-6)
-    assert gained > 0.01
 
 
 HEIGHTS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.4, 3.2, 4.0, 4.7)  # of measured rows
@@ -230,39 +169,6 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
 
 
 @pytest.mark.slow
-def test_a_flow_set_off_past_a_sphere_in_its_pocket_becomes_the_steady_one():
-    """60 diameters over the mean speed after the start, in steps of one."""
-    steady = incipient.run(sand(300.0, 3.0, **POCKET))
-    later = incipient.run(sand(300.0, 3.0, time=Time(step=1.0, end=60.0, start="rest"), **POCKET))
-    assert later.force.flow == pytest.approx(steady.force.flow, rel=2e-4, abs=1e-9)
-    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=2e-4, abs=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("settle", ["true", "false"])
-def test_a_sphere_that_leaves_its_pocket_goes_about_the_two_in_front_of_it(settle, tmp_path):
-    """u* d/nu = 20, a Shields number of 0.014: two steps of a quarter of d/V.
-
-    It keeps its distance from both centres: its velocity is normal to the way to the point between them (geometry).
-    Not settled it begins half its gap too near to these two, which the first step puts right; taken for what velocities
-    do to the load that had led astray every step.
-    """
-    demo = Path(__file__).parents[2] / "demos/scenes/sand_leaving_pocket.toml"
-    found = incipient.run(
-        load(demo, ["time.end=0.5", "output.every=0", f"body.settle={settle}"]), tmp_path
-    )
-    assert column(tmp_path, "time").tolist() == [0.25, 0.5]
-    (x, z), (u, w) = (
-        [column(tmp_path, name) for name in names]
-        for names in (("x", "z"), ("velocity_x", "velocity_z"))
-    )
-    # Measured where it settled: 0.0094 after the first step.
-    assert (u > (0.009 if settle == "true" else 0.01)).all() and u[1] > 1.5 * u[0]
-    assert w / u == pytest.approx((4.2887 - x) / z, rel=1e-3)
-    assert found.trajectory["on_bed"]["mode"]
-
-
-@pytest.mark.slow
 def test_a_flow_not_found_from_a_slower_one_is_found_from_one_between(monkeypatch):
     """u* d/nu = 145 from 100: a first attempt that spoils both states and fails changes nothing of what is found."""
     expected, tried = incipient.run(sand(1.25e4, 3.0)), list[bool]()
@@ -283,47 +189,11 @@ def test_a_flow_not_found_from_a_slower_one_is_found_from_one_between(monkeypatc
 
 
 @pytest.mark.slow
-def test_a_flow_set_off_from_rest_becomes_the_steady_one():
-    """u* d/nu = 22, 60 diameters over the mean speed after the start."""
-    steady = incipient.run(sand(1500.0, 3.0))
-    later = incipient.run(sand(1500.0, 3.0, time=Time(step=1.0, end=60.0, start="rest")))
-    assert later.force.flow == pytest.approx(steady.force.flow, rel=2e-4, abs=1e-9)
-    assert later.couple.flow == pytest.approx(steady.couple.flow, rel=2e-4, abs=1e-9)
-
-
-def set_off(end, **changes):
-    """The sphere on coarse cells in the first moments after the stream is set off."""
-    numerics = Numerics(mesh_size=4.4, order=2, error_bars=False, tolerance=1e-6)
-    time, output = Time(step=0.25, end=end, start="rest"), Output(fields=False, checkpoint=2)
-    return sand(1500.0, 4.4, time=time, output=output, numerics=numerics, **changes)
-
-
-@pytest.mark.slow
-def test_a_resumed_run_ends_where_the_whole_one_does(tmp_path):
-    whole = incipient.run(set_off(1.0), tmp_path / "whole")
-    incipient.run(set_off(0.5), tmp_path / "cut")
-    resumed = incipient.resume(tmp_path / "cut", ["time.end=1.0"])
-    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_over_an_inclined_bed_a_flow_set_off_is_that_over_a_level_one():
-    """The slope turns gravity alone."""
-    level, inclined = (
-        incipient.run(set_off(0.25, bed=bed)) for bed in (Flat(), Inclined(slope=5.0))
-    )
-    assert inclined.force.flow == pytest.approx(level.force.flow, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.slow
 def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
-    """The mesh is parted another way in each run; so factors differ. Logarithms are solved to 1e-4, the flow to 1e-6.
-
-    By turns the flow once took one application of factors for its solution, of which 0.9 of the residual was left where
-    blocks were compressed: three runs of six found no step.
-    """
+    """The mesh is parted another way in each run; so factors differ. Steps end with changes of 600 tolerances."""
     path = tmp_path / "scene.toml"
-    path.write_text(dumps(set_off(0.75)), encoding="utf-8")
+    numerics = Numerics(mesh_size=4.4, order=2, error_bars=False, tolerance=1e-7)
+    path.write_text(dumps(sand(1500.0, 4.4, numerics=numerics)), encoding="utf-8")
     script = """
         import incipient
         from mpi4py import MPI
@@ -343,7 +213,6 @@ def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
         )
         assert done.returncode == 0, done.stderr
         ends.append([float(one) for one in re.findall(r"[-+.e\d]+", done.stdout.splitlines()[-1])])
-        assert column(directory, "time").tolist() == [0.25, 0.5, 0.75]
     one, *two = np.array(ends).reshape(3, 2, 3)
     for end in two:
-        assert (np.linalg.norm(end - one, axis=1) <= 1e-5 * np.linalg.norm(one, axis=1)).all()
+        assert (np.linalg.norm(end - one, axis=1) <= 1e-4 * np.linalg.norm(one, axis=1)).all()

@@ -80,7 +80,7 @@ def in_cavity(
     y = 0.6 if gap is None else DISC.size * (0.5 + gap)
     placement = Placement((0.55, y), 0.0)
     domain = cavity_with_disc(placement, gap, cell, far)
-    moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.polar_moment
+    moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.inertia[2, 2]
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in WALLS)]
     mass = mass_ratio * DISC.volume
     with floating(domain, DISC, placement, conditions, reynolds, mass, moment, **more) as found:

@@ -15,7 +15,7 @@ from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
-from incipient.geometry.space.beds import Hemispheres, Plane
+from incipient.geometry.space.beds import Plane, SphereBed
 from incipient.geometry.space.grains import Sphere
 
 RIDGE = Polyline(
@@ -31,7 +31,7 @@ RIDGE = Polyline(
     )
 )
 BEDS = (Flat(0.0), HalfDiscs(0.5, 1.0), HalfDiscs(0.3, 1.0), Sinusoidal(0.15, 2.0), RIDGE)
-IN_SPACE = (Plane(), Hemispheres(0.5, 1.0))
+IN_SPACE = (Plane(), SphereBed.array(0.5, 1.0))
 HEXAGON = Polygon(
     tuple((0.5 * math.cos(k * math.pi / 3), 0.5 * math.sin(k * math.pi / 3)) for k in range(6))
 )

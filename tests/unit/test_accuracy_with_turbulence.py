@@ -42,7 +42,8 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
-from incipient.sweep.table import in_words, quantities
+from incipient.sweep.quantities import quantities
+from incipient.sweep.table import in_words
 
 NOTHING = Loads(np.zeros(3), np.zeros(3))
 
@@ -105,15 +106,6 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     assert in_words(critical | {"applicable": False}).endswith(", walls NOT as the model asks")
     judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
     assert in_words(judged) == "rest, safety factor 2.673, walls NOT as the model asks"
-
-
-def test_cells_that_were_not_made_by_the_first_cell_are_not_to_be_in_proportion_to_it():
-    """Asked for as 50, bounded by other cells to 11.3, 4.5 times what it may be: 2.3 will do, not 10."""
-    walls = ResolvedWallReport(
-        0.01, 0.2, 11.3, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=0.3, excess=4.5, first_cell=50.0
-    )
-    assert walls.remedy == "set turbulence.first_cell = 2.3"
-    assert replace(walls, first_cell=5.0).remedy == "set turbulence.first_cell = 1"
 
 
 def test_map_coordinates_are_told_in_decimals():
@@ -305,7 +297,6 @@ def test_a_large_first_cell_is_what_the_remedy_names() -> None:
         0.01, 16.0, 17.5, 0.05, 0.05, 0.005, 1e-4, 0.09, outside=1.0, excess=7.0
     )
     assert walls.doubt.endswith("set numerics.mesh_size = 0.13")
-    assert replace(walls, first_cell=20.0).doubt.endswith("set turbulence.first_cell = 2.6")
     assert replace(walls, outside=0.0).doubt == ""
 
 

@@ -56,9 +56,8 @@ def test_only_what_means_something_is_varied() -> None:
     assert set(SolverOptions(scene()).others) == {*STEADILY, "superlu"}
     assert SolverOptions(scene("fluid.inertia=false")).others == ("umfpack", "superlu")
     in_time = SolverOptions(scene(TIMED)).others
-    assert {"extrapolated", "bdf1", "loose", "energy-stable"} <= set(in_time)
-    assert not {"implicit", "bdf2", "printed", "chords", "naive"} & set(in_time)
-    assert "naive" in SolverOptions(load(SCENES / "pothole_4.toml")).others
+    assert {"extrapolated", "bdf1", "loose"} <= set(in_time)
+    assert not {"implicit", "bdf2", "printed", "chords"} & set(in_time)
     street = load(SCENES / "vortex_street.toml")
     assert SolverOptions(street).usual == ("extrapolated", "bdf1", "loose")
     assert SolverOptions(street).own == "bdf2, implicit convection"

@@ -226,7 +226,8 @@ def test_contact_is_left_out_where_that_is_said():
 @pytest.mark.parametrize("settle", [True, False])
 def test_a_released_grain_that_does_not_fill_its_pocket_is_told_of(settle):
     """Lowered at x it stands on the sphere behind it alone, and begins 0.026, not 0.05, from the two in front of it."""
-    scene = load(SCENES / "sand_leaving_pocket.toml", [f"body.settle={str(settle).lower()}"])
+    settings = (f"body.settle={str(settle).lower()}", "body.x=2.2886254", "contact.gap=0.05")
+    scene = load(SCENES / "sphere_leaving_pocket.toml", settings)
     told = [one for one in make_plan(scene).warnings if "nearer than its gap of 0.05" in one]
     assert len(told) == (0 if settle else 1)
     assert all("begins 0.0259 from its bed" in one and "body.settle = true" in one for one in told)

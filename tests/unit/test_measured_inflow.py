@@ -111,11 +111,6 @@ def test_a_uniform_flow_enters_beyond_thin_layers_at_walls(flow):
 
 def test_what_is_not_simulated_is_refused():
     rows = [[0.1, 0.8], [0.5, 1.0]]
-    sides = {"width": 2.0, "sides": "wall"}
-    with pytest.raises(SceneError, match='inflow: is "profile", which between sides with friction'):
-        scene(asked(rows), domain=Domain(length=6.0, height=1.0, **sides))
-    with pytest.raises(SceneError, match='inflow: is "given", which between sides with friction'):
-        scene(GIVEN, domain=Domain(length=6.0, height=1.0, **sides))
     with pytest.raises(SceneError, match=r"has a row at 1\.2"):
         from incipient.effects.plan import make_plan
 

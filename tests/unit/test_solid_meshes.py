@@ -30,11 +30,11 @@ from incipient.geometry import (
     Box,
     Cylinder,
     Ellipsoid,
-    Hemispheres,
     Placement,
     Plane,
     Ridges,
     Sphere,
+    SphereBed,
     Spheres,
 )
 from incipient.mesh.domain import build
@@ -111,9 +111,9 @@ def test_a_mesh_has_no_points_but_those_of_its_cells(order: int) -> None:
     [
         pytest.param(Plane((0.1, -0.05)), marks=pytest.mark.slow),
         pytest.param(Ridges(0.08, 1.0, 0.4), marks=pytest.mark.slow),
-        Hemispheres(0.5, 1.0),
-        pytest.param(Hemispheres(0.4, 0.8, "triangular"), marks=pytest.mark.slow),
-        pytest.param(Hemispheres(0.2, 0.7), marks=pytest.mark.slow),
+        SphereBed.array(0.5, 1.0),
+        pytest.param(SphereBed.array(0.4, 0.8, "triangular"), marks=pytest.mark.slow),
+        pytest.param(SphereBed.array(0.2, 0.7), marks=pytest.mark.slow),
     ],
     ids=["slope", "ridges", "touching balls", "touching in triangles", "lone balls"],
 )
@@ -135,7 +135,7 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Its first triangles may fold it, which smaller cells do not undo: others come first, then smaller cells."""
-    region, point = grain_above(Sphere(1.0), Hemispheres(0.5, 1.0), half=1.5)
+    region, point = grain_above(Sphere(1.0), SphereBed.array(0.5, 1.0), half=1.5)
     begun, spots, truly = list[float](), list[int](), space.remeshed
 
     def remeshed(exact: Any, draft: Any, size: Any) -> Any:
@@ -154,10 +154,10 @@ def test_a_bed_that_crosses_itself_begins_with_other_triangles(
 @pytest.mark.slow
 def test_a_grain_in_a_pocket() -> None:
     """Three gaps at once, between balls that touch each other."""
-    bed = Hemispheres(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0))
+    bed = SphereBed.array(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0))
     region, _ = grain_above(Sphere(1.0), bed, gap=0.01, half=3.0)
     middle = np.array(region.holes["body"].placement.centre)
-    centres = bed.centres_near((0.0, 0.0), 0.8)
+    centres = bed.near((0.0, 0.0), 0.3)[1]
     points = middle + 0.5 * (centres - middle) / np.linalg.norm(centres - middle, axis=1)[:, None]
     narrow = tuple(
         Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist()

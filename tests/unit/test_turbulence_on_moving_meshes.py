@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import ufl
-from domains import ball_in_box, ring, unit_box
+from domains import ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Steps
 
@@ -29,13 +29,9 @@ from incipient.planning.wall_law import WallLaw
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 SIDES = ("left", "right", "bottom", "top")
-SIDES_OF_SPACE = (*SIDES, "front", "back")
 STREAM, STEP = (0.6, -0.3), 0.01
 SLOPE, LEVEL = 3.0, -4.0
-BALL = (0.6, 0.5, 0.5)
-
-
-SPACE = (*STREAM, 0.2)
+SAND = 0.15  # radius of a disc that moves
 
 
 def uniform(x, stream):
@@ -52,9 +48,8 @@ def k_omega(domain, given):
 
 @contextmanager
 def carried(stream, values, inflow=(), added=lambda fields: (0, 0), model=k_epsilon):
-    """The unit square or cube in a uniform stream that carries both quantities of a model on a mesh that moves."""
-    gdim = len(stream)
-    domain = unit_box(gdim, 4 if gdim == 2 else 2)
+    """The unit square in a uniform stream that carries both quantities of a model on a mesh that moves."""
+    domain = unit_box(2, 4)
     with model(domain, TurbulenceConditions(inflow, values)) as fields:
         flow = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
         conditions = [Prescribed(name, steady(stream)) for name in domain.names]
@@ -79,43 +74,38 @@ def thrown(fluid, fields, values_at, radius=0.06, count=4):
         past = [fields.state.x.array.copy(), past[0]]
 
 
-BOTH = pytest.mark.parametrize("stream", [STREAM, pytest.param(SPACE, marks=pytest.mark.slow)])
-
-
-@BOTH
 @pytest.mark.parametrize(("model", "second"), [(k_epsilon, 0.1), (k_omega, 50.0)])
-def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(stream, model, second):
+def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(model, second):
     """What is uniform decays as on a mesh at rest, to round-off."""
     ends = []
     for radius in (0.0, 0.06):
         values = partial(np.multiply.outer, np.log([0.02, second]))
-        with carried(stream, lambda x, v=values: v(1 + 0 * x[0]), model=model) as (fluid, fields):
+        with carried(STREAM, lambda x, v=values: v(1 + 0 * x[0]), model=model) as (fluid, fields):
             thrown(fluid, fields, lambda t: lambda x: np.zeros((2, x.shape[1])), radius)
-            velocities = fluid.velocity.x.array.reshape(-1, len(stream))
+            velocities = fluid.velocity.x.array.reshape(-1, 2)
             assert velocities == pytest.approx(
-                uniform(fluid.constraints.points.T, stream).T, abs=1e-12
+                uniform(fluid.constraints.points.T, STREAM).T, abs=1e-12
             )
             ends.append(fields.state.x.array.reshape(-1, 2))
     assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
     assert ends[0][0, 0] < np.log(0.02) - 0.05
 
 
-@BOTH
-def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh(stream):
+def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
     """ln k falls along the stream at a rate, ln epsilon at twice that, so that nu_t is uniform: exact in elements.
 
     Where they are held up so against dissipation and diffusion they move with the stream, exact on moving nodes.
     """
 
-    speed = float(np.linalg.norm(stream))
+    speed = float(np.linalg.norm(STREAM))
 
     def exact(time):
-        along = np.array(stream) / speed
-        return lambda x: np.outer([1, 2], SLOPE * (along @ x[: len(stream)] - speed * time) + LEVEL)
+        along = np.array(STREAM) / speed
+        return lambda x: np.outer([1, 2], SLOPE * (along @ x[:2] - speed * time) + LEVEL)
 
     def held_up(fields):
         x, time = ufl.SpatialCoordinate(fields.domain.mesh), clock[0]
-        along = ufl.dot(ufl.as_vector([one / speed for one in stream]), x) - speed * time
+        along = ufl.dot(ufl.as_vector([one / speed for one in STREAM]), x) - speed * time
         lost, eddy = ufl.exp(SLOPE * along + LEVEL), 0.09  # epsilon/k, and nu_t = C_mu k^2/epsilon
         diffused = [(0.01 + eddy / sigma) * (i * SLOPE) ** 2 for i, sigma in ((1, 1.0), (2, 1.3))]
         return [c * lost - one for c, one in zip((1.0, 1.92), diffused, strict=True)]
@@ -130,7 +120,7 @@ def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh(stream):
         clock[0].value = time
         return exact(time)
 
-    with carried(stream, exact(0.0), SIDES_OF_SPACE[: 2 * len(stream)], added) as (fluid, fields):
+    with carried(STREAM, exact(0.0), SIDES, added) as (fluid, fields):
         thrown(fluid, fields, at)
         points = fields.space.tabulate_dof_coordinates()
         assert fields.state.x.array.reshape(-1, 2) == pytest.approx(
@@ -197,26 +187,11 @@ def in_box(course, along=True):
     )
 
 
-def ball_in_stream(course):
-    """A ball on a course, the mesh along with it, in a fluid at rest as the ball is at first."""
-    first = course(0.0)
-    body = RigidBody(Inertia(1.0, np.ones(3)), Freedom((False,) * 6, course))
-    entering, state = steady(np.array(SPACE) + first[:3]), BodyState.at(Placement(BALL), first)
-    return in_eddies(ball_in_box(0.35), body, state, entering, first[:3], ("body", "outer"))
-
-
-@pytest.mark.parametrize(
-    ("made", "frame", "spin"),
-    [
-        (in_box, [1.7, -0.4], [1.0]),
-        pytest.param(ball_in_stream, [1.7, -0.4, 0.3], [1.0, -2.0, 0.5], marks=pytest.mark.slow),
-    ],
-)
-def test_what_is_carried_along_bears_what_it_does_at_rest(made, frame, spin):
+def test_what_is_carried_along_bears_what_it_does_at_rest():
     """Galilean invariance: with mesh and stream carried along too, force, couple, k and epsilon are the same."""
     found = []
-    for velocity in (0.0 * np.array(frame), frame):
-        with made(lambda t, velocity=velocity: np.array([*velocity, *spin])) as (floating, fields):
+    for velocity in ([0.0, 0.0], [1.7, -0.4]):
+        with in_box(lambda t, velocity=velocity: np.array([*velocity, 1.0])) as (floating, fields):
             floating.march(3 * STEP, STEP)
             found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
     (load, eddies), (moved, carried_along) = found
@@ -249,26 +224,6 @@ def free_disc(density):
     return in_eddies(domain, body, state, entering, np.zeros(2), ("inner", "outer")), expected
 
 
-def free_ball(density, cell):
-    """In a box whose sides move as the endless fluid does around a ball that gets U = 1.5 V/(density + 0.5)."""
-    radius, stream = 0.25, np.array(SPACE)
-    expected = 1.5 / (density + 0.5) * stream
-    dipole = -0.5 * radius**3 * (expected - stream)
-
-    def entering(x, t):
-        """grad of V . x + B . x/r^3."""
-        away = x - np.array(BALL)[:, None]
-        r = np.linalg.norm(away, axis=0)
-        return stream[:, None] + dipole[:, None] / r**3 - 3 * (dipole @ away) / r**5 * away
-
-    mass = density * 4 / 3 * np.pi * radius**3
-    body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * radius**2)))
-    state = BodyState.at(Placement(BALL))
-    return in_eddies(
-        ball_in_box(cell), body, state, entering, np.zeros(3), ("body", "outer")
-    ), expected
-
-
 def set_off(made):
     """Velocities of what is free in a flow that is set off at once, and how often they were corrected."""
     with made as (floating, _):
@@ -276,46 +231,24 @@ def set_off(made):
         return floating.part.state.velocities, steps[-1].report.corrected
 
 
-def disc_of_sand():
-    """A box about a disc; its centre, radius, by how much cells miss its outline at most, its way, the sides."""
-    place = (0.5, 0.5)
-    return (
-        box_around(Disc(0.3), Placement(place), cell=0.08, far=0.2),
-        place,
-        (0.15, 1e-4),
-        (0.8, 0.2),
-        SIDES,
-    )
-
-
-def ball_of_sand():
-    """Likewise about a ball, in space, of cells as large as its radius and more."""
-    return ball_in_box(0.35), BALL, (0.25, 8e-3), (0.8, 0.2, -0.3), ("outer",)
-
-
 @contextmanager
-def sand_in_box(made, frame):
-    """A disc or ball that goes through a box in a stream, by k-omega SST, seen from a frame that goes along.
+def sand_in_box(frame):
+    """A disc that goes through a box in a stream, by k-omega SST, seen from a frame that goes along.
 
     Boxes and meshes are the same but for their place: of the body's way that goes along with all nodes which is the
     frame's, and of the other the mesh near the body takes as much as always.
     """
-    domain, centre, _, way, outer = made()
-    gdim, place, frame = domain.gdim, Placement(centre), np.array(frame[: domain.gdim])
-    spin = [4.0] if gdim == 2 else [4.0, -2.0, 1.0]
-    course = np.array([*(way - frame), *spin])
-    body = RigidBody(
-        Inertia(1.0, np.ones(len(spin))), Freedom((False,) * len(course), lambda t: course)
-    )
+    place, way, frame = Placement((0.5, 0.5)), np.array([0.8, 0.2]), np.array(frame)
+    domain = box_around(Disc(2.0 * SAND), place, cell=0.08, far=0.2)
+    course = np.array([*(way - frame), 4.0])
+    body = RigidBody(Inertia(1.0, np.ones(1)), Freedom((False,) * 3, lambda t: course))
     given = TurbulenceConditions(
-        outer, lambda x: np.log([0 * x[0] + 0.01, 0 * x[0] + 20.0]), ("body",)
+        SIDES, lambda x: np.log([0 * x[0] + 0.01, 0 * x[0] + 20.0]), ("body",)
     )
-    with KOmegaSST(domain, given, 2, 1e-3, in_layers=gdim == 3) as fields:
-        model = FlowModel(
-            unsteady=True, moving_mesh=True, viscosity=fields.viscosity, upwind=gdim == 3
-        )
-        stream = np.array(SPACE[:gdim]) - frame
-        conditions = [Carried("body"), *(Prescribed(side, steady(stream)) for side in outer)]
+    with KOmegaSST(domain, given, 2, 1e-3) as fields:
+        model = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
+        stream = np.array(STREAM) - frame
+        conditions = [Carried("body"), *(Prescribed(side, steady(stream)) for side in SIDES)]
         with Fluid(domain, model, conditions, 1e3) as fluid:
             velocity, _ = ufl.split(fluid.state)
             fields.carried_by(velocity, 1e-3, carrier=fluid.carrier(velocity))
@@ -325,13 +258,13 @@ def sand_in_box(made, frame):
             )
             displacement = RigidDisplacement(domain, "body", place, turning=False)
             share = way / (way - frame)
-            displacement.weights[:, :gdim] = share * displacement.weights[:, :gdim] + 1.0 - share
+            displacement.weights[:, :2] = share * displacement.weights[:, :2] + 1.0 - share
             part = RigidPart(
                 fluid,
                 body,
                 BodyState.at(place, course),
                 displacement,
-                lambda state: np.zeros(len(course)),
+                lambda state: np.zeros(3),
             )
             coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
             interface = InTime(fluid, fields, moving=coupling)
@@ -341,16 +274,17 @@ def sand_in_box(made, frame):
             )
 
 
-@pytest.mark.parametrize("made", [disc_of_sand, pytest.param(ball_of_sand, marks=pytest.mark.slow)])
-def test_sand_that_goes_through_a_box_bears_the_same_in_any_frame(made):
-    """Galilean invariance of k-omega SST, whose distances are from a wall that goes, on a mesh that it deforms."""
+def test_sand_that_goes_through_a_box_bears_the_same_in_any_frame():
+    """Galilean invariance of k-omega SST, whose distances are from a wall that goes, on a mesh that it deforms.
+
+    Cells miss the outline by 1e-4 at most.
+    """
     found = []
-    _, _, (radius, missed), *_ = made()
-    for frame in ([0.0, 0.0, 0.0], [2.5, -0.6, 0.4]):
-        with sand_in_box(made, frame) as (floating, fields):
+    for frame in ([0.0, 0.0], [2.5, -0.6]):
+        with sand_in_box(frame) as (floating, fields):
             floating.march(4 * STEP, STEP)
-            away = np.linalg.norm(fields._places() - floating.part.state.place, axis=1) - radius
-            assert fields._distance.x.array == pytest.approx(away, abs=missed)
+            away = np.linalg.norm(fields._places() - floating.part.state.place, axis=1) - SAND
+            assert fields._distance.x.array == pytest.approx(away, abs=1e-4)
             found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
     (load, eddies), (moved, as_seen) = found
     assert np.abs(load).min() > 1e-4
@@ -366,16 +300,6 @@ def test_a_free_disc_set_off_at_once_takes_the_velocity_of_an_ideal_fluid(densit
     assert velocities[:2] == pytest.approx(expected, rel=5e-3)
     assert abs(velocities[2]) < 1e-3
     assert corrected <= 5
-
-
-@pytest.mark.slow
-def test_a_free_ball_set_off_at_once_comes_nearer_to_the_velocity_of_an_ideal_fluid_on_finer_cells():
-    """On cells as large as its radius and more a ball without mass is too fast: by 19% and by 9.5%."""
-    errors = []
-    for cell in (0.35, 0.25):
-        made, expected = free_ball(0.0, cell)
-        errors.append(np.linalg.norm(set_off(made)[0][:3] / expected - 1.0) / np.sqrt(3.0))
-    assert errors[1] < 0.11 and errors[0] / errors[1] > 1.7
 
 
 @pytest.mark.slow

@@ -217,10 +217,9 @@ class MovingSurface(RunPart):
         return {"surface": found | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """What enters per time at the inflow of a channel and through the bed, of the whole where half is meshed."""
+        """What enters per time at the inflow of a channel, of the whole where half is meshed."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
-        found = {"inflow": whole * (held.influx - held.seepage)} if held.entries else {}
-        return found | ({"seepage": whole * held.seepage} if held.seeps else {})
+        return {"inflow": whole * held.influx} if held.entries else {}
 
     def unknowns(self) -> dict[str, int]:
         """Nodes of the surface."""

@@ -36,9 +36,8 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them; by k and omega, solved
-# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed; and what time adds to that, where a
-# steady flow is found first: 1.49 GB of 50,600 unknowns, 0.62 of 15,500 (docs/k_omega_in_space.md).
-BYTES, BYTES_TOGETHER, BYTES_IN_TIME = 2500.0, 17000.0, 6500.0
+# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/k_omega_in_space.md).
+BYTES, BYTES_TOGETHER = 2500.0, 17000.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
     "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
@@ -121,21 +120,7 @@ class TurbulenceEffect(Effect):
         return Decision(self.name, False, reason, off)
 
     def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """In space: LU factorisation in time with wall functions, else approximate; and on few cells with upwinding."""
-        if setup.scene.gdim == 3 and unsteady and setup.has_wall_layer:
-            why = (
-                "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
-            )
-            return Method("direct", why)
-        if (
-            setup.scene.gdim == 3
-            and unsteady
-            and setup.resolves_walls
-            and not setup.resolved_walls.plane
-        ):
-            why = "LU factors without what is far apart, to 1%; by blocks thin cells at walls need many iterations"
-            why += f"; on {FEW_CELLS} cells or less whole factors are faster, and used"
-            return Method("compressed", why)
+        """LU factorisation on few cells with upwinding."""
         if upwinds(setup):
             return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
         return None
@@ -175,10 +160,8 @@ class TurbulenceEffect(Effect):
         """MiB of both quantities in space, and of blocks that are the Jacobian's."""
         if setup.scene.gdim == 2 or not setup.scene.is_averaged:
             return 0.0
-        in_time = setup.scene.time is not None
-        together = setup.resolves_walls and (in_time or not setup.resolved_walls.plane)
-        of_each = BYTES_TOGETHER + BYTES_IN_TIME * in_time if together else BYTES
-        return of_each * unknowns / 2**20
+        together = setup.resolves_walls and not setup.resolved_walls.plane
+        return (BYTES_TOGETHER if together else BYTES) * unknowns / 2**20
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
         """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""
@@ -213,10 +196,7 @@ class TurbulenceEffect(Effect):
             return ""
         if setup.has_wall_layer:
             return " with turbulence"
-        over, sides = setup.turbulence.roughness, setup.geometry.walled
-        return (
-            " with turbulence to the wall" + " over sand" * bool(over) + " and to the sides" * sides
-        )
+        return " with turbulence to the wall" + " over sand" * bool(setup.turbulence.roughness)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""

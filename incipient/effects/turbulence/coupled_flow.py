@@ -38,13 +38,10 @@ class CoupledFlow:
     In pseudo-time each cell takes a step of its own, a Courant number times the time in which the flow passes it, by
     one correction of Newton's method, with a derivative by coarser quadrature than the residual. Holds PETSc objects:
     use it as a context manager, or call `destroy`.
-
-    Args:
-        in_time: whether all cells take the same step in time, to which the fluid's equations are set.
     """
 
-    def __init__(self, fluid: Fluid, turbulence: TurbulenceFields, in_time: bool = False):
-        self._fluid, self._turbulence, self._in_time = fluid, turbulence, in_time
+    def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
+        self._fluid, self._turbulence = fluid, turbulence
         self._scale = 1.0
         self._held: list[Any] = []
         self._per_step = turbulence.constant(0.0)
@@ -98,7 +95,7 @@ class CoupledFlow:
         found = ufl.Form(
             [one.reconstruct(metadata=one.metadata() | coarser) for one in found.integrals()]
         )
-        if state is not own or self._in_time:
+        if state is not own:
             return found
         test, rate = (
             ufl.TestFunction(state.function_space),
@@ -143,7 +140,7 @@ class CoupledFlow:
         """
         self._per_step.value = 1.0 / courant
         self._turbulence.stop(half_way)
-        return self.next_correction(fresh=True)
+        return self._next_correction()
 
     def slow_down(self, of_flow: Floats, of_logarithms: Floats) -> None:
         """Let cells at nodes with large corrections (owned unknowns,) take shorter steps than the others."""
@@ -183,14 +180,7 @@ class CoupledFlow:
         mine = float(self._slowed.x.array.max(initial=1.0))
         return float(self._fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
-    def next_correction(self, fresh: bool, **way: bool) -> tuple[Floats, Floats]:
-        """The changes (owned unknowns,) of both by the residual as it is, and a `fresh` derivative or that before.
-
-        `way` may name what the solver takes besides, see `BlockByBlock.approximate`.
-
-        Raises:
-            ConvergenceError: the matrix has no factors.
-        """
+    def _next_correction(self) -> tuple[Floats, Floats]:
         self._turbulence.prepare()
         for vector, form, conditions in zip(
             self._vectors, self._residuals, self._conditions, strict=True
@@ -200,18 +190,13 @@ class CoupledFlow:
             petsc.assemble_vector(vector, form)
             vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             compat.set_zero(vector, conditions)
-        if fresh:
-            self._renew()
+        self._renew()
         self._vectors[1].scale(self._scale)
         self._right.setArray(np.concatenate([one.array_r for one in self._vectors]))
-        self._solver.approximate(self._right, self._correction, **way)
+        self._solver.approximate(self._right, self._correction)
         number = self._vectors[0].getLocalSize()
         found = -self._correction.array_r
         return found[:number], found[number:]
-
-    def renew_factors(self) -> None:
-        """Request new factors with the next derivative, in space. Not collective, but to be called on every rank."""
-        self._solver.renew_factors()
 
     def _renew(self) -> None:
         """Make the derivative that of the present state, and factors of it."""

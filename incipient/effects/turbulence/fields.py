@@ -24,9 +24,7 @@ from ...mesh.domain import Domain
 from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
-# By dimension: on a new mesh over a bed of spheres crevices need 22 corrections, with 20 steps of 0.25 became 0.004
-# (docs/k_omega_in_space.md, grains that move in space).
-MOST_CORRECTIONS = {2: 20, 3: 40}
+MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 HALF_WAY = 0.5  # to the state of the step before goes what upwinding knows: all the way two states may take turns
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
@@ -250,7 +248,7 @@ class TurbulenceFields(ABC):
         fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
         before = np.inf
         self.discretise_time(rate, past)
-        for number in range(1, MOST_CORRECTIONS[self.domain.gdim] + 1):
+        for number in range(1, MOST_CORRECTIONS + 1):
             size = self._correct(fresh)
             if size <= tolerance:
                 return size
@@ -286,16 +284,11 @@ class TurbulenceFields(ABC):
         except ConvergenceError:  # a matrix that is singular, or not finite
             return float("inf")
         values = self._correction.array_r
-        size, bounded = self.bounded(values)
-        self.state.x.array[: len(values)] -= bounded
-        self.state.x.scatter_forward()
-        return size
-
-    def bounded(self, values: np.ndarray) -> tuple[float, np.ndarray]:
-        """The size of a correction (owned unknowns,), and as much of it as may be made at once. Collective."""
         size = self.largest(values)
         part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
-        return size, part * values
+        self.state.x.array[: len(values)] -= part * values
+        self.state.x.scatter_forward()
+        return size
 
     def of_most(self, values: np.ndarray) -> float:
         """The size of a correction (owned unknowns,) of nearly all nodes, by their weights. Collective."""

@@ -111,7 +111,7 @@ class KEpsilonFlow(TurbulentFlow):
         y_plus = governing * walls.distance / scene.viscosity
         end = at_end(x)
         last = np.average(found[end], weights=shares[end])
-        outside = ~walls.law.holds(governing, scene.viscosity, walls.distance, walls.reach)
+        outside = ~walls.law.holds(governing, scene.viscosity, walls.distance, walls.depth)
         return WallReport(
             distance=walls.distance,
             least=float(y_plus.min()),
@@ -124,7 +124,7 @@ class KEpsilonFlow(TurbulentFlow):
             outside=float(shares[outside].sum() / shares.sum()),
             plane=walls.plane,
             roughness=walls.law.roughness,
-            reach=walls.reach,
+            reach=walls.depth,
             backward=along[names[0]].backward() if scene.gdim == 2 else (),
             along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )

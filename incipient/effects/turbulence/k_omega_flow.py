@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,23 +14,19 @@ from ...arrays import Floats
 from ...coupled.tractions import TractionProbe
 from ...errors import ConvergenceError
 from ...fluid import Fluid
-from ...fluid.along_walls import AlongWall, along_resolved_wall, of_mean_stress
-from ...fluid.transient import Interface, TimeStep
-from ...geometry.placement import Placement
+from ...fluid.along_walls import AlongWall, along_resolved_wall, coarse_along
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
 from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
-from ...planning.meshing_in_space import way_on_bed
 from ...planning.resolved_walls import ResolvedWalls
 from ...results.resolved_wall_report import LARGEST_CHANGE, ResolvedWallReport
 from ..run_part import RunPart
 from .fields import TurbulenceConditions, Values
-from .iteration import InTime, Moving, Round, solve_steadily
+from .iteration import Round, solve_steadily
 from .k_omega_sst import KOmegaSST, Sand
 from .part import ORDER, Solving, TurbulentFlow
 from .pseudo_time import FIRST, NEAR, Marching, solve_together
-from .together_in_time import FINEST, InTimeTogether, SetOffTogether
 
 LEAST = (
     1e-3  # k over u*^2, as little as nothing; without it ln k falls for ever in crevices of a bed
@@ -80,7 +76,7 @@ class KOmegaFlow(TurbulentFlow):
         walls, left = self._walls, self._setup.sides.left
         given = TurbulenceConditions((left,), self._logarithms, walls.names)
         order = self._setup.order.number
-        fields = KOmegaSST(
+        return KOmegaSST(
             domain,
             given,
             ORDER,
@@ -91,16 +87,6 @@ class KOmegaFlow(TurbulentFlow):
             in_layers=not walls.plane,
             added=self._added,
         )
-        if self._begins_among_forms:
-            fields.begin(self._at_start)
-        return fields
-
-    @property
-    def _begins_among_forms(self) -> bool:
-        """Whether a flow from rest begins between forms of the bed in space, without the k of the stream above."""
-        geometry = self._setup.geometry
-        bed = geometry.bed
-        return geometry.gdim == 3 and bed is not None and bool(np.isfinite(bed.feature))
 
     def _entering(self) -> tuple[Velocity, Values]:
         return self._walls.velocity, self._logarithms
@@ -134,16 +120,12 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _least_carried(self) -> float:
-        """That below which k is not destroyed: in clefts of a bed less differs by e-folds from node to node.
-
-        At u* d/nu = 54 ln k then was as low as -28 on the new mesh, and no step down to 1e-4 was found.
-        """
+        """That below which k is not destroyed."""
         return math.log(max(self._least, self._added))
 
     @property
     def _added(self) -> float:
-        walls = self._walls
-        layer = walls.edge is not None or walls.layer_over_forms
+        layer = self._walls.layer_over_forms
         return ADDED * self._scene.reference_velocity**2 if layer else 0.0
 
     @property
@@ -208,10 +190,10 @@ class KOmegaFlow(TurbulentFlow):
         self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
     ) -> tuple[Round, ...]:
         """Between plane walls by turns; past forms and small grains in the plane that may be a start."""
-        if self._walls.plane and self._walls.edge is None:
+        if self._walls.plane:
             return super()._steady(watch)
         rounds: tuple[Round, ...] = ()
-        by_turns = self._scene.gdim == 2 and self._walls.edge is None and not self._past_large_grain
+        by_turns = self._scene.gdim == 2 and not self._past_large_grain
         if by_turns and not self._started:
             time = self._depth / self._scene.reference_velocity
             with suppress(ConvergenceError):
@@ -228,37 +210,6 @@ class KOmegaFlow(TurbulentFlow):
             rounds += solve_together(self._fluid, self.fields, self._tolerance, how, watch, loads)
             self._spread = rounds[-1].spread
             return rounds
-
-    def around(self, interface: Interface | None) -> InTime:
-        """In space flow and turbulence of a step are one system; in the plane, and where a grain moves, by turns.
-
-        Set off from rest over forms a grain has no first step by turns alone.
-        """
-        time = self._scene.time
-        from_rest = time is not None and time.start == "rest" and self._begins_among_forms
-        if from_rest and interface is not None:
-            moving = cast("Moving", interface)
-            self.in_time = SetOffTogether(self._fluid, self.fields, self._timed, moving)
-            return self.in_time
-        if self._scene.gdim == 2 or interface is not None:
-            return super().around(interface)
-        self.in_time = self._fluid.holding(
-            InTimeTogether(self._fluid, self.fields, self._timed, FINEST)
-        )
-        return self.in_time
-
-    def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to continue where a moving grain has left the bed about its start. Raises ConvergenceError."""
-        start = self._of_run.geometry.placement
-        if placement is None or start is None:
-            return
-        if np.linalg.norm(np.subtract(placement.centre, start.centre)[:2]) > way_on_bed(
-            self._of_run
-        ):
-            raise ConvergenceError(
-                f"at t = {step.time:.6g} the grain comes to where level ground takes the bed's place: use a larger "
-                "numerics.meshed_bed"
-            )
 
     @property
     def coarser_first(self) -> bool:
@@ -305,12 +256,8 @@ class KOmegaFlow(TurbulentFlow):
         walls, space = self._walls, fluid.space.velocity
         places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
         away = distances(fluid.domain, walls.names, places)
-        fluid.state.x.array[fluid.space.velocity_map] = walls.start(places, away)[0].T.ravel()
-        self.fields.begin(self._at_start)
-
-    def _at_start(self, places: Floats, away: Floats) -> Floats:
-        """(2, n) of a first guess at places (n, gdim) and distances (n,) from walls."""
-        return self._floored(self._walls.start(places, away)[1])
+        fluid.state.x.array[fluid.space.velocity_map] = walls.velocity_at(away).T.ravel()
+        self.fields.begin(lambda away: self._floored(walls.logarithms_at(away)))
 
     def wall_report(self) -> ResolvedWallReport:
         """u* along the walls, and how thick the cells at them are."""
@@ -328,18 +275,7 @@ class KOmegaFlow(TurbulentFlow):
         y_plus, limits, weights = self._thickness(along)
         bottom, in_plane = along[walls.names[0]], scene.gdim == 2
         mean = float(found @ shares / shares.sum())
-        last, each = bottom.at_outflow(), {}
-        if walls.sides:
-            fixed = {name: one for name, one in along.items() if name != "body"}
-            bed = self._setup.geometry.bed
-            forms = {walls.names[0]} if bed is not None and np.isfinite(bed.feature) else set()
-            each = {
-                name: of_mean_stress([one.part_at_outflow(strip=name not in forms)])
-                for name, one in fixed.items()
-            }
-            areas = [one.lengths.sum() for one in fixed.values()]
-            mean = of_mean_stress(fixed.values())
-            last = math.sqrt(np.average(np.square([*each.values()]), weights=areas))
+        last = bottom.at_outflow()
         _, away = self.fields.at_edge()
         return ResolvedWallReport(
             distance=self.fields.largest(away),
@@ -359,12 +295,9 @@ class KOmegaFlow(TurbulentFlow):
             thickest=walls.thickest(walls.names[-1]),
             on_sand=walls.thickest(walls.rough[0]) if walls.rough else 0.0,
             excess=float((y_plus / limits).max()),
-            first_cell=self._setup.turbulence.first_cell,
             spread=self._spread,
-            each=each,
-            coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
-            if walls.smooth
-            else (0.0 if walls.plane else None),
+            coarse_along=0.0 if walls.plane else coarse_along(along, walls.rough, LARGEST_CHANGE),
+            judged_along=walls.smooth,
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:

@@ -21,7 +21,7 @@ from ...forms.turbulence import Stream
 from ...mesh.cells import is_node_of
 from ...mesh.domain import Domain
 from ...mesh.wall_distance import cells_at, distances
-from .fields import LARGEST_CORRECTION, TurbulenceConditions, TurbulenceFields
+from .fields import TurbulenceConditions, TurbulenceFields
 
 ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
@@ -53,7 +53,7 @@ class KOmegaSST(TurbulenceFields):
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
         sand: on the walls that are rough.
         in_layers: whether layers of thin cells lie along walls that are no planes.
-        added: to k in its unknown, the logarithm of both, along plates, where cells are stretched; 0: nothing.
+        added: to k in its unknown, the logarithm of both, where a boundary layer enters; 0: nothing.
     """
 
     second = "omega"
@@ -153,8 +153,8 @@ class KOmegaSST(TurbulenceFields):
         # Nothing is computed from omega on the wall itself: it need not be that of the cell there.
         if not (nearest := self.largest(1.0 / beside)):
             raise SceneError(
-                f"turbulence.first_cell: cells at walls are thinner than {LEAST_DISTANCE:g} of the largest distance "
-                "from a wall; enlarge it or numerics.mesh_size, or use a smaller fluid.reynolds"
+                f"numerics.mesh_size: cells at walls are thinner than {LEAST_DISTANCE:g} of the largest distance "
+                "from a wall; enlarge it, or use a smaller fluid.reynolds"
             )
         least = ON_WALL / nearest
         self._at_walls.x.array[self._near] = forms.at_smooth_wall(
@@ -224,9 +224,9 @@ class KOmegaSST(TurbulenceFields):
         self.state.x.scatter_forward()
         self._inner.x.array[self._within] = values[2 * self._within]
 
-    def begin(self, values: Callable[[Floats, Floats], Floats]) -> None:
-        """Let the state be a function of places (n, gdim) and distances (n,) from walls that returns (2, n)."""
-        for component, one in enumerate(values(self._places(), self._distance.x.array)):
+    def begin(self, values: Callable[[Floats], Floats]) -> None:
+        """Let the state be a function of distances (n,) from walls that returns (2, n)."""
+        for component, one in enumerate(values(self._distance.x.array)):
             self.state.x.array[component::2] = one
 
     def at_edge(self) -> tuple[Floats, Floats]:
@@ -293,16 +293,6 @@ class KOmegaSST(TurbulenceFields):
         logarithms = self.state.x.array[: 2 * self.state.function_space.dofmap.index_map.size_local]
         eddies = np.exp(np.clip(logarithms[0::2] - logarithms[1::2], -100.0, 100.0))
         return np.asarray(eddies / (self._molecules + eddies))
-
-    def bounded(self, values: Floats) -> tuple[float, Floats]:
-        """The size of a correction (owned unknowns,), and as much of it as may be made at once. Collective.
-
-        In layers in space it is that of most nodes, and bounded at each: in crevices of a bed, where k has died out,
-        corrections of ln k by six to ten do no harm, and all others need not wait for them.
-        """
-        if self.domain.gdim == 2 or not self._in_layers:
-            return super().bounded(values)
-        return self.of_most(values), np.clip(values, -LARGEST_CORRECTION, LARGEST_CORRECTION)
 
     def look(self) -> None:
         """Take note of the flow as it is, by whose strain the eddy viscosity is limited."""

@@ -51,11 +51,8 @@ def refusals(setup: Setup) -> Iterator[str]:
 def too_near(setup: Setup) -> str:
     """Why the law of the wall is not for a scene, or an empty string. Not collective."""
     walls = setup.walls
-    share, of = (
-        walls.distance / walls.reach,
-        "depth" if walls.reach == walls.depth else "half width",
-    )
-    if walls.distance <= LARGEST_SHARE * walls.reach:
+    share = walls.distance / walls.depth
+    if share <= LARGEST_SHARE:
         return ""
     remedy = "use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
     if walls.distance == walls.law.roughness:
@@ -63,7 +60,7 @@ def too_near(setup: Setup) -> str:
             "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
         )
     return (
-        f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}; "
+        f"the law of the wall would have to reach {percent(share)} of the depth, at most {percent(LARGEST_SHARE)}; "
         f"{remedy}"
     )
 
@@ -117,11 +114,6 @@ def doubts(setup: Setup) -> Iterator[str]:
             f"{percent(share)} of it; it is thin up to {percent(THICK)}"
         )
     yield from _narrow_gap(setup)
-    if setup.walls.sides:
-        yield (
-            "the k-epsilon model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
-            "friction there is larger than computed"
-        )
     if grain is None:
         return
     if setup.geometry.gdim == 3:
@@ -151,11 +143,8 @@ def _narrow_gap(setup: Setup) -> Iterator[str]:
         return
     nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance
     lid = setup.sides.top if setup.base_flow.flow.kind == "open-channel" else ""
-    sides = () if setup.geometry.walled else setup.sides.across
-    if (
-        nearest.other in (setup.sides.right, setup.sides.left, lid, *sides)
-        or nearest.distance >= least
-    ):
+    open_sides = (setup.sides.right, setup.sides.left, lid, *setup.sides.across)
+    if nearest.other in open_sides or nearest.distance >= least:
         return
     yield (
         f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -96,21 +95,15 @@ class BlockByBlock:
         self._factors = PETSc.PC().create(nest.comm)
         self._factors.setOptionsPrefix(TOGETHER + "fields_")
         self._factors.setOperators(self._blocks[1][1])
-        self._solver = self._made(TOGETHER, nest, self)
-        self._solver_of_flow = self._made(TOGETHER + "flow_", flow, self._of_flow)
-
-    @staticmethod
-    def _made(prefix: str, matrix: Any, preconditioner: Any) -> Any:
-        solver = PETSc.KSP().create(matrix.comm)
-        solver.setOptionsPrefix(prefix)
-        solver.setOperators(matrix)
-        solver.getPC().setType("python")
-        solver.getPC().setPythonContext(preconditioner)
+        self._solver = PETSc.KSP().create(nest.comm)
+        self._solver.setOptionsPrefix(TOGETHER)
+        self._solver.setOperators(nest)
+        self._solver.getPC().setType("python")
+        self._solver.getPC().setPythonContext(self)
         chosen = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": MOST_TOGETHER}
-        solver.setTolerances(rtol=ROUGH, atol=1e-50, max_it=MOST_TOGETHER)
-        with defaults(prefix, chosen):
-            solver.setFromOptions()
-        return solver
+        self._solver.setTolerances(rtol=ROUGH, atol=1e-50, max_it=MOST_TOGETHER)
+        with defaults(TOGETHER, chosen):
+            self._solver.setFromOptions()
 
     def prepare(self) -> None:
         """Take the blocks of the matrix as they are; factors of the flow may be of an earlier one. Collective."""
@@ -122,10 +115,6 @@ class BlockByBlock:
         ):
             self._factors.setFromOptions()
             self._factors.setUp()
-
-    def renew_factors(self) -> None:
-        """Request new factors of the flow with the next matrix. Not collective, but to be called on every rank."""
-        self._aged = True
 
     def balance(self, right: tuple[Any, Any]) -> float:
         """Scale the turbulence's rows of A so that its right-hand side is as large as the flow's; by which factor.
@@ -142,20 +131,12 @@ class BlockByBlock:
             block.scale(factor)
         return factor
 
-    def approximate(self, b: Any, x: Any, by_turns: bool = False) -> None:
+    def approximate(self, b: Any, x: Any) -> None:
         """Solve A x = b as well as one of several corrections can use; x is not finite if it fails. Collective.
 
-        `by_turns`: for the flow, then for the turbulence in it, without what that does to the flow.
+        Factors of the flow are made anew where those at hand do not serve.
         """
-        if by_turns:
-            found = self._in_turn(b, x, lambda *pair: self._solved(self._solver_of_flow, *pair))
-        else:
-            found = self._solved(self._solver, b, x)
-        if not found:
-            x.set(np.inf)
-
-    def _solved(self, solver: Any, b: Any, x: Any) -> bool:
-        """Whether GMRES solves A x = b with factors of the flow as they are, or else with new ones."""
+        solver = self._solver
         solver.setTolerances(max_it=MOST_TOGETHER if self._aged else PATIENCE)
         solver.solve(b, x)
         if solver.getConvergedReason() <= 0 and not self._aged:
@@ -164,24 +145,20 @@ class BlockByBlock:
             solver.solve(b, x)
         failed = solver.getConvergedReason() <= 0
         self._aged = failed or not self._lasting
-        return not failed
+        if failed:
+            x.set(np.inf)
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """One application of the preconditioner; called by PETSc."""
-        self._in_turn(right, left, lambda *pair: self._of_flow.apply(None, *pair))
-
-    def _in_turn(self, right: Any, left: Any, of_flow: Callable[[Any, Any], Any]) -> Any:
-        """Solve for the flow by a function of right-hand side and solution, whose result is returned; then for both."""
         values, (flow, found) = right.array_r, self._flow
         left_fields, of_fields = self._turbulence
         number = flow.getLocalSize()
         flow.setArray(values[:number])
-        result = of_flow(flow, found)
+        self._of_flow.apply(None, flow, found)
         self._blocks[1][0].mult(found, of_fields)
         of_fields.setArray(values[number:] - of_fields.array_r)
         self._factors.apply(of_fields, left_fields)
         left.setArray(np.concatenate([found.array_r, left_fields.array_r]))
-        return result
 
     def destroy(self, _: Any = None) -> None:
         """Free PETSc's memory."""
@@ -189,7 +166,6 @@ class BlockByBlock:
             return
         solver, self._solver = self._solver, None
         solver.destroy()
-        self._solver_of_flow.destroy()
         self._of_flow.destroy(None)
         for held in (self._factors, *self._flow, *self._turbulence):
             held.destroy()

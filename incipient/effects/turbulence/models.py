@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 
 from ...errors import SceneError
 from ...forms.k_omega_sst import SMOOTHEST_SAND
 from ...planning.flow_setup import Setup
-from ...planning.meshing_in_space import cut_at_inflow, way_on_bed
-from ...planning.resolved_walls import THICKEST
+from ...planning.meshing_in_space import cut_at_inflow
 from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
@@ -95,33 +93,14 @@ class KOmegaModel(TurbulenceModel):
                 f"turbulence.roughness: u* k_s/nu is about {walls.sand:.2g}, hydraulically smooth: walls are as if it "
                 f'were {SMOOTHEST_SAND:g}; leave wall = "rough" out'
             )
-        if (
-            walls.first_cell is not None
-            and (thick := walls.first_cell * setup.scene.numerics.mesh_size) > THICKEST
-        ):
-            yield (
-                f"turbulence.first_cell: asks for cells {thick:.3g} nu/u* thick at walls, which are resolved with "
-                f"{THICKEST:g} at the most; use a smaller one or a smaller numerics.mesh_size"
-            )
         yield from _of_sand_on_forms(setup)
         yield from _of_sand_below_grain(setup)
         yield from _of_forms_beyond(setup)
-        if walls.edge is not None:
-            yield (
-                "where along a plate the flow becomes turbulent the k-omega model does not know: it does so soon, and "
-                "behind it the layer is that of a plate turbulent from its edge on"
-            )
-        elif walls.is_laminar:
+        if walls.is_laminar:
             re_tau = walls.depth / walls.unit
             yield (
                 f"the flow that enters is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"
-            )
-
-        if walls.sides:
-            yield (
-                "the k-omega model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
-                "friction there is larger than computed, and smaller amid the walls"
             )
 
     def flow(self) -> Flow:
@@ -172,22 +151,12 @@ def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
 
 
 def _of_forms_beyond(setup: Setup) -> Iterator[str]:
-    """That the inflow cuts forms of the bed, and how far a grain may go on a bed that is as it is about its start."""
+    """That the inflow cuts forms of the bed."""
     if cut_at_inflow(setup):
         yield (
             "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "
             "level ground: put the grain farther behind the inflow"
         )
-    if (way := way_on_bed(setup)) < math.inf:
-        yield (
-            f"beyond the bed about the grain's start is level ground: a run ends where the grain has gone {way:.3g} "
-            "along it; numerics.meshed_bed widens it"
-        )
-        if setup.scene.time is not None and setup.scene.time.start == "rest":
-            yield (
-                'time.start: from "rest" past a grain that moves over bed forms in space the first step is often not '
-                'found, a short one less often than a long one; use "steady"'
-            )
 
 
 # Each model by its name in the section [turbulence].

@@ -84,8 +84,7 @@ class TurbulentFlow(RunPart):
             self.fields,
             self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global,
         )
-        iterates = model.solver in ("block", "compressed")
-        solver = "direct" if iterates and cells <= FEW_CELLS else model.solver
+        solver = "direct" if model.solver == "block" and cells <= FEW_CELLS else model.solver
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver=solver, **eddies)
 
@@ -179,7 +178,7 @@ class TurbulentFlow(RunPart):
         """Carry both logarithms over from another mesh, now and before; both meshes are where they are.
 
         At each point the new mesh takes what the old one has there or next to it, in cells at walls what is given: both
-        quantities stay positive. In clefts of a bed ln omega was 311 by the polynomials of old cells next to them.
+        quantities stay positive.
         """
         old, new = before.in_time, self.in_time
         assert old is not None and new is not None

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from .block import Block, Triangle
-from .compressed import Compressed
 from .direct import Direct
 from .equations import Equations
 from .statistics import LinearStatistics
@@ -68,5 +67,4 @@ class LinearSolver(Protocol):
 SOLVERS: Mapping[str, type[LinearSolver]] = {
     "direct": Direct,
     "block": Block,
-    "compressed": Compressed,
 }

@@ -1,15 +1,14 @@
-"""Approximate factors of a flow's matrix in space: what is far apart is compressed. A preconditioner, and a solver."""
+"""Approximate factors of a flow's matrix in space: what is far apart is compressed. A preconditioner."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError, UnsolvedError
+from ...errors import ConvergenceError
 from ...installed import return_freed_memory
-from .direct import NOT_FINITE, Direct, fits
+from .direct import fits
 
 # Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace
 # in percent. With 78,000 unknowns past a sphere in its pocket factors take 9.8 s in place of 31.7, an iteration more or
@@ -19,13 +18,6 @@ LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1
 # Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
 # of it at 100,000 unknowns, by 0.55 at 260,000 (benchmarks/natural_bed.py).
 PART_OF_EXACT = 0.6
-ROUGH = 1e-3  # residual, relative to the right-hand side, of a correction that is one of several
-
-
-def compress(factors: Any) -> None:
-    """Let blocks of MUMPS's factors that are still to be made be of low rank."""
-    factors.setMumpsIcntl(LOW_RANK, 2)
-    factors.setMumpsCntl(DROPPED, LEFT_OUT)
 
 
 class CompressedFactors:
@@ -56,7 +48,8 @@ class CompressedFactors:
         self._factors.setFactorSolverType("mumps")
         self._factors.setFactorSetUpSolverType()
         made = self._factors.getFactorMatrix()
-        compress(made)
+        made.setMumpsIcntl(LOW_RANK, 2)
+        made.setMumpsCntl(DROPPED, LEFT_OUT)
         made.setMumpsIcntl(WORKSPACE, 200)
         self._factors.setUp()
         # PETSc else makes new factors by itself when the matrix has changed.
@@ -76,34 +69,3 @@ class CompressedFactors:
             self._factors.destroy()
             self._factors = None
             return_freed_memory()
-
-
-class Compressed(Direct):
-    """Solves A x = b by GMRES with approximate factors of A, or of an earlier, similar A; else as `Direct` does.
-
-    Without MUMPS factors are exact. What one application leaves depends on how the matrix is parted: up to 0.9 of the
-    residual on two ranks, 1e-14 where no block was compressed. It is therefore never taken for a solution.
-    """
-
-    def _make(self, workspace: int, scaling: int) -> Any:
-        solver = super()._make(workspace, scaling)
-        if solver.getPC().getFactorSolverType() == "mumps":
-            compress(solver.getPC().getFactorMatrix())
-        return solver
-
-    def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b as well as one of several corrections can use. Collective. Raises UnsolvedError."""
-        try:
-            self._solve(b, x, ROUGH, transposed=False)
-        except ConvergenceError as error:
-            raise UnsolvedError(str(error)) from error
-
-    def _factorise(self) -> None:
-        if not np.isfinite(self.matrix.norm()):  # as in a step that is too long
-            raise UnsolvedError(NOT_FINITE)
-        super()._factorise()
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        super().destroy()
-        return_freed_memory()
