@@ -1,9 +1,9 @@
-"""Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and tables.
+"""Beads on substrates of spheres: figures and tables of what demos/bead_on_substrate.py has found.
 
 Cost:    seconds; with `--study` all beads are computed before, one or two minutes each.
 Run:     python benchmarks/beads.py [--study] [RESULTS]
-Results: docs/beads.csv, docs/figures/beads_spacing.png, beads_size.png and beads_reynolds.png, the tables in
-         docs/beads.md; without RESULTS figures and tables are made anew from docs/beads.csv
+Results: docs/validation/beads.csv, docs/figures/beads_{spacing,size,reynolds}.png, the tables "beads" and "beads with
+         inertia"; without RESULTS all are made anew from the first
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from tables import publish
 
 import incipient
 
 ROOT = Path(__file__).parents[1]
-STORE, PAGE, FIGURES = ROOT / "docs/beads.csv", ROOT / "docs/beads.md", ROOT / "docs/figures"
-MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
+STORE, FIGURES = ROOT / "docs/validation/beads.csv", ROOT / "docs/figures"
 TERMS = ("discretisation", "gap", "domain", "level ground")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
@@ -89,7 +89,7 @@ def gather(results: Path) -> list[Row]:
 
 
 def stored() -> list[Row]:
-    """The rows of docs/beads.csv."""
+    """The rows of docs/validation/beads.csv."""
     words = ("arrangement", "mode")
     with STORE.open() as file:
         return [
@@ -99,7 +99,7 @@ def stored() -> list[Row]:
 
 
 def store(rows: list[Row]) -> None:
-    """Write docs/beads.csv, four digits of every number."""
+    """Write docs/validation/beads.csv, four digits of every number."""
     with STORE.open("w", newline="") as file:
         table = csv.DictWriter(file, NAMES, lineterminator="\n")
         table.writeheader()
@@ -270,12 +270,8 @@ def main() -> None:
         store(gather(Path(results[0])))
     rows = stored()
     figures(rows)
-    text = PAGE.read_text()
-    for name, made in (("beads", table(rows)), ("beads with inertia", table_with_inertia(rows))):
-        begin, end = (mark.format(name) for mark in MARKS)
-        before, rest = text.split(begin)
-        text = f"{before}{begin}\n\n{made}\n\n{end}{rest.split(end)[1]}"
-    PAGE.write_text(text)
+    publish("beads", table(rows))
+    publish("beads with inertia", table_with_inertia(rows))
 
 
 if __name__ == "__main__":
