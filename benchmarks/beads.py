@@ -1,9 +1,9 @@
-"""Beads on substrates of spheres: figures and tables of what demos/bead_on_substrate.py has found.
+"""Beads on substrates of spheres: a figure and tables of what demos/bead_on_substrate.py has found.
 
 Cost:    seconds; with `--study` all beads are computed before, one or two minutes each.
 Run:     python benchmarks/beads.py [--study] [RESULTS]
-Results: docs/validation/beads.csv, docs/figures/beads_{spacing,size,reynolds}.png, the tables "beads" and "beads with
-         inertia"; without RESULTS all are made anew from the first
+Results: docs/validation/beads.csv, docs/figures/beads_spacing.png, the tables "beads" and "beads with inertia";
+         without RESULTS all are made anew from the first
 """
 
 from __future__ import annotations
@@ -111,9 +111,8 @@ def store(rows: list[Row]) -> None:
 
 
 def figures(rows: list[Row]) -> None:
-    """Shields number against spacing, size and Reynolds number, with error bars."""
+    """Shields number against spacing, with error bars."""
     FIGURES.mkdir(exist_ok=True)
-    with_inertia(rows)
     rows = [row for row in rows if not row["reynolds"]]
     figure, axes = _axes("spacing of the bed's spheres over their diameter")
     _series(axes, rows, "spacing")
@@ -129,50 +128,6 @@ def figures(rows: list[Row]) -> None:
         axes.plot(s, scale["shields"] * slope / slope[0], "--", color=colour, lw=0.9, label=label)
     axes.set_title("An equal bead in a pocket, creeping shear", fontsize=10)
     _save(figure, axes, "beads_spacing.png")
-    figure, axes = _axes("diameter of the bead over that of the bed's spheres")
-    _series(axes, rows, "size")
-    axes.set(xscale="log", yscale="log")
-    largest = [row for row in rows if row["size"] == 2.0 and row["spacing"] == 1.0]
-    for row in largest:
-        d = np.array([1.0, 2.2])
-        label = "size to the power $-1$" if row is largest[0] else None
-        axes.plot(d, row["shields"] * 2.0 / d, ":", color="#555a61", lw=1.0, label=label)
-    axes.set_yticks([0.01, 0.02, 0.04, 0.08, 0.16], ["0.01", "0.02", "0.04", "0.08", "0.16"])
-    axes.set_xticks([0.5, 0.7, 1.0, 1.4, 2.0], ["0.5", "0.7", "1", "1.4", "2"])
-    axes.minorticks_off()
-    axes.set_title("A bead on spheres that touch, creeping shear", fontsize=10)
-    _save(figure, axes, "beads_size.png")
-
-
-def with_inertia(rows: list[Row]) -> None:
-    """Shields number of an equal bead on touching spheres of a triangular substrate against the Reynolds number."""
-    picked = [
-        row
-        for row in rows
-        if row["arrangement"] == "triangular" and row["spacing"] == row["size"] == 1.0
-    ]
-    figure, axes = _axes("Reynolds number of the shear and the bead, $G d^2/\\nu$")
-    creeping = next(row["shields"] for row in picked if not row["reynolds"])
-    axes.axhline(creeping, color="#555a61", lw=1.0, ls=":", label="creeping flow")
-    moving = [row for row in picked if row["reynolds"]]
-    place, value, error = (
-        np.array([row[key] for row in moving]) for key in ("reynolds", "shields", "error")
-    )
-    colour = COLOURS["triangular"]
-    axes.errorbar(
-        place,
-        value,
-        error,
-        fmt="o-",
-        ms=4,
-        lw=1.2,
-        capsize=3,
-        color=colour,
-        label="triangular substrate",
-    )
-    axes.set(xscale="log", ylim=(0.0, None))
-    axes.set_title("An equal bead on spheres that touch, with inertia", fontsize=10)
-    _save(figure, axes, "beads_reynolds.png")
 
 
 def slope_of(kind: str, spacing: np.ndarray) -> np.ndarray:
