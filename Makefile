@@ -68,7 +68,7 @@ gallery: setup ## the pictures of docs/gallery.md, from runs of the demos
 bench: setup ## speed and accuracy beside other programs
 	$(PYTHON) benchmarks/run.py
 
-cost: setup ## what accuracy costs, on the demos: docs/cost.md
+cost: setup ## what accuracy costs, on the demos: docs/validation/cost.md
 	$(PYTHON) benchmarks/accuracy_cost.py
 
 calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/accuracy.md
