@@ -35,10 +35,12 @@ if TYPE_CHECKING:
     from ..simulation.state import Run
 
 # Error of loads in elements of order 3 or 4 over what these change in order 2 on the same mesh: if they leave a third
-# of the error of order 2 or less, half of the change or less is left (0.35 at most was measured, docs/space.md).
+# of the error of order 2 or less, half of the change or less is left (0.34 at most measured).
 LEFT = 0.5
 SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
-OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
+OF_MODEL = (
+    "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
+)
 
 
 def error_bars(

@@ -51,7 +51,9 @@ from .terms import (
 SOLVER_SHARE, TOLERANCES = 1e-3, (1e-10, 1e-5)  # of the accuracy: what the iteration may leave
 CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
 CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
-TIME_GROWTH = 1.3  # of the time to solve and estimate with unknowns (docs/performance.md)
+TIME_GROWTH = (
+    1.3  # of the time to solve and estimate with unknowns (docs/validation/performance.md)
+)
 FOR_VERDICT = 0.2  # what is left of an error that is to decide a verdict, or is infinite
 # What is left of an estimated error on cells as much smaller as those are on which corrected loads are compared
 # (`finish.COARSER_CELLS`): 1.5^-4.

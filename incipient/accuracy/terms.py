@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 Estimate = Callable[[Loads, Solve], Term]
 
-# Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D (docs/space.md),
-# steps of waves and levels of streams (tests/convergence/test_errors_of_waves.py); the largest that was measured.
+# Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D, steps of waves
+# and levels of streams (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
 SAFETY = 1.6
 # Orders in the size of cells: of turbulence, which is upwinded, and of laminar flow with corners. What two coarser
 # meshes differ by, which may agree with the finest by chance, is believed to fall at most at order two, and not at all
@@ -63,10 +63,10 @@ LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over 
 PARABOLA = (8 / 3, -2.0, 1 / 3)  # weights of values at 1, 2 and 4 gaps in that without one
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # The influence of sides falls as a power of their distance: on a flat bed, over bedforms (1.6 to 1.8 measured,
-# docs/accuracy.md), and the slowest believed, of a boundary layer that adapts (Leveque 1928). Corrections believe less:
-# with powers down to 1/3 that of a disc errs by 0.22% of the force, with three quarters of it by 0.15%.
+# docs/contribute/defaults.md), and the slowest believed, of a boundary layer that adapts (Leveque 1928). Corrections
+# believe three quarters of the first: a disc's errs by 0.15% of the force, down to 1/3 by 0.22% (make calibration).
 DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
-WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the bed's part meshed as it is (docs/space.md)
+WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the bed's part meshed as it is (docs/contribute/defaults.md)
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes say nothing
 OF_MESH, GROUND, MODEL = "mesh", "level ground", "turbulence model"
 UNSETTLED = (
