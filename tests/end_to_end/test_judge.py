@@ -95,7 +95,7 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
     [
         ("contacts.friction=-1", "contacts.friction: is -1"),
         ("contacts.normals=[[0, 1], [0, 1]]", "contacts.normals[0]: points into the grain"),
-        ("contacts.points=[]", "contacts.points: there is no contact"),
+        ("contacts.points=[]", "contacts.points: has 0 items"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(override, message, tmp_path, capsys):

@@ -19,12 +19,12 @@ import incipient.sweep
 from incipient import cli
 from incipient.accuracy import discretisation, model_terms
 from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.judging.case import judge_case, load_case, save
 from incipient.reporting.citation import CITED
 from incipient.reporting.errors import REMEDIES
 from incipient.reporting.page import PageTable
 from incipient.reporting.run import part as part_of_run
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
-from incipient.simulation.judge_case import judge_case, load_case, save
 
 ROOT = Path(__file__).parents[2]
 CASES, SCENE = ROOT / "demos/cases", ROOT / "demos/scenes/grain_on_bed.toml"

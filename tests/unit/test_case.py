@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from incipient.errors import SceneError
-from incipient.simulation.judge_case import Case, load_case
+from incipient.judging.case import Case, load_case
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 
@@ -142,9 +142,9 @@ WRONG = [
         "[0.0, nan]\nflow_force",
         "load.weight: is not finite; give finite",
     ),
-    (PLANE, "[0.3, 0.1]", "[0.3]", "load.flow_force: has 1 component; give two components"),
-    (PLANE, "[0.3, 0.1]", '"strong"', "load.flow_force: is not made of numbers"),
-    (PLANE, "[0.3, 0.1]", "[[1, 2], [3]]", "load.flow_force: has rows of different lengths"),
+    (PLANE, "[0.3, 0.1]", "[0.3]", "load.flow_force: is not a vector; give [x, y]"),
+    (PLANE, "[0.3, 0.1]", '"strong"', "load.flow_force: is not a vector"),
+    (PLANE, "[0.3, 0.1]", "[[1, 2], [3]]", "load.flow_force: is not a vector"),
     (
         PLANE,
         "[0.3, 0.1]",
@@ -158,9 +158,9 @@ WRONG = [
         PLANE,
         "[[0.0, -1.0]]",
         "[[0.0, 0.0]]",
-        "contacts.normals: normal 0 is zero; give a unit vector",
+        "contacts.normals[0]: has length 0; give a unit vector",
     ),
-    (PLANE, "[[0.0, -1.0]]", "[[0.0, -2.0]]", "contacts.normals: normal 0 has length 2; give unit"),
+    (PLANE, "[[0.0, -1.0]]", "[[0.0, -2.0]]", "contacts.normals[0]: has length 2; give a unit"),
     (PLANE, "[[0.0, -1.0]]", "[[0.0, 1.0]]", "contacts.normals[0]: points into the grain; give it"),
     (
         PLANE,
@@ -168,7 +168,7 @@ WRONG = [
         "[[0.0, -1.0], [0, -1]]",
         "contacts.normals: 2 given for 1 point; give one",
     ),
-    (PLANE, "[[1.0, 0.0]]", "[]", "contacts.points: there is no contact; give the points"),
+    (PLANE, "[[1.0, 0.0]]", "[]", "contacts.points: has 0 items; give 1 or more"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, 0.5]]", "contacts.points[0]: lies at the centre of mass"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, nan]]", "contacts.points[0]: is not finite"),
     (

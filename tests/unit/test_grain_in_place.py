@@ -12,13 +12,13 @@ import trimesh
 from scenes import message
 
 from incipient import cli
+from incipient.judging.case import Case, load_case_without_flow
+from incipient.judging.forces import JudgedForces, judge_forces
+from incipient.judging.in_place import grain_in_place
+from incipient.judging.motion import MotionInTime
+from incipient.judging.openfoam import ForcesInTime, read_forces
+from incipient.judging.series import judge_series
 from incipient.scene import loads
-from incipient.simulation.forces_of_openfoam import ForcesInTime, read_forces
-from incipient.simulation.grain_in_place import grain_in_place
-from incipient.simulation.judge_case import Case
-from incipient.simulation.judge_forces import JudgedForces, judge_forces, load_case_without_load
-from incipient.simulation.judge_series import judge_series
-from incipient.simulation.motion_in_time import MotionInTime
 
 BLOCK = Path(__file__).parents[2] / "demos" / "cases" / "openfoam_block"
 FORCES = BLOCK / "postProcessing" / "forces"
@@ -50,7 +50,7 @@ BOX = ("body.shape=box", "body.sides=[1, 1, 1]", "body.centre=[4.5, 0.5, 0.5]")
 def test_the_shipped_block_is_judged_as_by_its_case(how: str) -> None:
     """Contacts, weight and inertia found from the surfaces give the verdict of those in case.toml."""
     case = in_place() if how == "files" else in_place(*BOX, grain=None, bed=Path("flat"))
-    given = load_case_without_load(BLOCK / "case.toml", ["errors.samples=10"])
+    given = load_case_without_flow(BLOCK / "case.toml", ["errors.samples=10"])
     mine, theirs = verdict(case), verdict(given)
     factors = [one.judgement["verdict"]["safety_factor"] for one in (mine, theirs)]
     assert factors[0] == pytest.approx(factors[1], rel=1e-6)
