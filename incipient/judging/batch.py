@@ -12,7 +12,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -29,9 +29,10 @@ from ..files import make_directory, part_of, replaced, write_json, write_text_at
 from ..progress import Silent
 from ..tables.parquet import pyarrow
 from .case import ROUNDING
-from .table import Table, read_table
+from .table import Table, read_table, require_columns
 
 SUMMARY = "batch.json"
+REMEDY = "give it, or --set {name}=VALUE for all rows"
 MOST_REASONS = 5  # printed
 _CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
 _PRODUCTS = ("xy", "xz", "yz")  # of inertia
@@ -149,7 +150,8 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
     numbers = [*of("force"), *couple, *of("weight"), *of("centre"), "friction"]
     needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
     products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
-    _require_columns(value, needed, [*of("about"), "mass", *inertia, *products])
+    optional = ["name", *of("about"), "mass", *inertia, *products]
+    require_columns("batch", value, needed, optional, REMEDY)
 
     def vector(names: Sequence[str]) -> Floats:
         return np.stack([value[name] for name in names], axis=1)
@@ -176,20 +178,6 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         _inertia(value, inertia),
     )
     return cases, faults
-
-
-def _require_columns(
-    names: Collection[str], needed: Sequence[str], optional: Sequence[str]
-) -> None:
-    for name in needed:
-        if name not in names:
-            remedy = f"give it, or --set {name}=VALUE for all rows"
-            raise SceneError(f"batch: there is no column {name}; {remedy}")
-    known = [*needed, "name", *optional]
-    unknown = next((name for name in names if name not in known), None)
-    if unknown is not None:
-        why = f"column {shortened(unknown)} is not known"
-        raise SceneError(f"batch: {why}; known are {', '.join(known)}")
 
 
 def _third(vectors: Floats) -> Floats:

@@ -297,33 +297,31 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
+    """In 2-D vectors have two components, and couples and the inertia are numbers."""
     load, errors = case.load, case.errors or CaseErrors()
-    vectors: dict[Key, Any] = {
+    values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,
+        ("load", "flow_couple"): load.flow_couple,
         ("load", "centre"): load.centre,
         ("load", "about"): load.about,
         ("errors", "flow_force"): errors.flow_force,
-    }
-    for name in ("points", "normals"):
-        listed = enumerate(getattr(case.contacts, name))
-        vectors |= {("contacts", name, index): vector for index, vector in listed}
-    for where, vector in vectors.items():
-        if vector is not None and len(vector) != case.gdim:
-            why = f"has {len(vector)} components, load.weight has {case.gdim}"
-            yield Problem(where, why, "give two everywhere, or three everywhere")
-    couples: dict[Key, Any] = {
-        ("load", "flow_couple"): load.flow_couple,
         ("errors", "flow_couple"): errors.flow_couple,
         ("grain", "inertia"): case.grain and case.grain.inertia,
     }
-    why = f"does not fit vectors of {case.gdim} components"
-    for where, couple in couples.items():
-        if couple is not None and isinstance(couple, float) != (case.gdim == 2):
-            yield Problem(
-                where, why, f"give {'one number' if case.gdim == 2 else 'three components'}"
-            )
-    if case.body is not None and case.body.gdim != case.gdim:
-        yield Problem(("body", "shape"), why, "use [grain]")
+    for name in ("points", "normals"):
+        listed = enumerate(getattr(case.contacts, name))
+        values |= {("contacts", name, index): vector for index, vector in listed}
+    dimensions = {
+        where: 2 if isinstance(value, float) or len(value) == 2 else 3
+        for where, value in values.items()
+        if value is not None
+    }
+    if case.body is not None:
+        dimensions["body", "shape"] = case.body.gdim
+    for where, dimension in dimensions.items():
+        if dimension != case.gdim:
+            why = f"is for {dimension}-D, load.weight has {case.gdim} components"
+            yield Problem(where, why, "give all for 2-D, or all for 3-D")
 
 
 def _outward(case: Case) -> Iterator[Problem]:

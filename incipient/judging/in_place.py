@@ -28,12 +28,7 @@ from ..scene.solids import SolidBody
 from .case import Case, CaseErrors
 
 FLAT = "flat"  # instead of a file: a plane below the grain
-_NEEDED = {
-    "body.density": "relative to the fluid's",
-    "fluid.density": "of the fluid in the units of the forces after --density, 1 if rhoInf is 1",
-    "gravity.acceleration": "in the units of the forces",
-    "contact.friction": "the coefficient of static friction",
-}
+SOURCE = "--forces without a case (give keys by --set)"
 BORDER = 1e-6  # relative, of the bed of a file, which is left out: files hold single precision
 
 
@@ -105,7 +100,7 @@ class GrainInPlace(Section):
             remedy = "give body.centre, where the other program has the grain"
             raise self.refused("body", "has no centre", remedy)
         if mass_and_inertia(self.body) is None:
-            raise self.refused("body", "has no mass", "give body.density, relative to the fluid's")
+            raise self.refused("body", "has no mass", "give body.density, over the fluid's")
         return self
 
     def case(self) -> Case:
@@ -183,22 +178,18 @@ def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str
     Raises:
         SceneError: something is missing or wrong, or the grain does not touch its bed.
     """
-    keys = {one.partition("=")[0].strip() for one in overrides}
-    remedies = {name: f"add --set {name}=NUMBER, {what}" for name, what in _NEEDED.items()}
-    if "body.mass" in keys:
-        del remedies["body.density"]
-    given = [f"bed.file={json.dumps(str(bed))}"] if bed is not None else []
+    given = [f"bed.file={json.dumps(str(bed))}"]
     if grain is not None:
         centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
         given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
+    elif not any(one.startswith("body.shape") for one in overrides):
+        remedy = "give the file of its surface, or body.shape"
+        raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
     if bed is None:
-        remedies = {"--bed": "give the file of its surface, or flat"} | remedies
-    if grain is None and "body.shape" not in keys:
-        remedies = {"--grain": "give the file of its surface, or body.shape"} | remedies
-    for name, remedy in remedies.items():
-        if name not in keys:
-            raise SceneError(f"--forces without a case: {name} is missing; {remedy}")
-    return parse(GrainInPlace, "", ".", [*given, *overrides], "--grain and --bed").case()
+        remedy = "give the file of its surface, or flat"
+        raise SceneError(f"--forces without a case: --bed is missing; {remedy}")
+    sections = "[fluid]\n[gravity]\n[contact]"  # so that their keys are reported as missing
+    return parse(GrainInPlace, sections, ".", [*given, *overrides], SOURCE).case()
 
 
 def _require_touching(

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact.batch import Batch, Loads, judge_batch
-from ..errors import SceneError, shortened
+from ..errors import SceneError
 from ..files import make_directory, write_json, write_text_atomically
 from .case import Case
 from .motion import MotionInTime, samples_from, steps_of
-from .table import read_table
+from .table import read_table, require_columns
 
 SAMPLES, SUMMARY = "series.csv", "series.json"
 MOST_EVENTS = 10  # printed, the longest first
@@ -128,7 +128,9 @@ def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
     needed = ["time", *force, *couple]
     if varies := any(name in columns for name in weight):
         needed += weight
-    _check(columns, needed, [*needed, *weight, "friction"])
+    remedy = f"give {', '.join(needed)}"
+    require_columns("series", columns, needed, [*weight, "friction"], remedy)
+    _check(columns)
 
     def vectors(names: list[str]) -> Floats:
         table = np.stack([columns[name] for name in names], axis=1)
@@ -141,14 +143,8 @@ def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
     return Loads(acting, torque, heavy, case.centre)
 
 
-def _check(columns: Mapping[str, Floats], needed: list[str], known: list[str]) -> None:
-    for name in needed:
-        if name not in columns:
-            raise SceneError(f"series: has no column {name}; give {', '.join(needed)}")
+def _check(columns: Mapping[str, Floats]) -> None:
     for name, values in columns.items():
-        if name not in known:
-            remedy = f"known are {', '.join(known)}"
-            raise SceneError(f"series: column {shortened(name)} is not known; {remedy}")
         if len(bad := np.flatnonzero(~np.isfinite(values))):
             raise SceneError(
                 f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"

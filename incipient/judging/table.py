@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from array import array
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -121,3 +121,17 @@ def _require_different(path: Path, names: Sequence[str]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
+
+
+def require_columns(
+    kind: str, names: Collection[str], needed: Sequence[str], optional: Sequence[str], remedy: str
+) -> None:
+    """Refuse a table of a kind without a column that is needed, or with one that is not known; raises SceneError."""
+    for name in needed:
+        if name not in names:
+            raise SceneError(f"{kind}: there is no column {name}; {remedy.format(name=name)}")
+    known = [*needed, *optional]
+    unknown = next((name for name in names if name not in known), None)
+    if unknown is not None:
+        why = f"column {shortened(unknown)} is not known"
+        raise SceneError(f"{kind}: {why}; known are {', '.join(known)}")

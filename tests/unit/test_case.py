@@ -132,6 +132,11 @@ class TestMeaning:
         assert found.mass_and_inertia() is not None
 
 
+SPHERE = """[body]
+shape = "sphere"
+diameter = 1.0
+centre = [1.0, 0.5, 0.0]
+"""
 SPREAD = "\n[errors]\nflow_force = [0.1, 0.1]\n"
 
 WRONG = [
@@ -149,9 +154,9 @@ WRONG = [
         PLANE,
         "[0.3, 0.1]",
         "[0.3, 0.1, 0.0]",
-        "load.flow_force: has 3 components, load.weight has 2",
+        "load.flow_force: is for 3-D, load.weight has 2 components",
     ),
-    (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: does not fit vectors of 2 components"),
+    (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: is for 3-D, load.weight has 2"),
     (PLANE, "-0.2", "[0.0, -0.2]", "load.flow_couple: is not a couple"),
     (PLANE, "centre = [1.0, 0.5]\n", "", "load.centre: is missing"),
     (
@@ -196,13 +201,13 @@ WRONG = [
         PLANE,
         "inertia = 0.25",
         "inertia = [1.0, 1.0, 1.0]",
-        "grain.inertia: does not fit vectors of 2",
+        "grain.inertia: is for 3-D, load.weight has 2",
     ),
     (
         SPACE,
         "[0, 0.2, 0]",
         "0.2",
-        "load.flow_couple: does not fit vectors of 3 components; give three",
+        "load.flow_couple: is for 2-D, load.weight has 3 components; give all",
     ),
     (
         BODY,
@@ -212,6 +217,7 @@ WRONG = [
     ),
     (BODY, "[[0.0, -0.5]]", "[[0.0, -0.4]]", "contacts.points[0]: lies 0.1 inside the grain"),
     (BODY, "centre = [0.0, 0.0]", "x = 0.0", "body.x: a case has no bed"),
+    (PLANE, "[grain]\nmass = 2.0\ninertia = 0.25", SPHERE, "body.shape: is for 3-D, load.weight"),
     (
         BODY,
         "[body]",
@@ -225,7 +231,7 @@ WRONG = [
         "[1e300, 1]",
         "errors.flow_force: holds 1e+300; give numbers of at most",
     ),
-    (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: has 3 components"),
+    (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: is for 3-D"),
     (
         PLANE + SPREAD,
         "[0.1, 0.1]",

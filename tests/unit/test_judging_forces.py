@@ -362,8 +362,8 @@ GRAIN, BED = BLOCK / "block.stl", BLOCK / "bed.stl"
     [
         ([], None, FLAT, "--grain is missing"),
         ([], GRAIN, None, "--bed is missing"),
-        (SET[1:], GRAIN, FLAT, "body.density is missing; add --set body.density=NUMBER"),
-        (SET[:1] + SET[2:], GRAIN, FLAT, "fluid.density is missing"),
+        (SET[1:], GRAIN, FLAT, "body: has no mass; give body.density"),
+        (SET[:1] + SET[2:], GRAIN, FLAT, "by --set): fluid.density: is missing; add it"),
         (SET, GRAIN, BED, "upwards is against gravity.direction"),
         ([*SET, "gravity.direction=[0, 0, 0]"], GRAIN, FLAT, "direction: is zero"),
         ([*SET, DOWN, "bed.height=-0.1"], GRAIN, FLAT, "of its size above the bed"),

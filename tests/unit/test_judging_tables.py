@@ -361,7 +361,7 @@ def test_couples_of_a_series_are_about_the_point_of_the_case(tmp_path: Path) -> 
         ({"force_z": np.zeros(4001)}, "column force_z is not known"),
         ({"force_x": np.full(4001, np.nan)}, "force_x is not finite in sample 1"),
         ({"time": np.zeros(4001)}, "time does not grow"),
-        ({"weight_y": np.zeros(4001)}, "has no column weight_x"),
+        ({"weight_y": np.zeros(4001)}, "no column weight_x"),
         ({"friction": np.full(4001, -1.0)}, "friction is negative"),
     ],
 )
