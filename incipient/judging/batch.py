@@ -24,7 +24,7 @@ import numpy as np
 
 from ..arrays import Floats, decimal, spatial, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
-from ..errors import SceneError, shortened
+from ..errors import Interrupted, SceneError, shortened
 from ..files import make_directory, part_of, replaced, write_json, write_text_atomically
 from ..progress import Silent
 from ..tables.parquet import pyarrow
@@ -79,6 +79,7 @@ def judge_table(
         SceneError: the table cannot be read, has no row or wrong columns, or a setting is not a number.
         MissingError: it is a Parquet file, and pyarrow is not installed.
         OutputError: a file cannot be written.
+        Interrupted: by Ctrl-C; verdicts so far are written.
     """
     table = read_table(path)
     cases, faults = _cases(table, dict(map(_setting, settings)))
@@ -87,16 +88,21 @@ def judge_table(
     make_directory(directory)
     progress.begin("verdicts")
     batches = list[Batch]()
-    for number, batch in enumerate(_judged(cases, jobs)):
-        batches.append(batch)
-        faults = {place + number * CHUNK: why for place, why in batch.reasons.items()} | faults
-        progress.count("verdicts", min((number + 1) * CHUNK, len(cases)), len(cases))
+    with suppress(KeyboardInterrupt):
+        for number, batch in enumerate(_judged(cases, jobs)):
+            batches.append(batch)
+            faults = {place + number * CHUNK: why for place, why in batch.reasons.items()} | faults
+            progress.count("verdicts", min((number + 1) * CHUNK, len(cases)), len(cases))
+    judged = sum(len(batch.factors) for batch in batches)
+    left = len(cases) - judged
+    faults |= dict.fromkeys(range(judged, len(cases)), "not judged: interrupted; call again")
     answers: dict[str, list[Any]] = {
         "row": list(range(1, len(cases) + 1)),
         "name": table.labels or [""] * len(cases),
-        "safety_factor": [factor for batch in batches for factor in batch.factors.tolist()],
-        "held": [held for batch in batches for held in batch.held.tolist()],
-        "mode": [mode for batch in batches for mode in batch.mode_names],
+        "safety_factor": [one for batch in batches for one in batch.factors.tolist()]
+        + [None] * left,
+        "held": [held for batch in batches for held in batch.held.tolist()] + [None] * left,
+        "mode": [mode for batch in batches for mode in batch.mode_names] + [""] * left,
         "reason": [""] * len(cases),
     }
     for place, why in faults.items():
@@ -108,6 +114,8 @@ def judge_table(
     least = min((one for one in answers["safety_factor"] if one is not None), default=np.inf)
     verdicts = Verdicts(len(cases), len(faults), dict(modes.most_common()), least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
+    if left:
+        raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
     return verdicts
 
 

@@ -16,7 +16,7 @@ from test_many_cases import random_cases
 
 from incipient import cli
 from incipient.arrays import Floats
-from incipient.errors import SceneError
+from incipient.errors import Interrupted, SceneError
 from incipient.judging import batch
 from incipient.judging.batch import Verdicts, judge_table
 from incipient.judging.case import Case, load_case
@@ -118,6 +118,27 @@ def test_threads_judge_chunks_as_one_does(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(batch, "CHUNK", 40)
     assert verdicts(path, jobs=3) == whole
     assert sorted(whole[0].reasons) == [76, 86]
+
+
+class Stopped(Silent):
+    """Is interrupted when a chunk has been judged."""
+
+    def count(self, what: str, done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_interrupted_table_has_the_verdicts_so_far(
+    jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, "CHUNK", 40)
+    path = write(tmp_path / "cases.csv", rows_of(110))
+    with pytest.raises(Interrupted, match="has the verdicts on the first 40 rows"):
+        judge_table(path, [], tmp_path, jobs, Stopped())
+    with (tmp_path / "verdicts.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows[:40] == verdicts(path)[1][:40] and len(rows) == 110
+    assert {row["reason"] for row in rows[40:]} == {"not judged: interrupted; call again"}
 
 
 def test_parquet_as_csv(tmp_path: Path) -> None:
