@@ -94,10 +94,11 @@ class InTurn:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()
         if self._beside is None or not self._beside.serves(key):
+            self._run = self._beside = None  # also if the next run fails
             self._open.close()
-            self._run = run = self._open.enter_context(self._prepare(scene))
+            run = self._open.enter_context(self._prepare(scene))
             force, couple = loads_at(run, 1.0)
-            self._beside = Beside(run, self._coarse, self._by_itself)
+            self._run, self._beside = run, Beside(run, self._coarse, self._by_itself)
             if not self._beside.serves(key):  # nor for others, each of which has a mesh of its own
                 return Loads(force.flow, couple.flow)
         return self._beside(scene)

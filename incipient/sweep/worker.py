@@ -101,7 +101,7 @@ def computed(task: str, text: str) -> CaseOutcome:
 
 def _result(task: str, text: str) -> dict[str, Any]:
     if task == "judge":
-        from ..simulation.judge_case import Case, judge_case
+        from ..judging.case import Case, judge_case
 
         return judge_case(Case.model_validate(json.loads(text)))
     scene, comm = Scene.model_validate(json.loads(text)), world()

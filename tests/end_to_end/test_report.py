@@ -19,9 +19,9 @@ import incipient.sweep
 from incipient import cli
 from incipient.accuracy import terms
 from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.judging.case import judge_case, load_case, save
 from incipient.reporting.results import REMEDIES
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
-from incipient.simulation.judge_case import judge_case, load_case, save
 
 ROOT = Path(__file__).parents[2]
 CASES, SCENE = ROOT / "demos/cases", ROOT / "demos/scenes/grain_on_bed.toml"

@@ -12,6 +12,7 @@ from scenes import sphere_on_plane
 
 from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
+from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
 from incipient.results.errorbars import Loads
@@ -157,6 +158,29 @@ def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
         found = [solve(each) for each in coarse_scenes(scene)[:2]]
     assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
+
+
+def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
+    """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
+    scene = on_plane(
+        domain=Domain(length=3.0, width=3.0, height=2.0),
+        fluid=Fluid(reynolds=40.0, scale="grain"),
+        body=Sphere(diameter=1.0, x=1.5, density=2.65),
+        numerics=Numerics(order=2, mesh_size=9.0, stabilisation="off"),
+    )
+    few = scene.numerics.model_copy(update={"max_iterations": 1, "tolerance": 1e-12})
+    failing = scene.model_copy(update={"numerics": few, "title": "fails"})
+    with InTurn(MPI.COMM_SELF, never) as solve:
+        first = solve(scene)
+        with pytest.raises(ConvergenceError):
+            solve(failing)
+        assert solve.handed_over(failing) is None
+        again = solve(scene)
+        assert again.force == pytest.approx(first.force, rel=1e-6)
+        handed = solve.handed_over(scene)
+    assert handed is not None
+    with handed[1]:
+        assert handed[0].scene == scene
 
 
 # The first rank is elsewhere when the second meets a defect; freeing MUMPS's factors is collective.
