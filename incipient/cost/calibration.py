@@ -111,7 +111,7 @@ def add(found: Calibration) -> None:
     """Add findings to the calibration of this machine, in place of older ones of their scenes; raises OutputError."""
     target, known = path(), read()
     make_directory(target.parent, target)
-    own(target.parent, {NAME: None}, target)  # of an earlier version, which left no mark
+    own(target)  # of an earlier version, which left no mark
     kept = {digest: older for digest, older in known.items() if digest not in found}
     machines = {**_stored(), machine(): plain({**kept, **found})}
     write_json(target, {"schema_version": SCHEMA_VERSION, "machines": machines})

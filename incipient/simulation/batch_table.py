@@ -24,7 +24,7 @@ from ..arrays import Floats, decimal, number
 from ..contact.batch import CHUNK, Cases
 from ..errors import SceneError, shortened
 from ..input_files import reading
-from ..tables.parquet import file_of_numbers
+from ..parquet import file_of_numbers
 from .judge_case import ROUNDING
 
 CONTACT = re.compile(r"(contact|normal)_([1-9][0-9]{0,2})_([xyz])")

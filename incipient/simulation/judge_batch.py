@@ -29,8 +29,8 @@ from ..files import (
 )
 from ..input_files import reading
 from ..parallel import end_with_parent
+from ..parquet import pyarrow
 from ..progress import Silent
-from ..tables.parquet import pyarrow
 from .batch_table import KINDS, Columns, Row, Table
 
 VERDICTS, SUMMARY, CHUNKS, REQUEST = "verdicts.csv", "batch.json", "verdicts.chunks", "request.json"

@@ -15,7 +15,7 @@ from ..contact.batch import Batch, Loads, judge_batch
 from ..errors import SceneError, shortened
 from ..files import make_directory, write_json, write_text_atomically
 from ..input_files import LARGEST_TABLE, reading
-from ..tables.parquet import file_of_numbers
+from ..parquet import file_of_numbers
 from .judge_case import Case
 from .motion_in_time import MotionInTime, samples_from, steps_of
 

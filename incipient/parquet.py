@@ -7,8 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingError, SceneError, shortened
-from ..input_files import reading
+from .errors import MissingError, SceneError, shortened
+from .input_files import reading
 
 
 def pyarrow(extra: str = "parquet") -> Any:
