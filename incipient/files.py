@@ -111,12 +111,12 @@ def opened_mark(directory: Path) -> io.FileIO:
     return mark
 
 
-def require_own(path: Path) -> None:
-    """Refuse to write a file that is a link or that this program did not write; raises OutputError, which names it."""
+def require_own(path: Path, folder: bool = False) -> None:
+    """Refuse to write a file (or `folder`) that is a link or not this program's; raises OutputError, which names it."""
     with reported(path):
         _refuse_link(path)
         name = path.name.removesuffix(PART)
-        if path.is_file() and name not in owned(path.parent):
+        if (path.exists() if folder else path.is_file()) and name not in owned(path.parent):
             raise OutputError(f"{path}: was not written by incipient; {AWAY}")
 
 

@@ -118,12 +118,12 @@ def _move(paths: list[Path], directory: Path, what: str) -> None:
     neighbour = numbered(directory.resolve())
     with reported(neighbour):
         neighbour.mkdir()
+        for name in (SCENE, *(path.name for path in paths)):
+            own(neighbour / name)
         if (directory / SCENE).exists():
             shutil.copy2(directory / SCENE, neighbour)
         for path in sorted(paths, key=lambda path: path.name == CHECKPOINT):
             shutil.move(path, neighbour)
-    for name in (SCENE, *(path.name for path in paths)):
-        own(neighbour / name)
     log.warning("%s: %s is now in %s", directory, what, neighbour)
 
 
@@ -143,6 +143,6 @@ def refuse_foreign(
     for path in sorted(directory.iterdir()) if directory.is_dir() else ():
         if _name(path) not in wanted:
             continue
-        require_own(path)
+        require_own(path, folder=True)
         if any(source.exists() and path.samefile(source) for source in sources):
             raise OutputError(f"{path}: is read and would be replaced; choose another directory")

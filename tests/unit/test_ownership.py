@@ -56,6 +56,13 @@ def test_what_others_wrote_is_refused_and_stays(tmp_path: Path, name: str) -> No
     assert (tmp_path / name).read_text() == FOREIGN[name]
 
 
+def test_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fields").mkdir()
+    refused = pytest.raises(OutputError, match="fields: was not written by incipient")
+    with refused, locked(tmp_path, COMM):
+        pass
+
+
 def test_a_run_that_makes_room_leaves_files_of_others(tmp_path: Path) -> None:
     """Beside its files, within its folder of fields, and where a mark of somebody else names them."""
     (tmp_path / "precious").write_text("mine")
