@@ -21,12 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import OutputError
 
 # Of a directory: the program's version, who has worked there, and below each other the names of its files there.
 MARK = ".incipient"
 PART = ".part"
+CHUNK = 2**16  # rows of an array that HDF5 writes, and checks, at a time
 AWAY = "choose another directory, or move it away"
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another directory",
@@ -152,7 +154,7 @@ def write_bytes_atomically(path: Path, data: bytes | memoryview) -> None:
 
 def write_hdf5(
     path: Path,
-    datasets: Mapping[str, Any],
+    datasets: Mapping[str, NDArray[Any]],
     attributes: Mapping[str, Any],
     links: Mapping[str, str] | None = None,
 ) -> None:
@@ -166,7 +168,9 @@ def write_hdf5(
     with h5py.File(image, "w") as file:
         file.attrs.update(attributes)
         for name, value in datasets.items():
-            file.create_dataset(name, data=value, fletcher32=bool(np.size(value)))
+            chunks = (min(len(value), CHUNK), *value.shape[1:])
+            checked = {"fletcher32": True, "chunks": chunks} if value.size else {}
+            file.create_dataset(name, data=value, **checked)
         for name, other in (links or {}).items():
             file[name] = h5py.ExternalLink(other, name)
     write_bytes_atomically(path, image.getbuffer())
