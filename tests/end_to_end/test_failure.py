@@ -1,8 +1,8 @@
 """Interrupts, divergence, impossible meshes and full disks: one line, an exit code, no hang, nothing lost."""
 
 import csv
-import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -14,7 +14,6 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Session
-from environment import environment
 from mpi4py import MPI
 from processes import (
     CAVITY,
@@ -28,8 +27,8 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.errors import ConvergenceError, MeshError
-from incipient.files import MARK, reported
-from incipient.output import series_file
+from incipient.files import MARK
+from incipient.output.xdmf import FieldSeries
 from incipient.restart.checkpoint import read
 
 STEP = 0.005
@@ -352,57 +351,26 @@ def test_meshes_that_cannot_be_made_and_flows_that_are_not_found(session: Sessio
 # -- no space ------------------------------------------------------------------------------------------------
 
 
-def test_a_full_disk_keeps_the_steps_before(tmp_path, monkeypatch):
-    """Of one rank; what two ranks do is in tests/unit/test_xdmf.py."""
-    written = series_file.write_hdf5
+def test_a_full_disk_keeps_the_steps_before(tmp_path, monkeypatch, capsys):
+    """Full from the fourth step on: the error is that of the fields, not that of result.json, which has no room."""
+    write, unlimited = FieldSeries.write, resource.getrlimit(resource.RLIMIT_FSIZE)
 
-    def full(path, *what):
-        with reported(path):
-            if path.stem == "000003":
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written(path, *what)
+    def filling(self, time, fields):
+        if time > 3.5 * STEP:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, unlimited[1]))
+        write(self, time, fields)
 
-    monkeypatch.setattr(series_file, "write_hdf5", full)
+    monkeypatch.setattr(FieldSeries, "write", filling)
     steps = settings(
         numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1
     )
-    assert main(["run", str(VORTEX_STREET), *steps, "--out", str(tmp_path)]) == 5
-    assert assert_all_kept(tmp_path) == 4
-    result = result_of(tmp_path)
-    assert result["status"] == "failed"
-    why = "000003.h5: cannot be written: no space left on device; free some space or choose"
-    assert result["error"].startswith(f"{tmp_path}/fields/{why}")
-
-
-def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_path):
-    """The error told is that of the fields, not that of the attempt to tell of it in result.json."""
-    limited = (
-        "import resource, sys; from mpi4py import MPI\n"
-        "from incipient.cli import main; from incipient.output import xdmf\n"
-        "write = xdmf.FieldSeries.write\n"
-        "def last(self, *step):\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, -1)); write(self, *step)\n"
-        "xdmf.FieldSeries.write = last\n"
-        "raise SystemExit(main(sys.argv[1:]))"
-    )
-    arguments = [
-        "run",
-        str(CAVITY),
-        *settings(numerics_order=2, numerics_mesh_size=4),
-        "--out",
-        str(tmp_path),
-    ]
-    done = subprocess.run(
-        [sys.executable, "-c", limited, *arguments],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.returncode == 5
-    assert Outcome([5], done.stderr.splitlines()).complaint.startswith(
-        f"{tmp_path}/fields/000000.h5: cannot be written"
-    )
+    try:
+        assert main(["run", str(VORTEX_STREET), *steps, "--out", str(tmp_path)]) == 5
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+    assert assert_all_kept(tmp_path) == 4 and not (tmp_path / "result.json").exists()
+    why = f"{tmp_path}/fields/000003.h5: cannot be written: file too large; raise the limit"
+    assert f"incipient: {why}" in capsys.readouterr().err
 
 
 IN_A_THREAD = """
