@@ -101,16 +101,17 @@ def own(path: Path) -> None:
             write_fully(mark, os.fsencode(f"{path.name}\n"))
 
 
-def opened_mark(directory: Path) -> io.FileIO:
+@contextmanager
+def opened_mark(directory: Path) -> Iterator[io.FileIO]:
     """The `MARK` of a directory, made if need be, for lines to be appended; raises OSError or OutputError."""
     path = directory / MARK
     _refuse_link(path)
     # Not into a pipe either, which a directory of somebody else may hold.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
-    mark = io.FileIO(os.open(path, flags, 0o666), "a")
-    if not path.stat().st_size:
-        write_fully(mark, f"# incipient {metadata.version('incipient')} wrote:\n".encode())
-    return mark
+    with io.FileIO(os.open(path, flags, 0o666), "a") as mark:
+        if not path.stat().st_size:
+            write_fully(mark, f"# incipient {metadata.version('incipient')} wrote:\n".encode())
+        yield mark
 
 
 def require_own(path: Path, folder: bool = False) -> None:
