@@ -26,8 +26,8 @@ from ..arrays import Floats, decimal, spatial, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
 from ..errors import Interrupted, SceneError, shortened
 from ..files import make_directory, part_of, replaced, write_json, write_text_atomically
+from ..parquet import pyarrow
 from ..progress import Silent
-from ..tables.parquet import pyarrow
 from .case import ROUNDING
 from .table import Table, read_table, require_columns
 

@@ -68,7 +68,7 @@ def resume(
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
-    """The scene and the checkpoint of a run that was cut short, on every rank, of tables its share. Collective.
+    """The scene and the checkpoint of a run that was cut short, on every rank. Collective.
 
     Raises:
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.

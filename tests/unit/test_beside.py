@@ -170,7 +170,7 @@ def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
     )
     few = scene.numerics.model_copy(update={"max_iterations": 1, "tolerance": 1e-12})
     failing = scene.model_copy(update={"numerics": few, "title": "fails"})
-    with InTurn(MPI.COMM_SELF, never) as solve:
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
         first = solve(scene)
         with pytest.raises(ConvergenceError):
             solve(failing)

@@ -27,7 +27,6 @@ NOT_KEYS = {
     "txt",
     "xdmf",
     "h5",
-    "vtkhdf",
     "md",
     "py",
     "png",
