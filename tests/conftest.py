@@ -65,7 +65,7 @@ NOT_QUICK = (
     *(
         "incipient.accuracy",
         "incipient.adaptive",
-        "incipient.critical",
+        "incipient.threshold",
         "incipient.simulation",
         "incipient.restart",
     ),

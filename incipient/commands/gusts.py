@@ -9,10 +9,9 @@ import incipient
 
 from ..cost.command import predicted_plan
 from ..cost.prediction import Prediction
-from ..critical.gust_bracket import runs_expected
-from ..critical.gusts import GustSearch
 from ..parallel import Comm
 from ..progress import telling
+from ..threshold.gusts import GustSearch, runs_expected
 from .drawing import tell_of_pictures
 
 

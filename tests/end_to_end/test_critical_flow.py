@@ -11,8 +11,6 @@ from mpi4py import MPI
 import incipient
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.safety import safety_factor
-from incipient.critical.outcome import Threshold
-from incipient.critical.threshold import find_threshold
 from incipient.evaluation.contact_verdict import load_of
 from incipient.output.critical_flow import write_threshold
 from incipient.pictures.record import parsed_json
@@ -20,6 +18,8 @@ from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
+from incipient.threshold.critical import find_threshold
+from incipient.threshold.outcome import Threshold
 
 SHAPE = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 POCKET = (*SHAPE, "numerics.mesh_size=2.0")

@@ -11,14 +11,13 @@ import pytest
 from test_released import POCKET
 
 import incipient
-from incipient.critical.gust_bracket import WITHIN
-from incipient.critical.gusts import CriticalGust, GustSearch
 from incipient.errors import SceneError
 from incipient.output.gust_curve import GustCurve
 from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads
 from incipient.sweep.table import rows
+from incipient.threshold.gusts import WITHIN, CriticalGust, GustSearch
 
 
 def scene(**changes: dict[str, object]) -> Scene:

@@ -18,11 +18,11 @@ from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.errorbars import of_interaction
 from incipient.accuracy.kept_runs import Solve
 from incipient.accuracy.model_terms import is_corrected, of_domain, of_gap
-from incipient.critical.threshold import find_threshold
 from incipient.errors import ConvergenceError
 from incipient.results.errorbars import Correction, ErrorBars, Loads, Term
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
+from incipient.threshold.critical import find_threshold
 
 NONE = np.zeros(3)
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"

@@ -14,15 +14,14 @@ from mpi4py import MPI
 from incipient import make_plan
 from incipient.contact import Contacts, Load
 from incipient.contact.safety import safety_factor
-from incipient.entrainment.find import Motion, find_entrainment
-from incipient.entrainment.laws import Gaussian
-from incipient.entrainment.outcome import Entrainment
-from incipient.entrainment.stream import Stream, near_wall
-from incipient.entrainment.sudden import CriticalStrength, load_of_growth
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import load
 from incipient.scene.file import loads
+from incipient.threshold.acceleration import CriticalStrength, load_of_growth
+from incipient.threshold.entrainment import Entrainment, Motion, find_entrainment
+from incipient.threshold.laws import Gaussian
+from incipient.threshold.mean_flow import MeanFlow, near_wall
 
 POCKET = """
 title = "disc between half-discs, Stokes flow"
@@ -91,7 +90,7 @@ class TestScene:
         setup = Setup(loads(POCKET.replace("intensity = 0.3", 'intensity = "model"')))
         assert setup.scene.gusts is not None
         with pytest.raises(SceneError, match=r'gusts\.intensity: "model" needs a turbulence model'):
-            Stream(setup, setup.scene.gusts)
+            MeanFlow(setup, setup.scene.gusts)
 
 
 def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> None:
@@ -100,7 +99,7 @@ def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> 
     gusts, placement = setup.scene.gusts, setup.scene.placement
     assert gusts is not None and placement is not None
     top = placement.centre[1] + 0.5 - setup.base_flow.datum
-    assert Stream(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
+    assert MeanFlow(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
 
 
 def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
@@ -109,7 +108,7 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     words = [f'gusts.{name}="model"' for name in ("intensity", "microscale", "integral_time")]
     setup = Setup(load(stone, words))
     assert setup.scene.gusts is not None
-    stream = Stream(setup, setup.scene.gusts)
+    stream = MeanFlow(setup, setup.scene.gusts)
     intensity, lasts = stream.intensity(1.0), stream.microscale(1.0)
     length = stream.integral_time(1.0)
     assert lasts is not None and length is not None
@@ -120,7 +119,7 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     # Twice the flow at the same viscosity is the scene at twice the Reynolds number, whose times are halved.
     twice = Setup(load(stone, [*words, f"fluid.reynolds={2.0 * setup.scene.fluid.reynolds}"]))
     assert twice.scene.gusts is not None
-    itself = Stream(twice, twice.scene.gusts)
+    itself = MeanFlow(twice, twice.scene.gusts)
     for name in ("microscale", "integral_time"):
         assert getattr(stream, name)(2.0) == pytest.approx(
             0.5 * getattr(itself, name)(1.0), rel=1e-9
@@ -134,10 +133,10 @@ def test_a_stronger_flow_has_the_turbulence_of_its_own_profile(intensity: str) -
     words = ["bed={kind='flat'}", f'gusts.intensity="{intensity}"']
     words += ['gusts.microscale="model"', 'gusts.integral_time="model"']
 
-    def stream(*more: str) -> Stream:
+    def stream(*more: str) -> MeanFlow:
         setup = Setup(load(sand, [*words, *more]))
         assert setup.scene.gusts is not None
-        return Stream(setup, setup.scene.gusts)
+        return MeanFlow(setup, setup.scene.gusts)
 
     scene = stream()
     third = stream(f"fluid.reynolds={0.3 * scene.setup.scene.fluid.reynolds}")
@@ -154,7 +153,7 @@ def test_a_base_flow_at_rest_at_the_grain_has_no_intensity_near_the_wall() -> No
     )
     setup = Setup(loads(small))
     assert setup.scene.gusts is not None
-    stream = Stream(setup, setup.scene.gusts)
+    stream = MeanFlow(setup, setup.scene.gusts)
     with pytest.raises(SceneError, match="the base flow is at rest at the grain"):
         stream.require_intensity()
 
@@ -180,7 +179,7 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
         np.exp(np.interp(np.log(np.maximum(at, 1e-6)), np.log(flow.heights[1:]), flow.log_k[1:])),
         weights=weights,
     )
-    stream = Stream(setup, gusts)
+    stream = MeanFlow(setup, gusts)
     assert stream.speed == pytest.approx(speed, rel=0.01)
     assert stream.intensity(1.0) == pytest.approx(
         np.sqrt(2.0 / 3.0 * energy) * unit / speed, rel=0.02
@@ -375,13 +374,9 @@ class TestEntrainment:
         """The motion of the disc by other gusts about the threshold that was found, or one that is changed."""
         scene = loads(POCKET.replace("intensity = 0.3", words))
         assert scene.gusts is not None
-        return Motion(
-            scene.gusts,
-            Stream(Setup(scene), scene.gusts),
-            replace(found.threshold, **changes),
-            None,
-            0.6,
-        )
+        threshold = replace(found.threshold, **changes)
+        flow = MeanFlow(Setup(scene), scene.gusts)
+        return Motion(scene.gusts, flow, threshold, threshold.factor)
 
     def test_a_normal_law_that_does_not_reach_a_probability(self, found: Entrainment) -> None:
         """The factor is above zero with the probability of 1/I deviations: 0.977 at 0.5."""
@@ -389,8 +384,8 @@ class TestEntrainment:
         with pytest.raises(
             SceneError, match=r"probabilities: 0\.99 is not reached in any mean flow"
         ):
-            motion.strength(0.99)
-        ended = motion.strength(0.99, clipped=True)
+            motion.quantile(0.99)
+        ended = motion.strength(motion.nearest(0.99))
         assert ended == pytest.approx(10.0 * found.threshold.factor, rel=1e-6)
         # A lognormal factor reaches it; what a normal one would need is without bound.
         quantile = self.motion(found, "intensity = 0.5").quantile(0.99)
@@ -404,8 +399,8 @@ class TestEntrainment:
         with pytest.raises(
             SceneError, match=r"probabilities: 0\.8 is not reached in any mean flow"
         ):
-            motion.strength(0.8)
-        assert motion.strength(0.8, clipped=True) == pytest.approx(
+            motion.quantile(0.8)
+        assert motion.strength(motion.nearest(0.8)) == pytest.approx(
             10.0 * found.threshold.factor, rel=1e-3
         )
 
@@ -432,9 +427,9 @@ class TestEntrainment:
         scene = loads(POCKET + "microscale = 1000.0\n")
         assert scene.gusts is not None and scene.contact is not None
         growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
-        motion = Motion(
-            scene.gusts, Stream(Setup(scene), scene.gusts), found.threshold, growth, 0.6
-        )
+        growing = CriticalStrength.of(found.threshold, growth, 0.6)
+        flow = MeanFlow(Setup(scene), scene.gusts)
+        motion = Motion(scene.gusts, flow, found.threshold, found.threshold.factor, growing)
         assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)
 
     def test_scenes_that_lack_something(self) -> None:

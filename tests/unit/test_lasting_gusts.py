@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from incipient.entrainment.lasting import Course, WeakestGusts, rate_of_lasting
-from incipient.entrainment.laws import Gaussian
 from incipient.errors import SceneError
+from incipient.threshold.lasting import Series, WeakestGusts, rate_of_lasting, series_of
+from incipient.threshold.laws import Gaussian
 
 
 class TestLasting:
@@ -26,7 +26,7 @@ class TestLasting:
             (40.0, 1.0, 2.1),
         ):
             factors[round(start / step) : round((start + duration) / step)] = strength
-        found = rate_of_lasting(Course(factors, step), self.WEAKEST, 1.0)
+        found = rate_of_lasting(Series(factors, step), self.WEAKEST, 1.0)
         assert found.rate * 10_000 * step == pytest.approx(2.0, rel=1e-3)
         assert found.low < found.rate < found.high
 
@@ -36,7 +36,7 @@ class TestLasting:
 
     def test_made_series_has_the_correlation_that_is_stated(self) -> None:
         microscale, integral = 0.5, 2.0
-        course = Course.of(Gaussian(0.3, False, microscale), integral)
+        course = series_of(Gaussian(0.3, False, microscale), integral)
         values = (course.factors - 1.0) / 0.3
         root = math.sqrt(integral**2 - 2.0 * microscale**2)
         first, second = 0.5 * (integral + root), 0.5 * (integral - root)
@@ -49,14 +49,14 @@ class TestLasting:
 
     def test_times_that_are_missing_are_named(self) -> None:
         with pytest.raises(SceneError, match=r"gusts\.integral_time: is missing"):
-            Course.of(Gaussian(0.3, True, 0.5), None)
+            series_of(Gaussian(0.3, True, 0.5), None)
 
     def test_times_that_no_correlation_has_are_refused(self) -> None:
         """T1 + T2 is at least the root of 4 T1 T2, the microscale times the root of two."""
         with pytest.raises(
             SceneError, match=r"gusts\.integral_time: is 0\.7, less than the microscale 0\.5"
         ):
-            Course.of(Gaussian(0.3, True, 0.5), 0.7)
+            series_of(Gaussian(0.3, True, 0.5), 0.7)
 
     def test_gusts_of_another_flow_are_refused(self) -> None:
         self.WEAKEST.require_of(1.6)

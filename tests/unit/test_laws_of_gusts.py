@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from incipient.entrainment.lasting import WeakestGusts, rate_of_lasting
-from incipient.entrainment.laws import Events, Gaussian, Measured
 from incipient.errors import SceneError
+from incipient.threshold.lasting import WeakestGusts, rate_of_lasting
+from incipient.threshold.laws import Events, Gaussian, Measured
 
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 

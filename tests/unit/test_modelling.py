@@ -17,7 +17,6 @@ from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.accuracy.model_terms import of_domain, of_gap
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
 from incipient.adaptive.refinement import Refinement
-from incipient.critical.meshes import CriticalRefinement
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
@@ -26,6 +25,7 @@ from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
+from incipient.threshold.meshes import CriticalRefinement
 
 POCKET = """
 [domain]

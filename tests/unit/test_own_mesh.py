@@ -9,12 +9,12 @@ from mpi4py import MPI
 from turbulent import channel, grain
 
 from incipient.contact import Load
-from incipient.critical import meshes
-from incipient.critical.search import Found, SolvedFlow
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.scene import Disc, Flat, Fluid, Turbulence
+from incipient.threshold import meshes
+from incipient.threshold.search import CriticalFlow, SolvedFlow
 
 
 class Pretended:
@@ -32,7 +32,7 @@ class Pretended:
     def from_rest(self):
         factor = self.critical(self.made_for[-1])
         path = SimpleNamespace(load=lambda at: load(1.0))
-        return Found(factor, factor, path, (SolvedFlow(12.0, 2.0),), reason="held")
+        return CriticalFlow(factor, factor, path, (SolvedFlow(12.0, 2.0),), reason="held")
 
     def near(self, before):
         assert before.factor == self.critical(self.made_for[-2])

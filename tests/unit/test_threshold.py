@@ -13,11 +13,6 @@ from scipy.optimize import brentq
 
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
-from incipient.critical.bars import CriticalBars, CriticalGoal
-from incipient.critical.loadpath import LoadPath
-from incipient.critical.outcome import with_error
-from incipient.critical.search import CriticalSearch, Found
-from incipient.critical.threshold import find_threshold
 from incipient.effects.effect import SlowestFlow
 from incipient.effects.turbulence.models import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
@@ -32,6 +27,12 @@ from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
+from incipient.threshold.bars import CriticalBars
+from incipient.threshold.critical import find_threshold
+from incipient.threshold.meshes import CriticalGoal
+from incipient.threshold.outcome import with_error
+from incipient.threshold.path import LoadPath
+from incipient.threshold.search import CriticalFlow, CriticalSearch
 
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.
@@ -77,7 +78,7 @@ class Pretended:
         centre = np.array([*self.scene.placement.centre, 0.0])
         return safety_factor(Load(flow[:3], flow[3:], weight, centre), self.contacts, 0.5).value
 
-    def from_rest(self) -> Found:
+    def from_rest(self) -> CriticalFlow:
         return self.search().from_rest()
 
     def search(self) -> CriticalSearch:
@@ -118,7 +119,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     """Where it is not held in the flow to start with the search begins with the slowest one."""
     bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
@@ -134,7 +135,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
     )
@@ -275,8 +276,8 @@ def test_a_search_that_does_not_converge_names_no_critical_flow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A load larger by a tenth has a threshold some percent away: one flow is not enough to be near it."""
-    monkeypatch.setattr("incipient.critical.search.MOST_FLOWS", 1)
-    before = Found(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
+    monkeypatch.setattr("incipient.threshold.search.MOST_FLOWS", 1)
+    before = CriticalFlow(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
     with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
         Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
 
@@ -368,7 +369,7 @@ def test_goal_of_a_threshold_in_space(halved: bool) -> None:
     path = LoadPath(
         np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5
     )
-    (goal,) = CriticalGoal(Found(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
+    (goal,) = CriticalGoal(CriticalFlow(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
     step = 1e-5
     for place in (0, 2, 4) if halved else range(6):
         ahead, behind = (
