@@ -168,7 +168,7 @@ def _values(row: Mapping[str, Any]) -> Floats:
     return np.array([float(row.get(name, 0.0)) for name in COMPONENTS])
 
 
-def share_of_error(found: Sequence[LoadCoefficients]) -> Floats:
+def relative_error(found: Sequence[LoadCoefficients]) -> Floats:
     """Errors (6,) of load coefficients: the median over runs that have estimated them, as a share of the drag.
 
     Zero where none has.

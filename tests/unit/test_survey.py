@@ -15,7 +15,7 @@ from incipient.survey.beds import spheres_of
 from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
 from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.laws import buffington, kirchner, on_triangular_pocket, with_constant_drag
+from incipient.survey.laws import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
 from incipient.survey.procedure import RunMeans, survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
@@ -123,7 +123,6 @@ class TestPockets:
         found = on_pocket(size)
         exact = math.atan(1.0 / math.sqrt(3.0) / math.sqrt(size**2 + 2.0 * size - 1.0 / 3.0))
         assert found.pivot == pytest.approx(math.degrees(exact), abs=1e-5)
-        assert on_triangular_pocket(size) == pytest.approx(math.degrees(exact), abs=1e-12)
         assert len(found.contacts) == 3 and found.carries == 0
 
     def test_pivot_angle_over_one_sphere(self):
@@ -161,11 +160,6 @@ class TestLaws:
         """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
         assert kirchner(50) == pytest.approx(55.0)
         assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
-
-    def test_buffington(self):
-        assert buffington((50.0, 0.25, 0.3), 2.0, 1.5) == pytest.approx(
-            50.0 * 2.0**-0.25 * 1.5**-0.3
-        )
 
     def test_constant_drag_by_hand(self):
         """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
