@@ -7,11 +7,14 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from test_released import POCKET
 
 import incipient
 import incipient.sweep
+from incipient.pictures.charts import entrainment
 from incipient.scene import loads
 from incipient.sweep.table import rows
 
@@ -65,7 +68,14 @@ def test_what_is_found_is_said_written_drawn_and_reported(command, scene: Path) 
     last = rows[-1]
     assert 0.0 < float(last["lasting"]) < float(last["rate"])
     assert float(last["lasting_low"]) <= float(last["lasting"]) <= float(last["lasting_high"])
-    assert (out / "entrainment.png").stat().st_size > 10_000
+    with Image.open(out / "entrainment.png") as image:
+        assert image.format == "PNG"
+    (axes,) = entrainment._figure(stored).axes
+    drawn = axes.lines[0].get_xydata()
+    assert drawn == pytest.approx(
+        np.array([[p["shields"], p["probability"]] for p in stored["curve"]])
+    )
+    assert any(line.get_xydata().tolist() == stored["data"] for line in axes.lines)
     page = incipient.report(out).read_text()
     assert "probability at an instant" in page and "moves the grain from Shields number" in page
 
