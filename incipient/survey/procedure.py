@@ -25,6 +25,7 @@ from ..sweep.cases import identity_of
 from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
+from .deposition import Spheres
 from .emulator import FEWEST, Emulator, designed, runs_to_halve
 from .full_runs import (
     FullRun,
@@ -94,8 +95,7 @@ def survey(
         for count, grain in enumerate(pockets(spheres, surface, numbers, asked.flow)):
             grains.append(grain)
             voice.count("grains", count, len(numbers))
-        table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
-        mark = _mark(asked, table)
+        mark = _mark(asked, spheres)
         begun = from_first(comm, lambda: _begun(directory / RECORD, mark))
         bed = spheres, surface, len(numbers), grains
         outcome = SurveyOutcome(asked, *bed, runs=begun, mark=mark)
@@ -110,8 +110,9 @@ def survey(
         return outcome
 
 
-def _mark(asked: SurveyRequest, table: Floats) -> str:
-    """A mark of the runs of this bed (n, 4), in this flow, among those of others in one directory."""
+def _mark(asked: SurveyRequest, spheres: Spheres) -> str:
+    """A mark of the runs of this bed, in this flow, among those of others in one directory."""
+    table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
     runs = asked.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
     key = json.dumps([table.tolist(), asked.flow.model_dump(), runs])
     return hashlib.sha256(key.encode()).hexdigest()[:8]

@@ -42,6 +42,8 @@ SOURCES = {
     NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
     MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
 }
+NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
+ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
 
 
 @dataclass(frozen=True)
@@ -195,10 +197,10 @@ def find_entrainment(
         growing = CriticalStrength.of(threshold, growth, scene.contact.friction)
     motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
-    ends = [] if strengths else [motion.strength(motion.nearest(end)) for end in ENDS]
-    curve = [
-        motion.at(strength) for strength in strengths or np.geomspace(*ends, ON_CURVE).tolist()
-    ]
+    if not strengths:
+        low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
+        strengths = np.geomspace(low, high, ON_CURVE).tolist()
+    curve = tuple(motion.at(strength) for strength in strengths)
     assumed = [*_assumed(gusts, law), without or ACCELERATION]
     if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
@@ -206,12 +208,8 @@ def find_entrainment(
     if weakest is not None and not weakest.known:
         assumed.append(NO_ERRORS)
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
-    own = motion.at(1.0)
-    return Entrainment(scene.title, threshold, gusts.law, own, points, tuple(curve), tuple(assumed))
-
-
-NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
-ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
+    own, title = motion.at(1.0), scene.title
+    return Entrainment(title, threshold, gusts.law, own, points, curve, tuple(assumed))
 
 
 def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:

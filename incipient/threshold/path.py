@@ -60,7 +60,7 @@ class LoadPath:
         if self.before is not None:
             base = self.before.over_factor(factor)
             known = known - np.array([self.before.over_factor(one) for one in self.factors])
-        return base + extrapolated(self.factors[chosen].tolist(), known[chosen], factor)
+        return base + extrapolated(self.factors[chosen].tolist(), list(known[chosen]), factor)
 
     def _nearest(self, factor: float) -> list[int]:
         """Indices of the flows on both sides, and of the nearest other one."""

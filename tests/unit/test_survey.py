@@ -113,10 +113,6 @@ class TestDeposition:
 
 
 class TestPockets:
-    def test_the_layer_is_one(self):
-        away = np.linalg.norm(layer()[:, None] - layer(), axis=2) + 9.0 * np.eye(144)
-        assert away.min() == pytest.approx(1.0)
-
     @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
     def test_pivot_angle_over_two_spheres(self, size):
         """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3)."""
