@@ -31,6 +31,7 @@ UNREAD = (
 _MORE = "ask for less at once, or give the program more"
 # What the loader of libraries says where there is no memory left for one.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
 TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
@@ -90,7 +91,13 @@ def _parser() -> argparse.ArgumentParser:
         add_options(made)
         levels = ("debug", "info", "warning", "error")
         made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
+    for name in RETIRED:  # without a help they are not listed
+        commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
     return parser
+
+
+def _refuse(given: argparse.Namespace, comm: Comm) -> int:
+    raise SceneError(f"{given.name}: is retired; {RETIRED[given.name]}")
 
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
@@ -131,13 +138,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "cost",
             "costs",
             options.of_cost,
-            "measure error against time by runs on ever finer meshes",
-        ),
-        (
-            "calibrate",
-            "costs",
-            options.no_options,
-            "measure this machine, to predict times and errors",
+            "measure error against time on a ladder of meshes, orders and steps",
         ),
         (
             "show",

@@ -110,24 +110,20 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
-    text = "study of incipient cost to predict by (default: the last of this scene on this machine, else of others)"
-    parser.add_argument("--study", type=named, metavar="DIRECTORY", help=text)
 
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient cost`."""
     add = parser.add_argument
     _scene_to(parser, "_cost", "study")
-    add("--quick", action="store_true", help="a few coarse runs only")
+    add("--do", choices=("run", "threshold"), default="run", help="what to run (default: run)")
+    add("--quick", action="store_true", help="the scene's own order, coarser cells and steps only")
     add("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
         add(name, type=float, nargs="+", metavar="FACTOR", help=text)
-    text = (
-        "solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
-        "three coarse meshes)"
-    )
-    add("--solvers", nargs="+", metavar="OPTION", help=text)
+    text = "exact values, such as force_x=9.42, to compare with (default: the finest run)"
+    add("--exact", nargs="+", default=[], metavar="NAME=VALUE", help=text)
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:

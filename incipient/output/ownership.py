@@ -42,7 +42,7 @@ OTHERS = {
     "threshold": {"threshold.json", "threshold.png"},
     "gusts": {"gusts.json", "gusts.csv", "gusts.png"},
     "entrainment": {"entrainment.json", "entrainment.csv", "entrainment.png"},
-    "cost": {"cost.json", "cost.csv", "cost.md", "cost.png"},
+    "cost": {"cost.json", "cost.csv", "cost.png"},
 }
 RESULTS = FILES.union(*OTHERS.values())
 SECTIONS = (

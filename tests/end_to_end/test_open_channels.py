@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from test_free_surface import changed, history_of
 
 import incipient
-from incipient.cost.command import predicted_plan
+from incipient.cli import main
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
@@ -315,11 +315,15 @@ def test_a_stream_near_the_critical_one_is_warned_of(froude, warned):
     assert len(warnings) == warned
 
 
-def test_the_plan_tells_what_error_bars_take():
-    with_bars, without = (
-        predicted_plan(loads(SHORT.replace("error_bars = false", f"error_bars = {bars}"))).text()
-        for bars in ("true", "false")
-    )
+def test_the_plan_tells_what_error_bars_take(tmp_path, capsys):
+    said = []
+    for bars in ("true", "false"):
+        (tmp_path / "short.toml").write_text(
+            SHORT.replace("error_bars = false", f"error_bars = {bars}")
+        )
+        assert main(["plan", str(tmp_path / "short.toml")]) == 0
+        said.append(capsys.readouterr().out)
+    with_bars, without = said
     # In longer steps, these in another order, and coarse ones of this channel and of a longer one.
     runs = ", ".join(f"P{k}-P{k - 1} in steps of 0.1" for k in (3, 4, 2, 2))
     assert f"error bars take 4 more runs to the same end ({runs})" in with_bars
