@@ -23,13 +23,13 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
     means = _means(options)
     if options.orientations is not None or options.seeds is not None:
         return _poses(options, directory, means, comm)
-    asked = load_request(options.bed, options.overrides)
+    request = load_request(options.bed, options.overrides)
     with collectively(comm):
         if comm.rank == 0:
-            named = (getattr(asked.bed, key, None) for key in ("file", "heights", "labels"))
+            named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
             refuse_foreign(directory, FILES, [options.bed.parent / name for name in named if name])
     with telling(comm.rank) as voice:
-        found = find(asked, options.bed.parent, directory, comm, means, voice)
+        found = find(request, options.bed.parent, directory, comm, means, voice)
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / GRAINS}", flush=True)
@@ -53,12 +53,12 @@ def _poses(options: argparse.Namespace, directory: Path, means: RunMeans, comm: 
         raise SceneError(
             "--runs: is for a bed of grains; leave it out with --orientations and --seeds"
         )
-    asked = Poses(options.orientations or 1, options.seeds or 1)
+    request = Poses(options.orientations or 1, options.seeds or 1)
     with collectively(comm):
         if comm.rank == 0:
             refuse_foreign(directory, (POSES, SUMMARY), [options.bed])
     with telling(comm.rank) as voice:
-        found = survey_poses(options.bed, options.overrides, asked, directory, comm, means, voice)
+        found = survey_poses(options.bed, options.overrides, request, directory, comm, means, voice)
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / POSES}", flush=True)

@@ -98,16 +98,16 @@ def _labels(path: Path) -> np.ndarray:
     remedy = "give a PNG, TIFF or .npy file"
     with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":
-            found = array_in(path)
+            labels = array_in(path)
         else:
             with Image.open(path) as image:
                 require_few(path, *image.size)
-                found = np.asarray(image)[::-1]  # the first row of an image is at the far side
-    if found.ndim != 2 or not np.issubdtype(found.dtype, np.integer):
+                labels = np.asarray(image)[::-1]  # the first row of an image is at the far side
+    if labels.ndim != 2 or not np.issubdtype(labels.dtype, np.integer):
         raise SceneError(
             f"bed.labels: {path} is no table of whole numbers; give one number a height, 0 for no grain"
         )
-    return found
+    return labels
 
 
 def _measured(centres: Floats, radii: Floats, name: str) -> Spheres:

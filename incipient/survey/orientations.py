@@ -83,7 +83,7 @@ class PoseOutcome:
 def survey_poses(
     path: Path,
     overrides: Sequence[str],
-    asked: Poses,
+    request: Poses,
     directory: Path,
     comm: Comm,
     means: RunMeans,
@@ -102,8 +102,8 @@ def survey_poses(
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
         need = "a grain in space that rests on a bed; give body.x"
         raise SceneError(f"{path}: --orientations and --seeds need {need}")
-    scenes, reason, refused, total = [], "", 0, asked.orientations * asked.seeds
-    for number, settings in enumerate(_settings(asked, own.body.orientation)):
+    scenes, reason, refused, total = [], "", 0, request.orientations * request.seeds
+    for number, settings in enumerate(_settings(request, own.body.orientation)):
         voice.count("poses", number, total)
         try:
             scenes.append(posed(*settings).model_copy(update={"title": f"pose {number}"}))
@@ -131,14 +131,14 @@ def survey_poses(
     return outcome
 
 
-def _settings(asked: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
+def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
     """Overrides of each pose: the first orientation is the scene's own."""
-    random = np.random.default_rng(asked.first)
-    turned = [own, *(random_orientation(random) for _ in range(asked.orientations - 1))]
+    random = np.random.default_rng(request.first)
+    turned = [own, *(random_orientation(random) for _ in range(request.orientations - 1))]
     orientations = [
         f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]" for angles in turned
     ]
-    seeds = [(f"bed.seed={seed}",) if asked.seeds > 1 else () for seed in range(asked.seeds)]
+    seeds = [(f"bed.seed={seed}",) if request.seeds > 1 else () for seed in range(request.seeds)]
     return [(orientation, *seed) for seed in seeds for orientation in orientations]
 
 

@@ -109,7 +109,7 @@ class SurveyOutcome:
     runs: grains with a full run, in their order; mark: of the bed and the flow that these belong to
     """
 
-    asked: SurveyRequest
+    request: SurveyRequest
     spheres: Spheres
     surface: Surface
     exposed: int
@@ -196,8 +196,8 @@ class SurveyOutcome:
     def to_dict(self) -> dict[str, Any]:
         """All of it but the grains as plain data for survey.json."""
         return {
-            "title": self.asked.title,
-            "request": self.asked.model_dump(mode="json"),
+            "title": self.request.title,
+            "request": self.request.model_dump(mode="json"),
             "bed": {
                 "grains": len(self.spheres),
                 "median_diameter": self.surface.median,

@@ -71,7 +71,7 @@ def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
 
 
 def survey(
-    asked: SurveyRequest,
+    request: SurveyRequest,
     base: Path,
     directory: Path,
     comm: Comm,
@@ -89,32 +89,32 @@ def survey(
     voice = voice or Silent()
     with locked(directory, comm, make=True):
         voice.begin("bed")
-        spheres = spheres_of(asked.bed, base)
+        spheres = spheres_of(request.bed, base)
         surface = Surface.of(spheres)
-        numbers, grains = exposed(spheres, surface, asked.grains), []
-        for count, grain in enumerate(pockets(spheres, surface, numbers, asked.flow)):
+        numbers, grains = exposed(spheres, surface, request.grains), []
+        for count, grain in enumerate(pockets(spheres, surface, numbers, request.flow)):
             grains.append(grain)
             voice.count("grains", count, len(numbers))
-        mark = _mark(asked, spheres)
+        mark = _mark(request, spheres)
         begun = from_first(comm, lambda: _begun(directory / RECORD, mark))
         bed = spheres, surface, len(numbers), grains
-        outcome = SurveyOutcome(asked, *bed, runs=begun, mark=mark)
+        outcome = SurveyOutcome(request, *bed, runs=begun, mark=mark)
         if not outcome.free:
             why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
             raise SceneError(f"bed: {why}")
         _write(outcome, directory, comm)
-        if asked.runs.number or means.more:
+        if request.runs.number or means.more:
             Emulator.require()
             outcome = _Loads(outcome, directory, comm, means, voice).computed()
             _write(outcome, directory, comm)
         return outcome
 
 
-def _mark(asked: SurveyRequest, spheres: Spheres) -> str:
+def _mark(request: SurveyRequest, spheres: Spheres) -> str:
     """A mark of the runs of this bed, in this flow, among those of others in one directory."""
     table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
-    runs = asked.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
-    key = json.dumps([table.tolist(), asked.flow.model_dump(), runs])
+    runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
+    key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
     return hashlib.sha256(key.encode()).hexdigest()[:8]
 
 
@@ -153,7 +153,7 @@ class _Loads:
 
     def computed(self) -> SurveyOutcome:
         """The outcome with runs, thresholds and the record of the emulator. Collective."""
-        grains, number = self.outcome.free, self.outcome.asked.runs.number
+        grains, number = self.outcome.free, self.outcome.request.runs.number
         order = designed(self._features, min(number, len(grains)))
         # Runs of an earlier call come first: the place of a run decides its Reynolds number.
         first = [grains[place].number for place in order.tolist()]
@@ -171,7 +171,7 @@ class _Loads:
         run_sweep(
             [scene for pair in scenes for scene in pair if scene is not None],
             self.directory / RUNS,
-            {"fluid.inertia": [outcome.asked.flow.galileo is not None]},
+            {"fluid.inertia": [outcome.request.flow.galileo is not None]},
             do="run",
             **self.means.of_sweep(),
             voice=self.voice,
@@ -201,15 +201,15 @@ class _Loads:
         """The runs of grains; the first ones with error bars, and once more with a wider gap."""
         outcome, runs = self.outcome, []
         free = {grain.number: grain for grain in outcome.free}
-        median, galileo = outcome.surface.median, outcome.asked.flow.galileo
+        median, galileo = outcome.surface.median, outcome.request.flow.galileo
         for place, number in enumerate(chosen):
             if (grain := free.get(number)) is None:
                 continue
             if (number, place) not in self._scenes:  # a scene takes a tenth of a second
                 level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
                 own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
-                given = grain, level, outcome.asked, reynolds_of(place, own)
-                with_bars = place < outcome.asked.runs.with_error_bars
+                given = grain, level, outcome.request, reynolds_of(place, own)
+                with_bars = place < outcome.request.runs.with_error_bars
                 wide = scene_of(*given, wide=True) if with_bars else None
                 run = FullRun(number, scene_of(*given, error_bars=with_bars), wide)
                 self._scenes[number, place] = run
@@ -237,10 +237,10 @@ class _Loads:
     def _with_thresholds(
         self, outcome: SurveyOutcome, runs: list[LoadCoefficients], failed: int
     ) -> SurveyOutcome:
-        flow, grains, median = outcome.asked.flow, outcome.free, outcome.surface.median
+        flow, grains, median = outcome.request.flow, outcome.free, outcome.surface.median
         self.voice.begin("thresholds")
         emulator, of_flow = self._emulator(runs), relative_error(runs)
-        errors = LoadErrors(emulator.correlation, of_flow, outcome.asked.runs.seed)
+        errors = LoadErrors(emulator.correlation, of_flow, outcome.request.runs.seed)
         critical = thresholds(grains, median, flow.friction, flow.galileo, runs, emulator, errors)
         features, computed = self._features.copy(), {run.number for run in runs}
         features[:, -1] = np.log10(runs[0].reynolds)

@@ -142,8 +142,6 @@ def test_a_measured_series(command, scene: Path) -> None:
     done = command("entrainment", scene, "--out", "out", "--probabilities", "0.05", "0.5")
     assert done.returncode == 0, done.stderr
     assert "as in the series" in done.stdout and "length of the record" in done.stdout
-    done = command("entrainment", scene, "--out", "out", "--probabilities", "0.0001")
-    assert "beyond what the series can tell" in done.stderr and done.returncode not in (0, 70)
 
 
 def test_gusts_that_were_counted(command, scene: Path) -> None:
