@@ -41,10 +41,7 @@ class Emulator:
 
     @classmethod
     def of(cls, features: Floats, values: Floats) -> Emulator:
-        """Fit runs: features (n, 7) as of `thresholds.features_of`, and coefficients (n, 6).
-
-        Raises MissingError without scikit-learn.
-        """
+        """Fit runs: features (n, 7) as of `thresholds.features_of`, and coefficients (n, 6)."""
         errors, bars = np.empty(values.shape), np.empty(values.shape)
         fold = np.random.default_rng(0).permutation(len(features)) % FOLDS
         for number in range(FOLDS):
@@ -65,7 +62,11 @@ class Emulator:
     @staticmethod
     def require() -> None:
         """Raise MissingError without scikit-learn, before anything is computed."""
-        _scikit_learn("gaussian_process")
+        try:
+            import_module("sklearn.gaussian_process")
+        except ImportError as error:
+            remedy = "pip install 'incipient[survey]'"
+            raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
 
     def predicted(self, features: Floats) -> tuple[Floats, Floats]:
         """Coefficients (m, 6) and their standard deviations (m, 6) at features (m, 7)."""
@@ -101,29 +102,23 @@ class Emulator:
         return np.array(chosen, dtype=np.int64)
 
 
-def _scikit_learn(name: str) -> Any:
-    """A module of scikit-learn. Raises MissingError."""
-    try:
-        return import_module(f"sklearn.{name}")
-    except ImportError as error:
-        remedy = "pip install 'incipient[survey]'"
-        raise MissingError(f"scikit-learn cannot be used ({error}): {remedy}") from None
-
-
 def _fitted(features: Floats, values: Floats) -> tuple[Any, ...]:
     """A process for each column of values: a linear part, a smooth one, and noise, by the largest likelihood."""
-    processes, scaling = _scikit_learn("gaussian_process"), _scikit_learn("preprocessing")
-    kernels, pipelines = processes.kernels, _scikit_learn("pipeline")
-    linear = kernels.ConstantKernel(0.5, (1e-3, 1e2)) * kernels.DotProduct(0.1, "fixed")
-    smooth = kernels.ConstantKernel(0.5, (1e-3, 1e2)) * kernels.RBF(2.0, (0.3, 30.0))
-    kernel = linear + smooth + kernels.WhiteKernel(0.1, (1e-5, 1.0))
+    from sklearn.base import clone
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    linear = ConstantKernel(0.5, (1e-3, 1e2)) * DotProduct(0.1, "fixed")
+    smooth = ConstantKernel(0.5, (1e-3, 1e2)) * RBF(2.0, (0.3, 30.0))
+    kernel = linear + smooth + WhiteKernel(0.1, (1e-5, 1.0))
+    process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", _scikit_learn("exceptions").ConvergenceWarning)
+        warnings.simplefilter("ignore", ConvergenceWarning)
         return tuple(
-            pipelines.make_pipeline(
-                scaling.StandardScaler(),
-                processes.GaussianProcessRegressor(kernel, normalize_y=True, random_state=0),
-            ).fit(features, column)
+            make_pipeline(StandardScaler(), clone(process)).fit(features, column)
             for column in values.T
         )
 
