@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from ..sweep import run as run_sweep
 from ..sweep.cases import Source, identity_of
 from ..sweep.table import columns, rows
 from .outcome import SHARES, TOO_FEW, few
-from .procedure import RUNS, RunMeans
+from .procedure import ONE_OF_MANY, RUNS
 
 POSES, SUMMARY = "poses.csv", "poses.json"
 
@@ -86,12 +86,13 @@ def survey_poses(
     request: Poses,
     directory: Path,
     comm: Comm,
-    means: RunMeans,
+    sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> PoseOutcome:
     """Find the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
 
-    Poses in which it does not come to rest are left out and counted. Raises IncipientError on all ranks.
+    Poses in which it does not come to rest are left out and counted. `sweep`: as of `survey`.
+    Raises IncipientError on all ranks.
     """
     source, voice = Source.of(path), voice or Silent()
 
@@ -115,7 +116,8 @@ def survey_poses(
         raise SceneError(f"{path}: the grain rests in none of {total} poses: {reason}")
     with locked(directory, comm, make=True):
         file, inertia = directory / RUNS, {"fluid.inertia": [own.fluid.inertia]}
-        run_sweep(scenes, file, inertia, do="threshold", voice=voice, **means.of_sweep())
+        arguments = {**ONE_OF_MANY, **sweep}
+        run_sweep(scenes, file, inertia, do="threshold", voice=voice, **arguments)
         stored = {row["id"]: row for row in rows(file)}
         identities = {identity_of(scene, "threshold"): scene.title for scene in scenes}
         table = [

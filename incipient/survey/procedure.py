@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -41,27 +41,8 @@ from .request import SurveyRequest
 from .thresholds import LoadErrors, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
+ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
 FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
-
-
-@dataclass(frozen=True)
-class RunMeans:
-    """How full runs are computed: how many beyond the request, at a time, in what time, failed ones again.
-
-    scheduler, limit: as of a sweep
-    """
-
-    more: int = 0
-    jobs: int | None = None
-    wall: str | None = None
-    retry: bool = False
-    scheduler: Any = None
-    limit: str | None = None
-
-    def of_sweep(self) -> dict[str, Any]:
-        """Arguments of a sweep. A run that dies or takes too long is one of many, and not repeated by itself."""
-        names = ("jobs", "wall", "retry", "scheduler", "limit")
-        return {**{name: getattr(self, name) for name in names}, "tries": 1}
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -75,13 +56,16 @@ def survey(
     base: Path,
     directory: Path,
     comm: Comm,
-    means: RunMeans = RunMeans(),
+    more: int = 0,
+    sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> SurveyOutcome:
     """Survey a bed; its numbers are written to a directory, whose finished runs are not repeated. Collective.
 
     Args:
         base: directory that files of the bed are relative to.
+        more: full runs beyond those of the request.
+        sweep: arguments of the sweep of full runs, such as jobs, wall, retry, scheduler, limit.
 
     Raises:
         IncipientError: on all ranks; finished runs are in the directory.
@@ -103,9 +87,9 @@ def survey(
             why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
             raise SceneError(f"bed: {why}")
         _write(outcome, directory, comm)
-        if request.runs.number or means.more:
+        if request.runs.number or more:
             Emulator.require()
-            outcome = _Loads(outcome, directory, comm, means, voice).computed()
+            outcome = _Loads(outcome, directory, comm, more, sweep, voice).computed()
             _write(outcome, directory, comm)
         return outcome
 
@@ -147,7 +131,8 @@ class _Loads:
     outcome: SurveyOutcome
     directory: Path
     comm: Comm
-    means: RunMeans
+    more: int
+    sweep: Mapping[str, Any]
     voice: Silent
     _scenes: dict[tuple[int, int], FullRun] = field(default_factory=dict)
 
@@ -159,7 +144,7 @@ class _Loads:
         first = [grains[place].number for place in order.tolist()]
         chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
         begun = sum(status not in (DONE, FAILED) for status in self._statuses(chosen))
-        if (more := self.means.more - begun) > 0:
+        if (more := self.more - begun) > 0:
             chosen += self._further(chosen, more)
         if len(chosen) < FEWEST:
             remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
@@ -173,8 +158,8 @@ class _Loads:
             self.directory / RUNS,
             {"fluid.inertia": [outcome.request.flow.galileo is not None]},
             do="run",
-            **self.means.of_sweep(),
             voice=self.voice,
+            **{**ONE_OF_MANY, **self.sweep},
         )
         runs = coefficients_of(self._full_runs(chosen), self._table)
         failed = self._statuses(chosen).count(FAILED)

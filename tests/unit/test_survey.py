@@ -17,7 +17,7 @@ from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
 from incipient.survey.laws import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
-from incipient.survey.procedure import RunMeans, survey
+from incipient.survey.procedure import survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
 from incipient.sweep.cases import identity_of
 
@@ -290,7 +290,7 @@ class TestFullRuns:
         found = []
         for number in (8, 9):
             request = asked(DEPOSITED + more, f"runs.number={number}")
-            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, RunMeans()).emulator
+            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF).emulator
             found.append((record.runs, record.failed, len(computed)))
         assert found == [(8, 0, 9), (9, 0, 10)]
 
@@ -330,7 +330,7 @@ class TestBadInput:
         )
         request = asked(DEPOSITED, "runs.number=6")
         with pytest.raises(SceneError) as caught:
-            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF, RunMeans())
+            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
         said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
         assert str(caught.value) == said
 
