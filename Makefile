@@ -59,7 +59,7 @@ docs: setup ## the documentation: site/index.html, without warnings, links check
 	@$(PYTHON) -c "import latex2mathml, material" 2>/dev/null || $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict
 
-docs-commands: setup ## every command on every page, run once: hours (PAGE=howto/cluster.md for one page)
+docs-commands: setup ## every command on every page, run once: hours (PAGE=howto/sweeps.md for one page)
 	$(PYTHON) docs/commands.py $(PAGE)
 
 gallery: setup ## the pictures of docs/gallery.md, from runs of the demos
@@ -68,7 +68,7 @@ gallery: setup ## the pictures of docs/gallery.md, from runs of the demos
 bench: setup ## speed and accuracy beside other programs
 	$(PYTHON) benchmarks/run.py
 
-cost: setup ## what accuracy costs, on the demos: docs/cost.md
+cost: setup ## what accuracy costs, on the demos: docs/validation/cost.md
 	$(PYTHON) benchmarks/accuracy_cost.py
 
 calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/accuracy.md

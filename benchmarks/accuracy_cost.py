@@ -1,4 +1,4 @@
-"""What `make cost` runs: `incipient cost` on some demos, and docs/cost.md from what it leaves.
+"""What `make cost` runs: `incipient cost` on some demos, and docs/validation/cost.md from what it leaves.
 
 Runs that results/cost holds already are not made again; delete it to measure anew.
 """
@@ -19,9 +19,7 @@ import tables
 from incipient.cost.frontier import percent
 
 ROOT = Path(__file__).resolve().parents[1]
-STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
-FIGURES = PAGE.parent / "figures"
-BEGIN, END = "<!-- cost: begin -->", "<!-- cost: end -->"
+STUDIES, FIGURES = ROOT / "results" / "cost", tables.DOCS / "figures"
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ def main() -> int:
     about, own = machine.describe(), machine.versions()["incipient"]
     where = f"{about['processor']}, {about['cores']} cores, {about['memory_gib']} GiB, {about['system']}"
     parts = [f"Machine: {where}; incipient {own}.", *map(_section, DEMOS)]
-    tables.put(PAGE, "\n\n".join(parts), BEGIN, END)
+    tables.publish("cost", "\n\n".join(parts))
     return 0
 
 
@@ -111,7 +109,7 @@ def _section(demo: Demo) -> str:
         f"## {stored['title']}",
         f"`{demo.command}`. {demo.said}".rstrip(),
         f"**{stored['sentence']}**",
-        f"![Error against CPU time and memory](figures/{figure.name})",
+        f"![Error against CPU time and memory](../figures/{figure.name})",
         f"Error: {error}{known}.{digit or ''}",
         "| error | CPU time [s] | memory [MiB] | unknowns | run |\n| --: | --: | --: | --: | :-- |",
     ]

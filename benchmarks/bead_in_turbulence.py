@@ -8,7 +8,7 @@ Cost:    two to five minutes of one core for each row
 Run:     python benchmarks/bead_in_turbulence.py [1300:2.2 1300:2.2:1 2600:1.5 2600:2.2:1 2600:1.6:1 3437:2.2:1],
          Reynolds numbers by mean speed and diameter with mesh sizes, and the sand roughness of the bed upstream [d] if
          it is rough
-Results: benchmarks/bead_in_turbulence.json, a row for each; the table in docs/beads.md; quartiles of the measured drag
+Results: benchmarks/bead_in_turbulence.json, a row for each; the table "turbulent"; quartiles of the measured drag
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import publish
 
 import incipient
 from incipient.planning.flow_setup import Setup
 
 ROOT = Path(__file__).parents[1]
-STORE, PAGE = ROOT / "benchmarks/bead_in_turbulence.json", ROOT / "docs/beads.md"
+STORE = ROOT / "benchmarks/bead_in_turbulence.json"
 DRAG = ROOT / "benchmarks/reference/sphere_near_bed_drag.csv"
-BEGIN, END = "<!-- turbulent: begin -->", "<!-- turbulent: end -->"
 DIAMETER, VISCOSITY, DENSITY, GRAVITY = (
     0.008,
     1e-6,
@@ -180,10 +180,7 @@ def main() -> None:
         reynolds, size, upstream = (*map(float, word.split(":")), 0.0)[:3]
         rows[upstream, reynolds, -size] = computed(reynolds, size, upstream)
         STORE.write_text(json.dumps([rows[key] for key in sorted(rows)], indent=1) + "\n")
-    before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
-    PAGE.write_text(
-        f"{before}{BEGIN}\n\n{table([rows[key] for key in sorted(rows)])}\n\n{END}{after}"
-    )
+    publish("turbulent", table([rows[key] for key in sorted(rows)]))
     print(f"balance of forces: {balanced():.3f} m/s")
     print(
         *(

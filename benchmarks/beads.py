@@ -1,9 +1,9 @@
-"""Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and tables.
+"""Beads on substrates of spheres: a figure and tables of what demos/bead_on_substrate.py has found.
 
 Cost:    seconds; with `--study` all beads are computed before, one or two minutes each.
 Run:     python benchmarks/beads.py [--study] [RESULTS]
-Results: docs/beads.csv, docs/figures/beads_spacing.png, beads_size.png and beads_reynolds.png, the tables in
-         docs/beads.md; without RESULTS figures and tables are made anew from docs/beads.csv
+Results: docs/validation/beads.csv, docs/figures/beads_spacing.png, the tables "beads" and "beads with inertia";
+         without RESULTS all are made anew from the first
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from tables import publish
 
 import incipient
 
 ROOT = Path(__file__).parents[1]
-STORE, PAGE, FIGURES = ROOT / "docs/beads.csv", ROOT / "docs/beads.md", ROOT / "docs/figures"
-MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
+STORE, FIGURES = ROOT / "docs/validation/beads.csv", ROOT / "docs/figures"
 TERMS = ("discretisation", "gap", "domain", "level ground")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
@@ -89,7 +89,7 @@ def gather(results: Path) -> list[Row]:
 
 
 def stored() -> list[Row]:
-    """The rows of docs/beads.csv."""
+    """The rows of docs/validation/beads.csv."""
     words = ("arrangement", "mode")
     with STORE.open() as file:
         return [
@@ -99,7 +99,7 @@ def stored() -> list[Row]:
 
 
 def store(rows: list[Row]) -> None:
-    """Write docs/beads.csv, four digits of every number."""
+    """Write docs/validation/beads.csv, four digits of every number."""
     with STORE.open("w", newline="") as file:
         table = csv.DictWriter(file, NAMES, lineterminator="\n")
         table.writeheader()
@@ -111,9 +111,8 @@ def store(rows: list[Row]) -> None:
 
 
 def figures(rows: list[Row]) -> None:
-    """Shields number against spacing, size and Reynolds number, with error bars."""
+    """Shields number against spacing, with error bars."""
     FIGURES.mkdir(exist_ok=True)
-    with_inertia(rows)
     rows = [row for row in rows if not row["reynolds"]]
     figure, axes = _axes("spacing of the bed's spheres over their diameter")
     _series(axes, rows, "spacing")
@@ -129,50 +128,6 @@ def figures(rows: list[Row]) -> None:
         axes.plot(s, scale["shields"] * slope / slope[0], "--", color=colour, lw=0.9, label=label)
     axes.set_title("An equal bead in a pocket, creeping shear", fontsize=10)
     _save(figure, axes, "beads_spacing.png")
-    figure, axes = _axes("diameter of the bead over that of the bed's spheres")
-    _series(axes, rows, "size")
-    axes.set(xscale="log", yscale="log")
-    largest = [row for row in rows if row["size"] == 2.0 and row["spacing"] == 1.0]
-    for row in largest:
-        d = np.array([1.0, 2.2])
-        label = "size to the power $-1$" if row is largest[0] else None
-        axes.plot(d, row["shields"] * 2.0 / d, ":", color="#555a61", lw=1.0, label=label)
-    axes.set_yticks([0.01, 0.02, 0.04, 0.08, 0.16], ["0.01", "0.02", "0.04", "0.08", "0.16"])
-    axes.set_xticks([0.5, 0.7, 1.0, 1.4, 2.0], ["0.5", "0.7", "1", "1.4", "2"])
-    axes.minorticks_off()
-    axes.set_title("A bead on spheres that touch, creeping shear", fontsize=10)
-    _save(figure, axes, "beads_size.png")
-
-
-def with_inertia(rows: list[Row]) -> None:
-    """Shields number of an equal bead on touching spheres of a triangular substrate against the Reynolds number."""
-    picked = [
-        row
-        for row in rows
-        if row["arrangement"] == "triangular" and row["spacing"] == row["size"] == 1.0
-    ]
-    figure, axes = _axes("Reynolds number of the shear and the bead, $G d^2/\\nu$")
-    creeping = next(row["shields"] for row in picked if not row["reynolds"])
-    axes.axhline(creeping, color="#555a61", lw=1.0, ls=":", label="creeping flow")
-    moving = [row for row in picked if row["reynolds"]]
-    place, value, error = (
-        np.array([row[key] for row in moving]) for key in ("reynolds", "shields", "error")
-    )
-    colour = COLOURS["triangular"]
-    axes.errorbar(
-        place,
-        value,
-        error,
-        fmt="o-",
-        ms=4,
-        lw=1.2,
-        capsize=3,
-        color=colour,
-        label="triangular substrate",
-    )
-    axes.set(xscale="log", ylim=(0.0, None))
-    axes.set_title("An equal bead on spheres that touch, with inertia", fontsize=10)
-    _save(figure, axes, "beads_reynolds.png")
 
 
 def slope_of(kind: str, spacing: np.ndarray) -> np.ndarray:
@@ -270,12 +225,8 @@ def main() -> None:
         store(gather(Path(results[0])))
     rows = stored()
     figures(rows)
-    text = PAGE.read_text()
-    for name, made in (("beads", table(rows)), ("beads with inertia", table_with_inertia(rows))):
-        begin, end = (mark.format(name) for mark in MARKS)
-        before, rest = text.split(begin)
-        text = f"{before}{begin}\n\n{made}\n\n{end}{rest.split(end)[1]}"
-    PAGE.write_text(text)
+    publish("beads", table(rows))
+    publish("beads with inertia", table_with_inertia(rows))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ where it is much smaller than the bar of the load as computed.
 
 Cost:    an hour; the scenes in the plane alone two minutes.
 Run:     python benchmarks/calibration.py [a part of the scenes' names]
-Results: benchmarks/calibration.json and, from all that it has, the table in docs/accuracy.md
+Results: benchmarks/calibration.json and, from all that it has, the table "calibration"
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
+from tables import publish
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, farther
@@ -28,8 +29,6 @@ from incipient.results.result import Result
 from incipient.scene import Scene, loads
 
 STORED = Path(__file__).parent / "calibration.json"
-PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
-BEGIN, END = "<!-- calibration: begin -->", "<!-- calibration: end -->"
 CLOSER, LARGER = (
     0.125,
     {2: 4.0, 3: 1.5},
@@ -242,8 +241,7 @@ def main(wanted: list[str]) -> int:
         print(stored[name].text(), flush=True)
         rows = [stored[one] for one in SCENES if one in stored]
         STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
-        before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n{table(rows)}\n{END}{after}")
+        publish("calibration", table(rows))
     return 0 if all(row.within for row in stored.values()) else 1
 
 

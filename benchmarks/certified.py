@@ -5,7 +5,7 @@ it knows of the truth (`benchmarks/calibration.py` compares the bars with that).
 
 Cost:    an hour and a half.
 Run:     python benchmarks/certified.py [a part of the scenes' names]
-Results: benchmarks/certified.json and, from all that it has, the table in docs/accuracy.md
+Results: benchmarks/certified.json and, from all that it has, the table "certified"
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ from pathlib import Path
 from statistics import median
 
 import measure
+from tables import publish
 
 ROOT = Path(__file__).resolve().parents[1]
 STORED = Path(__file__).parent / "certified.json"
-PAGE = ROOT / "docs" / "accuracy.md"
-BEGIN, END = "<!-- certified: begin -->", "<!-- certified: end -->"
 SCENES, MINE = ROOT / "demos" / "scenes", ROOT / "benchmarks" / "scenes"
 ACCURACIES = (None, 0.03, 0.01, 0.003)
 LONGEST = 400  # seconds of processor time that a run may take
@@ -153,8 +152,7 @@ def main() -> int:
                 if not row.reached:
                     break  # nor would a smaller one be
     if options.stored == STORED:
-        before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
-        PAGE.write_text(f"{before}{BEGIN}\n{table(rows)}\n{END}{after}")
+        publish("certified", table(rows))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""How often the paper's criteria and the exact judge differ on random cases, and why: the table of docs/contact.md.
+"""How often the paper's criteria and the exact judge differ on random cases, and why: the table "agreement".
 
 Physics: grains of weight one and size one in space, at rest on one contact, a plane, a pocket or any contacts
          below them; the flow's force is mostly along the bed, one case in three has no couple; friction 0 to 1.
@@ -7,20 +7,17 @@ Run:     python benchmarks/contact_agreement.py [--cases 2000] [--seed 1] [--wri
 """
 
 import argparse
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
+from tables import publish
 
 from incipient.arrays import Floats
 from incipient.contact import Contacts, Load, classify
 from incipient.contact.verdict import Agreement, Reason, compare, judged
 
-PAGE = Path(__file__).parents[1] / "docs" / "contact.md"
-BEGIN, END = "<!-- agreement: begin -->", "<!-- agreement: end -->"
 INERT = (1.0, 0.1 * np.eye(3))  # of a sphere of diameter one: 2/5 r^2
 
 Generator = np.random.Generator
@@ -154,19 +151,10 @@ def main() -> None:
     )
     parser.add_argument("--cases", type=int, default=2000, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/contact.md")
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    lines = "\n".join(
-        table({name: tallied(make, options.cases, rng) for name, make in KINDS.items()})
-    )
-    print(lines)
-    if options.write:
-        page = PAGE.read_text(encoding="utf-8")
-        between = f"{BEGIN}\n{lines}\n{END}"
-        PAGE.write_text(
-            re.sub(f"{BEGIN}.*{END}", lambda _: between, page, flags=re.DOTALL), encoding="utf-8"
-        )
+    found = {name: tallied(make, options.cases, rng) for name, make in KINDS.items()}
+    publish("agreement", "\n".join(table(found)))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ change, and at last the grain is let go, with a mesh that follows it.
 
 Cost:    about a minute.
 Run:     python benchmarks/effects.py [--report]
-Results: benchmarks/effects.json, docs/figures/effects.png, the table in docs/effects.md; --report only rewrites these
+Results: benchmarks/effects.json, docs/figures/effects.png, the table "effects"; --report only rewrites these
 """
 
 import argparse
@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import publish
 
 ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "benchmarks/scenes/gust.toml"
-STORE, PAGE = ROOT / "benchmarks/effects.json", ROOT / "docs/effects.md"
+STORE = ROOT / "benchmarks/effects.json"
 FIGURE = ROOT / "docs/figures/effects.png"
-BEGIN, END = "<!-- effects: begin -->", "<!-- effects: end -->"
 # A free grain starts a little above its place in the pocket: the closest it may come to the bed is contact.gap.
 RAISED = 0.05
 STEPS = {
@@ -157,9 +157,7 @@ def draw(runs: dict[str, Run]) -> None:
 
 def report(runs: dict[str, Run]) -> None:
     """Rewrite the table in the page, and the figure."""
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    _, _, after = rest.partition(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{table(runs)}\n{END}{after}")
+    publish("effects", table(runs))
     draw(runs)
 
 

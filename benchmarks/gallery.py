@@ -19,21 +19,11 @@ RESULTS, FIGURES = ROOT / "results" / "gallery", ROOT / "docs" / "figures" / "ga
 WIDE, QUALITY = 900, 80  # of a picture: pixels, per cent
 # Scenes, with what is set for the gallery, and the picture that is shown.
 SHOWN: dict[str, tuple[str, str]] = {
-    "sphere_on_plane": ("numerics.error_bars=false", "traction.png"),
-    "floating_body": ("time.end=3", "flow.png"),
-    "shear_orbit": ("", "trajectory.png"),
-    "settling": ("", "trajectory.png"),
     "leaving_pocket": ("", "trajectory.png"),
-    "sphere_leaving_pocket": ("", "trajectory.png"),
     "pocket_in_gusts": ("", "entrainment.png"),
-    "settling_sphere": ("", "trajectory.png"),
-    "standing_wave": ("", "flow.png"),
-    "cylinder": ("numerics.error_bars=false", "flow.png"),
     "pebble": ("numerics.error_bars=false", "verdict.png"),
     "grain_under_waves": ("numerics.error_bars=false", "verdict.png"),
-    "sloshing": ("", "flow.png"),
     "film_over_bump": ("", "elevation.png"),
-    "backward_facing_step": ("", "flow.png"),
 }
 
 

@@ -1,4 +1,4 @@
-"""The weakest gusts that move a disc out of its pocket, between their limits: a figure and a table of docs/released.md.
+"""The weakest gusts that move a disc out of its pocket, between their limits: a figure and a table.
 
 Physics: demos/scenes/leaving_pocket.toml on coarse cells; for each duration the critical strength, the same gust past
          the grain held in its place (what the flow gives), and the grain that just leaves (where that goes).
@@ -6,7 +6,7 @@ Limits:  long gusts: the steady flow that begins to move it. Short ones: the imp
          without fluid and with the added mass of a cylinder at a wall.
 Cost:    a quarter of an hour of processor time; what is in the results is not computed again.
 Run:     python benchmarks/gust_curve.py [--report]
-Results: benchmarks/gust_curve.json, docs/figures/gust_curve.webp, the table in docs/released.md; --report makes these
+Results: benchmarks/gust_curve.json, docs/figures/gust_curve.webp, the table "gust curve"; --report makes these
          two from the first
 """
 
@@ -28,6 +28,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from tables import publish
 
 import incipient
 from incipient.arrays import Floats
@@ -38,9 +39,8 @@ from incipient.threshold.gusts import GustSearch
 
 ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "demos/scenes/leaving_pocket.toml"
-STORE, PAGE = ROOT / "benchmarks/gust_curve.json", ROOT / "docs/released.md"
+STORE = ROOT / "benchmarks/gust_curve.json"
 FIGURE = ROOT / "docs/figures/gust_curve.webp"
-BEGIN, END = "<!-- gust curve: begin -->", "<!-- gust curve: end -->"
 DURATIONS = (4.0, 2.0, 1.0, 0.5, 0.25)
 STEADY = (1.0, 2.0, 4.0, 8.0)  # strengths of steady flows past the grain held in its place
 STRONGEST = 40.0  # strength to which that force is continued
@@ -384,10 +384,7 @@ def report(found: Found) -> None:
     FIGURE.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(held_image) as image:
         image.convert("RGB").save(FIGURE, "WEBP", quality=85)
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    lines = [before.rstrip(), "", BEGIN, "", *table(found, pocket), "", END, "", after.lstrip()]
-    PAGE.write_text("\n".join(lines) if rest else before)
+    publish("gust curve", "\n".join(table(found, pocket)))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""The weakest kick that takes a disc out of its pocket in a fluid at rest: a table of docs/released.md.
+"""The weakest kick that takes a disc out of its pocket in a fluid at rest: the table "kicks".
 
 Physics: the disc of demos/scenes/leaving_pocket.toml in a closed box, set off at once as if it rolled over the next
          half-disc. Its added mass there is read off the force on it in a first instant of such a motion.
 Limits:  without viscosity the kinetic energy, of mass and added mass, has to lift it to the saddle.
 Cost:    half an hour of processor time; what is in the results is not computed again.
 Run:     python benchmarks/kick_in_pocket.py [--report]
-Results: benchmarks/kick_in_pocket.json, the table in docs/released.md; --report makes it from the first
+Results: benchmarks/kick_in_pocket.json, the table "kicks"; --report makes it from the first
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gust_curve import PAGE, ROOT, SCENE, Found, Pocket
+from gust_curve import ROOT, SCENE, Found, Pocket
+from tables import publish
 
 import incipient
 from incipient.errors import IncipientError
 from incipient.scene import Scene, load
 
 STORE = ROOT / "benchmarks/kick_in_pocket.json"
-BEGIN, END = "<!-- kicks: begin -->", "<!-- kicks: end -->"
 # Reynolds number, gap over the size
 CASES = ((10_000, 0.01), (1000, 0.01), (100, 0.01), (1000, 0.03), (1000, 0.1), (100, 0.1))
 COARSE, WITHIN, GROWTH = (
@@ -174,9 +174,7 @@ def table(found: list[Found]) -> list[str]:
 
 def written(found: list[Found]) -> None:
     """Put the table into the page."""
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    PAGE.write_text("\n".join([before + BEGIN, "", *table(found), "", END]) + after)
+    publish("kicks", "\n".join(table(found)))
 
 
 if __name__ == "__main__":

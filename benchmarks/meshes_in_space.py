@@ -5,7 +5,7 @@ A free sphere at Re 100, 200 and 300, and a sphere on a plane in shear at G d^2/
 
 Cost:    an hour and a half, and 6 GiB for the largest meshes.
 Run:     python benchmarks/meshes_in_space.py [free or plane] [--mesh-size 1.0 0.7]
-Results: benchmarks/meshes_in_space.json and, from all that it has, two tables in docs/space.md
+Results: benchmarks/meshes_in_space.json and, from all that it has, the tables "meshes of free" and "meshes of plane"
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import measure
+from tables import publish
 
 ROOT = Path(__file__).resolve().parents[1]
 STORED = Path(__file__).parent / "meshes_in_space.json"
-PAGE = ROOT / "docs" / "space.md"
 SCENES = ROOT / "benchmarks" / "scenes"
 MESH_SIZES = (2.0, 1.4, 1.0, 0.7, 0.5)
 HEADS = {
@@ -161,13 +161,8 @@ def table(name: str, rows: Sequence[Row]) -> str:
 
 def renew(rows: Sequence[Row]) -> None:
     """Write the tables into the page."""
-    text = PAGE.read_text()
     for name in CASES:
-        begin, end = (f"<!-- meshes of {name}: {word} -->" for word in ("begin", "end"))
-        before, after = text.split(begin)[0], text.split(end)[1]
-        of_case = [row for row in rows if row.name == name]
-        text = f"{before}{begin}\n{table(name, of_case)}\n{end}{after}"
-    PAGE.write_text(text)
+        publish(f"meshes of {name}", table(name, [row for row in rows if row.name == name]))
 
 
 def main() -> int:

@@ -9,7 +9,7 @@ Loads:    full runs past grains of the first bed that are far from one another i
 Cost:     half an hour of one core, with --turbulent three to four minutes for each grain at u* d/nu = 30, more at
           larger ones; what is in the results is not computed again: delete them for that.
 Run:      python benchmarks/natural_bed.py [--turbulent] [--jobs N] [--scheduler tcp://HOST:PORT] [--wall 2h]
-Results:  results/natural_bed.sqlite, a sweep's file (docs/sweeps.md), and benchmarks/natural_bed.csv
+Results:  results/natural_bed.sqlite, a sweep's file (docs/howto/sweeps.md), and benchmarks/natural_bed.csv
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The paths of the pebble in the pothole with their errors, in all readings: tables and figures of docs/moving.md.
+"""The paths of the pebble in the pothole with their errors, in all readings: tables and figures.
 
 Physics: `demos/pothole.py`; steps and meshes are refined, and the end of the path extrapolated.
 Cost:    half an hour on two cores.
 Run:     python benchmarks/pothole.py [--processes 2] [--report]
-Results: benchmarks/pothole.json, docs/figures/pothole*.png, the table in docs/moving.md; --report only rewrites these
+Results: benchmarks/pothole.json, docs/figures/pothole*.png, the table "pothole"; --report only rewrites these
 """
 
 import argparse
@@ -18,18 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import publish
 
 ROOT = Path(__file__).parents[1]
-STORE, PAGE, FIGURES = (
+STORE, FIGURES = (
     ROOT / "benchmarks/pothole.json",
-    ROOT / "docs/moving.md",
     ROOT / "docs/figures",
 )
 CASES = (1, 2, 3, 4)
 STEPS, SIZES = (0.05, 0.025, 0.0125, 0.00625), (1.4, 1.0, 0.7)
 NEAR_THE_FIRST = ((2, "neutral"), (3, "neutral"))  # readings that have no row of their own
 SAMPLES = 181  # places kept of a path
-BEGIN, END = "<!-- pothole: begin -->", "<!-- pothole: end -->"
 COLOURS = ("#2166ac", "#b2182b", "#1b7837", "#e08214")
 
 Run = dict[str, Any]
@@ -274,9 +273,7 @@ def _path(axes: Any, run: Run, shape: Any, colour: str, every: float, label: str
 def write(store: dict[str, Run]) -> None:
     """Figures, and the tables between their marks in the page."""
     figures(store)
-    text = PAGE.read_text()
-    before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n\n{tables(store)}\n\n{END}{rest.split(END)[1]}")
+    publish("pothole", tables(store))
 
 
 def main() -> None:

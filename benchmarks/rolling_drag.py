@@ -1,10 +1,10 @@
-"""What resists rolling along a plane with inertia, by the gap and the cells: tables of docs/released.md.
+"""What resists rolling along a plane with inertia, by the gap and the cells: a table.
 
 Physics: a disc, and a sphere, made to roll without slip along a level bed in fluid at rest. The force that keeps it
          going is the drag and, as friction at the contact holds the couple of the flow, that couple over the radius.
 Cost:    a quarter of an hour of processor time; what is in the results is not computed again.
 Run:     python benchmarks/rolling_drag.py [--report]
-Results: benchmarks/rolling_drag.json, the tables in docs/released.md; --report makes them from the first
+Results: benchmarks/rolling_drag.json, the table "rolling drag"; --report makes them from the first
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tables import publish
 
 import incipient
 from incipient.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-STORE, PAGE = ROOT / "benchmarks/rolling_drag.json", ROOT / "docs/released.md"
-BEGIN, END = "<!-- rolling drag: begin -->", "<!-- rolling drag: end -->"
+STORE = ROOT / "benchmarks/rolling_drag.json"
 REYNOLDS, GAPS = 20.0, (0.04, 0.02, 0.01, 0.005, 0.0025)  # gap over the diameter
 CELLS = {2: (2.0, 1.0, 0.5), 3: (2.8, 2.0)}  # factors on the size of cells, by the dimension
 BOX = {2: (36.0, 8.0), 3: (20.0, 5.0)}  # length and height in diameters
@@ -112,9 +112,7 @@ def table(found: list[Found]) -> list[str]:
 
 def written(found: list[Found]) -> None:
     """Put the table into the page."""
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
-    PAGE.write_text("\n".join([before + BEGIN, "", *table(found), "", END]) + after)
+    publish("rolling drag", "\n".join(table(found)))
 
 
 if __name__ == "__main__":

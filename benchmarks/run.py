@@ -1,4 +1,4 @@
-"""Measure incipient beside other programs; write benchmarks/results.json and docs/performance.md.
+"""Measure incipient beside other programs; write benchmarks/results.json and docs/validation/performance.md.
 
 Run: .venv/bin/python benchmarks/run.py [--only NAME ...] [--repeat N] [--report]
 """

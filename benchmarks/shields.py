@@ -1,14 +1,14 @@
 """Shields' curve from computed flows: a natural bed and single beads in a fluctuating stream, beside flumes.
 
 The natural bed: grains of random beds by their own contacts (natural_bed.py), loads by full runs and an emulator
-(natural_bed_curve.py). Thresholds of the beads are those of docs/beads.csv, in the linear profile next to a bed. The
+(natural_bed_curve.py). Thresholds of the beads are those of beads.csv, in the linear profile next to a bed. The
 fluctuation is lognormal, of the intensity near walls of `incipient.entrainment`. Nothing is fitted. Beside them: 511
 observations in flumes, a balance of forces by Monte Carlo with assumed drag, lift and protrusion, Zanke's curve,
 Soulsby & Whitehouse's.
 
 Cost:    five minutes; the natural bed's flows an hour (natural_bed.py), the beads' an hour and a half (beads.py).
 Run:     python benchmarks/shields.py
-Results: docs/figures/shields.webp, docs/shields.csv, docs/natural_bed.csv, docs/pockets.csv, tables in docs/shields.md
+Results: docs/figures/shields.webp, docs/validation/shields.csv, natural_bed.csv, pockets.csv, tables
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from natural_bed_curve import (
 )
 from PIL import Image
 from scipy.optimize import brentq
+from tables import publish
 
 from incipient.arrays import Floats
 from incipient.files import csv_text
@@ -49,17 +50,15 @@ from incipient.threshold.mean_flow import near_wall
 
 ROOT = Path(__file__).resolve().parents[1]
 BEADS, FLUMES, ZANKE = (
-    ROOT / "docs" / "beads.csv",
+    ROOT / "docs/validation/beads.csv",
     ROOT / "benchmarks" / "reference" / "shields_flume.csv",
     ROOT / "benchmarks" / "reference" / "zanke_2003.csv",
 )
-PAGE, NUMBERS, PICTURE = (
-    ROOT / "docs" / "shields.md",
-    ROOT / "docs" / "shields.csv",
+NUMBERS, PICTURE = (
+    ROOT / "docs/validation/shields.csv",
     ROOT / "docs/figures/shields.webp",
 )
-OF_BED, POCKETS = ROOT / "docs" / "natural_bed.csv", ROOT / "docs" / "pockets.csv"
-MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
+OF_BED, POCKETS = (ROOT / "docs/validation" / name for name in ("natural_bed.csv", "pockets.csv"))
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 VISCOSITY, GRAVITY = 1e-6, 9.81  # of water at 20 degrees, of the flumes [m^2/s, m/s^2]
 SAMPLES, SEED = 20_000, 1
@@ -116,7 +115,7 @@ class Bead:
 
 
 def beads() -> list[Bead]:
-    """All beads of docs/beads.csv that are as large as the spheres of their bed."""
+    """All beads of docs/validation/beads.csv that are as large as the spheres of their bed."""
     found = []
     for row in csv.DictReader(BEADS.open()):
         spacing = float(row["spacing"])
@@ -292,7 +291,7 @@ def _short(value: float) -> str:
 
 
 def rows_of_pockets(shares: Floats) -> tuple[tuple[str, ...], list[dict[str, float]]]:
-    """Columns and rows of docs/pockets.csv: the share of the grains between protrusions and pivot angles."""
+    """Columns and rows of docs/validation/pockets.csv: the share of the grains between protrusions and pivot angles."""
     names = ("protrusion_from", "protrusion_to", "pivot_from", "pivot_to", "share")
     rows = [
         dict(zip(names, (*protrusion, *pivot, round(float(share), 6)), strict=True))
@@ -464,12 +463,8 @@ def main() -> None:
         "assumptions": assumptions(loads),
         "shields": table(rows),
     }
-    text = PAGE.read_text()
     for name, made in tables.items():
-        begin, end = (mark.format(name) for mark in MARKS)
-        text = f"{text.split(begin)[0]}{begin}\n\n{made}\n\n{end}{text.split(end)[1]}"
-    PAGE.write_text(text)
-    print(table_of_bed(of_bed))
+        publish(name, made)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Hard cases: run them all, write docs/stress.md and the map docs/figures/stress_map.png.
+"""Hard cases: run them all, write results/stress.md and the map docs/figures/stress_map.png.
 
 Run: make stress, or PYTHONPATH=tests:tests/stability .venv/bin/python benchmarks/stress.py
 """
@@ -38,7 +38,7 @@ from remeshed import remeshed_run
 
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
 Row = tuple[str, str, str]  # the case, what was found, what that means
 SCENE_FILES = 5000
 FINEST_CAVITY = (-0.45920, 0.46495, -0.58224)
@@ -153,7 +153,7 @@ def long_domains() -> Iterator[Row]:
 
 
 def moved_meshes() -> Iterator[Row]:
-    """The energy of docs/numerics.md, fewer steps, with and without stabilisation."""
+    """The energy on a mesh that moves at random, fewer steps, with and without stabilisation."""
     for stabilised in (False, True):
         model = FlowModel(
             unsteady=True,
@@ -216,9 +216,9 @@ def main() -> int:
         for row in sections[title]:
             print(*row, sep=" | ", flush=True)
     found = list(points())
-    stress_map.draw(found, DOCS / "figures" / "stress_map.png")
+    stress_map.draw(found, ROOT / "docs/figures/stress_map.png")
     seconds = time.perf_counter() - began
-    (DOCS / "stress.md").write_text(
+    (ROOT / "results/stress.md").write_text(
         stress_text.page(sections, found, seconds, machine.describe()["processor"])
     )
     return 0

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+DOCS = Path(__file__).parents[1] / "docs"
+
 Row = dict[str, Any]
 
 
@@ -15,11 +17,15 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows))
 
 
-def put(page: Path, text: str, begin: str, end: str) -> None:
-    """Write a table into a page, between two marks."""
-    before, rest = page.read_text(encoding="utf-8").split(begin)
-    _, after = rest.split(end)
-    page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+def publish(name: str, text: str) -> None:
+    """Write a table between the marks of its name in whichever page of docs/ has them; print it, too."""
+    print(text)
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    for page in sorted(DOCS.rglob("*.md")):
+        before, found, rest = page.read_text(encoding="utf-8").partition(begin)
+        if found:
+            after = rest.partition(end)[2]
+            page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
 def small(number: float) -> str:

@@ -2,7 +2,7 @@
 
 Cost:    about a minute.
 Run:     python benchmarks/turbulence.py
-Results: docs/figures/turbulence.png, the table in docs/wall_functions.md
+Results: docs/figures/turbulence.png, the table "channels"
 """
 
 import csv
@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import put
+from tables import publish
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-PAGE, FIGURE = ROOT / "docs/wall_functions.md", ROOT / "docs/figures/turbulence.png"
+FIGURE = ROOT / "docs/figures/turbulence.png"
 PROFILES = ROOT / "tests/reference/channel_dns.csv"
-BEGIN, END = "<!-- channels: begin -->", "<!-- channels: end -->"
 # U_b+ and C_f by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
 DIRECT = {546.74: (18.401, 0.00591), 1000.5: (19.990, 0.005005)}
 FIRST_PLACES = (30.5, 60.0, 100.0)
@@ -113,7 +112,7 @@ def main() -> None:
     """Run, draw, write."""
     runs = [measured(re_tau, y_plus) for re_tau in DIRECT for y_plus in FIRST_PLACES]
     draw(runs)
-    put(PAGE, table(runs), BEGIN, END)
+    publish("channels", table(runs))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ By k-epsilon the hump is a held grain, by k-omega SST a smooth bed.
 
 Cost:    about ten minutes.
 Run:     python benchmarks/turbulent_hump.py
-Results: the tables in docs/large_grains.md and docs/k_omega.md
+Results: the tables "hump" and "hump to the wall"
 """
 
 from __future__ import annotations
@@ -19,20 +19,14 @@ from typing import Any
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-from tables import put
+from tables import publish
 
 from incipient import scene as of
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_with_parts
 
 ROOT = Path(__file__).parents[1]
-PAGE, DATA = ROOT / "docs/large_grains.md", ROOT / "benchmarks/reference"
-BEGIN, END = "<!-- hump: begin -->", "<!-- hump: end -->"
-PAGE_TO_WALL, BEGIN_TO_WALL, END_TO_WALL = (
-    ROOT / "docs/k_omega.md",
-    "<!-- hump to the wall: begin -->",
-    "<!-- hump to the wall: end -->",
-)
+DATA = ROOT / "benchmarks/reference"
 REYNOLDS, HEIGHT, UPSTREAM, DOWNSTREAM = 936000.0, 0.90905, -2.14, 3.0  # over the chord
 INCH = 25.4 / 420.0
 RUNS = ((0.002, 1.41), (0.001, 2.0), (0.001, 1.41))  # distance of the law, mesh_size
@@ -235,18 +229,13 @@ def main() -> None:
         to_wall.append(computed(f"k-omega SST, `mesh_size` = {mesh_size:.3g}", asked, "bed"))
         print(to_wall[-1].name, to_wall[-1].separated, to_wall[-1].loads(shape), flush=True)
     draw(to_wall[-1], others, measured)
-    put(
-        PAGE_TO_WALL,
-        table_to_the_wall([*to_wall, others, measured], shape),
-        BEGIN_TO_WALL,
-        END_TO_WALL,
-    )
+    publish("hump to the wall", table_to_the_wall([*to_wall, others, measured], shape))
     found = [measured]
     for distance, mesh_size in RUNS:
         name = f"k-epsilon, the law from {distance:g}"
         found.append(computed(name, scene(shape, distance, mesh_size), "body"))
         print(found[-1].name, found[-1].loads(shape), found[-1].seconds, flush=True)
-    put(PAGE, tables([*found, to_wall[-1], others], shape), BEGIN, END)
+    publish("hump", tables([*found, to_wall[-1], others], shape))
 
 
 if __name__ == "__main__":

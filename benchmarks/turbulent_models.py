@@ -5,7 +5,7 @@ the walls, and fast enough for the law of the wall of k-epsilon.
 
 Cost:    three minutes.
 Run:     python benchmarks/turbulent_models.py
-Results: the table in docs/large_grains.md
+Results: the table "models"
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from tables import put
+from tables import publish
 from turbulent_step import extrapolated
-from turbulent_stone import DIAMETER, PAGE, scene
+from turbulent_stone import DIAMETER, scene
 
 import incipient
 from incipient import scene as of
 from incipient.errors import ConvergenceError
 
-BEGIN, END = "<!-- models: begin -->", "<!-- models: end -->"
 REYNOLDS = 45_000.0
 MODELS = {"k-epsilon": "k-epsilon", "k-omega-sst": "k-omega SST"}
 # Each 1.41 times as fine as the one before; k-epsilon, which the law of the wall starts, is far from its limit on 1.
@@ -92,7 +91,7 @@ def main() -> None:
             if (one := computed(model, mesh_size)) is not None:
                 found.append(one)
             print(model, mesh_size, one, flush=True)
-    put(PAGE, table(found), BEGIN, END)
+    publish("models", table(found))
 
 
 if __name__ == "__main__":

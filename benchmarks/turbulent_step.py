@@ -4,7 +4,7 @@ By k-epsilon with wall functions, and by k-omega SST to the wall, without OpenFO
 
 Cost:    five to seven minutes; without OpenFOAM (Debian's package `openfoam`) its rows are left out.
 Run:     python benchmarks/turbulent_step.py
-Results: the tables in docs/wall_functions.md and docs/k_omega.md
+Results: the tables "step" and "step to the wall"
 """
 
 from __future__ import annotations
@@ -17,13 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import put
+from tables import publish
 
 ROOT = Path(__file__).parents[1]
-PAGE, PAGE_TO_WALL = ROOT / "docs/wall_functions.md", ROOT / "docs/k_omega.md"
 SCENE = ROOT / "demos/scenes/backward_facing_step.toml"
-BEGIN, END = "<!-- step: begin -->", "<!-- step: end -->"
-BEGIN_TO_WALL, END_TO_WALL = "<!-- step to the wall: begin -->", "<!-- step to the wall: end -->"
 MEASURED = 6.26  # +- 0.10, Driver & Seegmiller (1985), AIAA J. 23, 163
 FINER = 2.0**0.5
 MESH_SIZES = (2.0, 2.0 / FINER, 1.0)
@@ -187,7 +184,7 @@ def main() -> None:
     for mesh_size in MESH_SIZES:
         walls.append(to_the_wall(mesh_size))
         print(walls[-1], flush=True)
-    put(PAGE_TO_WALL, table_to_the_wall(walls), BEGIN_TO_WALL, END_TO_WALL)
+    publish("step to the wall", table_to_the_wall(walls))
     there, found = openfoam_step.is_installed(), []
     for mesh_size, size in zip(MESH_SIZES, WALL_CELLS, strict=True):
         found.append(by_incipient(mesh_size))
@@ -197,7 +194,7 @@ def main() -> None:
             print(found[-1], flush=True)
     if not there:
         sys.exit("OpenFOAM is not installed: the table stays as it is")
-    put(PAGE, table(found), BEGIN, END)
+    publish("step", table(found))
 
 
 if __name__ == "__main__":

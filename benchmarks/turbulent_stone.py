@@ -6,7 +6,7 @@ reaches of the stone has the pressure at the lines that close the space at its c
 
 Cost:    five minutes; without OpenFOAM (Debian's package `openfoam`) the table stays as it is.
 Run:     python benchmarks/turbulent_stone.py
-Results: the table in docs/large_grains.md
+Results: the table "stone"
 """
 
 from __future__ import annotations
@@ -19,12 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tables import put
+from tables import publish
 from turbulent_step import extrapolated
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/large_grains.md"
-BEGIN, END = "<!-- stone: begin -->", "<!-- stone: end -->"
 NU, DIAMETER = 5e-6, 0.2
 FINER = 2.0**0.5
 MESH_SIZES = (2.0, 2.0 / FINER, 1.0)
@@ -221,7 +219,7 @@ def main() -> None:
     for mesh_size, size in zip(MESH_SIZES, CELLS, strict=True):
         found += [by_incipient(mesh_size), *(by_openfoam(size, name) for name in CONVECTION)]
         print(*found[-3:], sep="\n", flush=True)
-    put(PAGE, table(found), BEGIN, END)
+    publish("stone", table(found))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """Turbulent flow over steep waves of a bed, without a grain, beside OpenFOAM's with several schemes of convection.
 
 Amplitude 0.02 and length 0.25 of the depth, Re 2,000,000, the law of the wall from 0.003, the walls of both on the
-waves. What is seen is the ninth and the tenth wave. It tells what the difference in docs/large_grains.md is made of.
+waves. What is seen is the ninth and the tenth wave. It tells what the difference from OpenFOAM is made of.
 
 Cost:    ten minutes; without OpenFOAM (Debian's package `openfoam`) the table stays as it is.
 Run:     python benchmarks/turbulent_waves.py
-Results: the table in docs/large_grains.md
+Results: the table "waves"
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 from programs import openfoam, openfoam_stone
-from tables import put
-from turbulent_stone import PAGE, inflow_of
+from tables import publish
+from turbulent_stone import inflow_of
 
-BEGIN, END = "<!-- waves: begin -->", "<!-- waves: end -->"
 NU, DISTANCE, WAVELENGTH, AMPLITUDE, LENGTH = 5e-7, 0.003, 0.25, 0.02, 3.0
 SEEN = (2.0, 2.5)
 COLUMNS = 32  # of OpenFOAM's cells on a wave
@@ -154,7 +153,7 @@ def main() -> None:
     for name in CONVECTION:
         found.append(by_openfoam(name))
         print(found[-1], flush=True)
-    put(PAGE, table(found), BEGIN, END)
+    publish("waves", table(found))
 
 
 if __name__ == "__main__":

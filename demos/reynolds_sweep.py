@@ -5,8 +5,8 @@ Scaling: half discs of the bed of diameter 1, the bead 0.6 to 1.3 times that; th
 Cost:    60 thresholds with error bars, three to five minutes on two cores; in space, on coarse cells in a small domain
          and without error bars, half a minute of processor time a case (finer by --set, see SMALL)
 Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
-         with --scheduler tcp://HOST:PORT, as docs/howto/cluster.md has it
-Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md
+         with --scheduler tcp://HOST:PORT, as docs/howto/sweeps.md has it
+Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/howto/sweeps.md
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Every command that the pages tell people to type, run once: `make docs-commands` (PAGE=howto/cluster.md for one).
+"""Every command that the pages tell people to type, run once: `make docs-commands` (PAGE=howto/sweeps.md for one).
 
 Each page has a directory of its own below build/docs-commands, with the files that the page tells people to write.
 Commands of a page run one after the other; a later call goes on where the one before was ended. `srun` becomes
@@ -114,9 +114,9 @@ def _prepared(page: Path) -> Path:
     for name in ("pebble.toml", "pebble.stl"):
         (directory / name).write_bytes((ROOT / "demos/scenes" / name).read_bytes())
     (directory / "forces.csv").write_text(FORCES)
-    tutorial = (ROOT / "docs/tutorial.md").read_text()
-    for name, text in [*WRITTEN.findall(tutorial), *WRITTEN.findall(page.read_text())]:
-        (directory / name).write_text(text)
+    for source in (*sorted((ROOT / "docs/tutorials").glob("*.md")), page):
+        for name, text in WRITTEN.findall(source.read_text()):
+            (directory / name).write_text(text)
     return directory
 
 
@@ -134,7 +134,12 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
     """Commands that make the files which a command takes for granted."""
     words = command.program[1:]
     if "mine.toml" in words and not (directory / "mine.toml").exists():
-        yield ["incipient", "new", "mine", *(["--space"] if "space" in command.page else [])]
+        yield [
+            "incipient",
+            "new",
+            "mine",
+            *(["--space"] if "three_dimensions" in command.page else []),
+        ]
     for made in (
         word
         for word in words[1:2]
@@ -146,6 +151,8 @@ def _needed(command: Command, directory: Path) -> Iterator[list[str]]:
             (f for f in (f"{base}.toml", f"demos/scenes/{base}.toml") if (directory / f).exists()),
             "mine.toml",
         )
+        if scene == "mine.toml" and not (directory / scene).exists():
+            yield ["incipient", "new", "mine"]
         if made.endswith(".sqlite"):
             yield [
                 "incipient",

@@ -49,15 +49,6 @@ FOREIGN = re.compile(
 FOREIGN_STYLE = re.compile(r"""(?:url\(|@import)\s*["']?(?:https?:)?//""")
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put pages that the navigation does not name at the end of the subjects."""
-    subjects = next(entry["Subjects"] for entry in config.nav or [] if "Subjects" in entry)
-    pages = sorted(path.name for path in Path(config.docs_dir).glob("*.md"))
-    named = str(config.nav)
-    subjects += [page for page in pages if f"'{page}'" not in named]
-    return config
-
-
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages."""
     pages = {"scene": scene_page(), "commands": commands_page(), "python": python_page()}

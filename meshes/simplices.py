@@ -83,8 +83,8 @@ class Simplices:
         places: Floats,
         feet: Integers | None = None,
         share: Floats | None = None,
-    ) -> tuple[Simplices, int]:
-        """These cells of order two with middles (k,) of edges moved, and how many edges stay straight.
+    ) -> tuple[Simplices, Integers]:
+        """These cells of order two with middles (k,) of edges moved, and the middles of edges that stay straight.
 
         Where cells would fold over, edges are straight; in layers they are bent less, step by step.
 
@@ -118,7 +118,7 @@ class Simplices:
             led = np.unique(leads[bad[moved[bad]]])
             led = led[scale[led] > 0.0]
             if not len(led):
-                return replace(self, points=points), int((scale[leads[moved]] == 0.0).sum())
+                return replace(self, points=points), np.flatnonzero(moved & (scale[leads] == 0.0))
             scale[led] = np.where(scale[led] > LEAST_BEND, less * scale[led], 0.0)
             changed = moved & np.isin(leads, led)
 

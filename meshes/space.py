@@ -41,16 +41,31 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
         raise MeshError(
             f"3-D cells are of order 1 or 2, not {order}: change numerics.geometry_order"
         )
-    size, surfaces = triangulated(SizeMap.of(region, sizes))
-    bed = surfaces[region.names[5]]
+    size = SizeMap.of(region, sizes)
+    for _ in range(ATTEMPTS):
+        size, mesh, straight = _meshed(size, order)
+        if sizes.layers is not None or not len(straight):
+            break
+        size = size.finer_at(straight)
+        gmsh.clear()
+    text = f"cells would fold over: {len(straight)} edges are straight"
+    gmsh.logger.write(text, "warning" if len(straight) else "info")
+    return replace(mesh, points=size.frame.scene(mesh.points))
+
+
+def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
+    """The mesh in the frame, the sizes it has, and middles (k, 3) of wall edges that cannot follow their surface."""
+    size, surfaces = triangulated(size)
+    bed = surfaces[size.region.names[5]]
     cubes = boxes(size, float(bed.points[:, 2].min()))
     corners = cubes.corners.transpose(0, 2, 1).reshape(-1, 24)
     set_background(view_field("SH", np.concatenate([corners, cubes.sizes], axis=1)))
     mesh, columns = _filled(*_closed_shell(size, surfaces)), None
-    if sizes.layers is not None:
-        mesh, columns = _with_layers(mesh, sizes.layers.scaled(1.0 / size.frame.length))
-    mesh = _on_surfaces(mesh.of_order(order), size, columns)
-    return replace(mesh, points=size.frame.scene(mesh.points))
+    if size.sizes.layers is not None:
+        layers = size.sizes.layers.scaled(1.0 / size.frame.length)
+        mesh, columns = _with_layers(mesh, layers)
+    mesh, straight = _on_surfaces(mesh.of_order(order), size, columns)
+    return size, mesh, mesh.points[straight]
 
 
 def triangulated(size: SizeMap) -> tuple[SizeMap, dict[str, Surface]]:
@@ -276,8 +291,13 @@ def _room(
     raise MeshError(NO_ROOM)
 
 
-def _on_surfaces(mesh: Simplices, size: SizeMap, columns: Columns | None) -> Simplices:
-    """The cells with their points on the exact surfaces; points of plane sides stay in these."""
+def _on_surfaces(
+    mesh: Simplices, size: SizeMap, columns: Columns | None
+) -> tuple[Simplices, Integers]:
+    """The cells with their points on the exact surfaces; points of plane sides stay in these.
+
+    Besides, the middles of edges of smooth grains that stay straight, since cells would fold over.
+    """
     low, high = size.bounds
 
     def held(x: Floats) -> np.ndarray:
@@ -285,7 +305,8 @@ def _on_surfaces(mesh: Simplices, size: SizeMap, columns: Columns | None) -> Sim
         on_side = [np.abs(x[:, :2] - end) <= ON_PLANE for end in (low, high)]
         return np.column_stack([on_side[0] | on_side[1], np.zeros(len(x), dtype=bool)])
 
-    points, middles, places = mesh.points.copy(), [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    points, none = mesh.points.copy(), np.empty(0, dtype=np.int64)
+    middles, smooth, places = [none], [none], [np.empty((0, 3))]
     for name, exact in {size.region.names[5]: size.ground, **size.bodies}.items():
         triangles = mesh.sides[name]
         corners = np.unique(triangles[:, :3])
@@ -296,15 +317,15 @@ def _on_surfaces(mesh: Simplices, size: SizeMap, columns: Columns | None) -> Sim
         ends = points[np.concatenate([triangles[:, pair] for pair in EDGES[2]])[first]]
         centres, lengths = ends.mean(axis=1), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
         target = exact.project(centres, held(mesh.points[of_name]))
-        near = np.linalg.norm(target - centres, axis=1) <= FARTHEST * lengths
+        bends = np.linalg.norm(target - centres, axis=1)
+        near = bends <= FARTHEST * lengths
+        if name in size.bodies and not size.region.holes[name].solid.sharp:
+            smooth.append(of_name)
         middles.append(of_name[near])
         places.append(target[near])
     mesh = replace(mesh, points=points)
     if mesh.order == 1:
-        return mesh
+        return mesh, none
     layers = () if columns is None else columns.by_point(len(points))
-    mesh, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *layers)
-    gmsh.logger.write(
-        f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
-    )
-    return mesh
+    made, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *layers)
+    return made, np.intersect1d(straight, np.concatenate(smooth))

@@ -71,6 +71,7 @@ PARTS = {
         "end_to_end/test_small_lengths.py",
         "end_to_end/test_survey_command.py",
         "end_to_end/test_sweeps.py",
+        "end_to_end/test_tutorials.py",
         "stability/test_flow.py",
         "stability/test_hard_cases.py",
         "stability/test_random_files.py",

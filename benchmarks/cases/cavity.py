@@ -67,7 +67,7 @@ def describe(data: dict[str, Any]) -> str:
     extrema = ", ".join(
         f"{name} {value:.7f} at {CAVITY_PLACES[name]:g}" for name, value in CAVITY.items()
     )
-    return f"""## Driven cavity, Re = 1000, from rest
+    return f"""### Driven cavity, Re = 1000, from rest
 
 Cheapest runs whose extreme velocities on the centrelines are within {TARGET:g} (relative) of those of Botella &
 Peyret (1998): {extrema}. Plain dolfinx and NGSolve step over Re = 100 and 400; incipient chooses its own steps.

@@ -73,7 +73,7 @@ def describe(data: dict[str, Any]) -> str:
         ]
         for r in cheapest(rows, reaches).values()
     ]
-    return f"""## Cylinder in a channel, Re = 20 (DFG 2D-1)
+    return f"""### Cylinder in a channel, Re = 20 (DFG 2D-1)
 
 Cheapest runs with errors below {TARGET["drag"]:g} of C_D = {CYLINDER["drag"]} and {TARGET["lift"]:g} of
 C_L = {CYLINDER["lift"]} (Schäfer & Turek 1996, digits of Nabh 1998). All compute the force from the residual.

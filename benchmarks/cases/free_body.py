@@ -50,7 +50,7 @@ def fine(rows: list[Row]) -> Row | None:
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     rows = "\n".join(_row(row) for row in data["rows"] if "error" not in row)
-    return f"""## A free body
+    return f"""### A free body
 
 The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), without remeshing (`cost.wall_time` in
 result.json). *Interface*: the body's equation of motion, and the derivative of the flow by its three motions:

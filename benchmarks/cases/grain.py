@@ -73,7 +73,7 @@ def describe(data: dict[str, Any]) -> str:
     ]
     gaps = [[r["name"], *_loads(r)] for r in data["gaps"][::2]]
     limit = [f"{v:.5f}" for v in limits(data["gaps"])]
-    return f"""## A grain on a bed: the main job
+    return f"""### A grain on a bed: the main job
 
 `incipient run demos/scenes/{SCENE}.toml` with wall time, processor time and memory:
 

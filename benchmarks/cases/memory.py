@@ -84,7 +84,7 @@ def describe(data: dict[str, Any]) -> str:
     off = [100 * (r["announced"] / r["peak_mib"] - 1) for r in data["rows"]]
     sizes = [r["unknowns"] for r in data["rows"]]
     found = data["fit"]
-    return f"""## Memory predicted and used
+    return f"""### Memory predicted and used
 
 In {len(sizes)} runs of `cylinder`, `cavity` and `grain_on_bed` ({min(sizes)} to {max(sizes)} unknowns, orders 2 to 4)
 `incipient plan` is {min(off):+.0f}% to {max(off):+.0f}% off the measured peak. Best fit for n unknowns:

@@ -37,7 +37,7 @@ def measure(session: Session) -> dict[str, Any]:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    head = "## Outlines of many vertices"
+    head = "### Outlines of many vertices"
     if "error" in data:
         return f"{head}\n\nCould not run here: `{data['error']}`."
     rows = [

@@ -35,7 +35,7 @@ def measure(session: Session) -> dict[str, Any]:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    head = "## Two ranks against one"
+    head = "### Two ranks against one"
     if "error" in data:
         return f"{head}\n\nCould not be run: {data['error']}."
     cells = [

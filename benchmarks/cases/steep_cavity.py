@@ -73,7 +73,7 @@ def _draw(session: Session, profiles: dict[str, Any]) -> None:
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     if "error" in data:
-        return f"## Driven cavity up to Re = 4000\n\nCould not be run: `{data['error']}`."
+        return f"### Driven cavity up to Re = 4000\n\nCould not be run: `{data['error']}`."
     deviations = [
         [key, *(f"{part['deviation']:.4f} at {part['position']:g}" for part in found.values())]
         for key, found in data["deviations"].items()
@@ -85,9 +85,9 @@ def describe(data: dict[str, Any]) -> str:
         if "error" not in r
     ]
     fine = data["fine"]
-    return f"""## Driven cavity up to Re = 4000, from rest
+    return f"""### Driven cavity up to Re = 4000, from rest
 
-![Velocity on the centrelines of the driven cavity](figures/cavity.png)
+![Velocity on the centrelines of the driven cavity](../figures/cavity.png)
 
 The paper's Fig. 2. Lines: `demos/scenes/cavity.toml` (P4-P3, mesh_size = 1); markers: Ghia, Ghia & Shin (1982),
 `benchmarks/reference/cavity_ghia_1982.csv`, without known misprints. Largest deviations from their table (about three

@@ -132,11 +132,11 @@ def _pulsating(session: Session) -> Row:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    return f"""## Vortex street, Re = 100 (DFG 2D-2)
+    return f"""### Vortex street, Re = 100 (DFG 2D-2)
 
 {_describe_periodic(data["periodic"], data["refined"], data["others"])}
 
-## Pulsating flow around a cylinder (DFG 2D-3)
+### Pulsating flow around a cylinder (DFG 2D-3)
 
 {_describe_pulsating(data["pulsating"])}"""
 
@@ -159,7 +159,7 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
         if "error" not in r
     ]
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
-    return f"""![Drag and lift of the cylinder](figures/vortex_street.png)
+    return f"""![Drag and lift of the cylinder](../figures/vortex_street.png)
 
 `demos/scenes/vortex_street.toml`, from rest; maxima over the last {row["periods"]} periods of the lift ({LATE:g} time
 units).

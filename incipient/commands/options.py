@@ -290,11 +290,11 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("case", type=Path, nargs="?", help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
     ways = parser.add_mutually_exclusive_group()
-    text = "judge a table of cases, one a row: .csv or .parquet (docs/contact.md)"
+    text = "judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"
     ways.add_argument("--batch", type=named, metavar="FILE", help=text)
     text = "with --batch: processes (default: one for each core)"
     add("--jobs", type=int, metavar="N", help=text)
-    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)"
+    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)"
     ways.add_argument("--series", type=named, metavar="FILE", help=text)
     text = "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
     ways.add_argument("--forces", type=named, metavar="PATH", help=text)

@@ -20,7 +20,7 @@ LAST = ("reason", *COST, "versions", "id")
 
 
 def rows(path: Path | str) -> list[dict[str, Any]]:
-    """One dictionary a case, in the order in which cases came; columns as in docs/sweeps.md. Not collective.
+    """One dictionary a case, in the order in which cases came; columns as in docs/howto/sweeps.md. Not collective.
 
     A number that a case does not have is missing, an infinite one is infinite.
 

@@ -161,4 +161,4 @@ def test_links_of_the_readme_are_absolute_where_the_address_is_known(
     assert isinstance(shown, str)
     raw, blob = (f"{repository}/{kind}/HEAD/" if repository else "" for kind in ("raw", "blob"))
     assert f"]({raw}docs/figures/grain_on_bed_flow.png)" in shown
-    assert f"[moving grains]({blob}docs/moving.md)" in shown
+    assert f"[a moving grain]({blob}docs/tutorials/moving.md)" in shown

@@ -365,7 +365,7 @@ def scheduler(port: int) -> Iterator[None]:
 
 @contextmanager
 def workers(directory: Path, port: int) -> Iterator[None]:
-    """Two workers of Dask that start again when they end, as docs/howto/cluster.md has them."""
+    """Two workers of Dask that start again when they end, as docs/howto/sweeps.md has them."""
     call = f"{sys.executable} -m distributed.cli.dask_worker tcp://127.0.0.1:{port}"
     loop = f"while true; do {call} --nthreads 1 --no-dashboard; sleep 0.3; done"
     quiet: dict[str, Any] = {"stderr": subprocess.PIPE, "start_new_session": True, "text": True}

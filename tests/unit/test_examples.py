@@ -1,7 +1,8 @@
-"""The TOML examples of the tutorial and of the pages that say how are scenes and cases that the program takes."""
+"""The TOML examples of the tutorials and the how-to pages are scenes, surveys and cases that the program takes."""
 
 from __future__ import annotations
 
+import copy
 import re
 import shutil
 import tomllib
@@ -16,7 +17,10 @@ from incipient.scene import example, loads
 from incipient.scene.file import parse
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "docs/tutorial.md", *sorted((ROOT / "docs/howto").glob("*.md"))]
+PAGES = [
+    *sorted((ROOT / "docs/tutorials").glob("*.md")),
+    *sorted((ROOT / "docs/howto").glob("*.md")),
+]
 EXAMPLES = {
     f"{page.stem}-{number}": text
     for page in PAGES
@@ -33,7 +37,7 @@ WHOLE = {
     "bed",
     "body",
 }  # sections of an example that is a scene by itself
-TUTORIAL = tomllib.loads(EXAMPLES["tutorial-0"])
+TUTORIAL = tomllib.loads(EXAMPLES["verdict-0"])
 IN_SPACE = tomllib.loads(example(True))
 for base in (TUTORIAL, IN_SPACE):
     del base["body"]["settle"]  # which takes its time
@@ -51,7 +55,9 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def merged(base: dict[str, Any], part: dict[str, Any]) -> str:
     """A scene in which the sections of an example stand; one that says its kind takes the place of another."""
-    found = dict(base)
+    found = copy.deepcopy(base)
+    if base and "units" in part:  # which replace these
+        del found["fluid"]["reynolds"], found["gravity"]
     for name, section in part.items():
         whole = not isinstance(section, dict) or {"kind", "shape"} & section.keys()
         found[name] = section if whole else {**found.get(name, {}), **section}
@@ -65,6 +71,11 @@ def test_an_example_is_taken(name: str, directory: Path) -> None:
         from incipient.simulation.judge_case import Case
 
         parse(Case, merged(tomllib.loads(EXAMPLES["forces-0"]), part), directory, [], name)
+        return
+    if part.get("bed", {}).get("kind") == "deposited":
+        from incipient.survey.request import SurveyRequest
+
+        parse(SurveyRequest, tomli_w.dumps(part), directory, [], name)
         return
     said = []
     bases = ({}, {}) if part.keys() >= WHOLE else (TUTORIAL, IN_SPACE)

@@ -25,6 +25,7 @@ from tetrahedra import (
 
 from incipient import compat
 from incipient.compat import dolfinx  # after the libraries that it needs
+from incipient.effects.plan import plan_of
 from incipient.errors import MeshError
 from incipient.geometry import (
     Box,
@@ -44,7 +45,11 @@ from incipient.meshes.model import meshed
 from incipient.meshes.session import session
 from incipient.meshes.simplices import EDGES, Simplices, jacobian_lower_bound
 from incipient.meshes.surfaces import Ground
+from incipient.planning.flow_setup import Setup
+from incipient.planning.meshing import lay_out
+from incipient.scene import load
 
+SCENES = Path(__file__).parents[2] / "demos/scenes"
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 
 
@@ -226,6 +231,16 @@ def test_nodes_lie_on_the_surfaces() -> None:
     body = region.holes["body"]
     assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
     assert np.abs(on_bed[:, 2]).max() < 1e-14
+
+
+def test_smooth_grains_are_meshed_anew_where_curved_cells_would_fold() -> None:
+    """Of these cells one folds over a facet of the grain; with that flat the volume is 1.3e-3 too large, 16 times as
+    much as of meshes nearby, and in Stokes flow the torque 1.6% below O'Neill's (1968).
+    """
+    scene = load(SCENES / "sphere_on_plane.toml", ["numerics.mesh_size=1.41421"])
+    setup = Setup(scene)
+    mesh = lay_out(setup, plan_of(setup)).mesh()
+    assert abs(volume(mesh) - (60.0 * 30.0 * 30.0 - np.pi / 12.0)) < 2e-4
 
 
 def test_any_unit_and_any_place() -> None:
