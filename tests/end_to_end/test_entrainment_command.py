@@ -26,7 +26,7 @@ SCENE = (
     .replace("fields = false", "pictures = true")
 )
 LOGNORMAL = SCENE + "[gusts]\nintensity = 0.3\nmicroscale = 1.0\nintegral_time = 4.0\n"
-# Weakest gusts like those of a disc in its pocket in docs/released.md; a steady flow of 2.4 moves this one.
+# Weakest gusts like those of a disc in its pocket; a steady flow of 2.4 moves this one.
 GUSTS = {
     "static": 2.4,
     "points": [

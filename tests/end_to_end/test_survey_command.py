@@ -168,7 +168,7 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
 
 @pytest.mark.slow
 def test_the_bead_of_another_page_by_a_full_run() -> None:
-    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01 (docs/beads.csv).
+    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01 (docs/validation/beads.csv).
 
     There the layer is of half-spheres on a plane, and the bead is lifted by its gap.
     """
