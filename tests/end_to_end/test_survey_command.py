@@ -168,9 +168,9 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
 
 @pytest.mark.slow
 def test_the_bead_of_another_page_by_a_full_run() -> None:
-    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01 (docs/validation/beads.csv).
+    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01.
 
-    There the layer is of half-spheres on a plane, and the bead is lifted by its gap.
+    That is of docs/validation/beads.csv, where the layer is of half-spheres on a plane and the bead lifted by its gap.
     """
     centres = np.array(
         [(np.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(12) for j in range(12)]
