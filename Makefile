@@ -71,43 +71,43 @@ bench: setup ## speed and accuracy beside other programs
 cost: setup ## what accuracy costs, on the demos: docs/validation/cost.md
 	$(PYTHON) benchmarks/accuracy_cost.py
 
-calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/accuracy.md
+calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/validation/performance.md
 	$(PYTHON) benchmarks/calibration.py $(ARGS)
 
-certified: setup ## what a certified error of the force costs, with and without corrections: docs/accuracy.md
+certified: setup ## what a certified error of the force costs, with and without corrections: docs/validation/performance.md
 	$(PYTHON) benchmarks/certified.py $(ARGS)
 
-effects: setup ## one scene with its effects switched on one after another: docs/effects.md
+effects: setup ## one scene with its effects switched on one after another: docs/validation/effects.md
 	$(PYTHON) benchmarks/effects.py
 
-gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/released.md
+gusts: setup ## the weakest gusts that move a grain out of its pocket, between their limits: docs/explanation/moving.md
 	$(PYTHON) benchmarks/gust_curve.py $(ARGS)
 	$(PYTHON) benchmarks/kick_in_pocket.py $(ARGS)
 	$(PYTHON) benchmarks/rolling_drag.py $(ARGS)
 
-shields: setup ## a natural bed and beads in a fluctuating stream beside flumes and balances of forces: docs/shields.md
+shields: setup ## a natural bed and beads in a fluctuating stream beside flumes and balances of forces: docs/validation/shields.md
 	$(PYTHON) benchmarks/natural_bed.py
 	$(PYTHON) benchmarks/shields.py
 
-turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, a hump, against measurements: docs/wall_functions.md, k_omega.md, large_grains.md
+turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, a hump, against measurements: docs/validation/turbulence.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_stone.py
 	$(PYTHON) benchmarks/turbulent_models.py
 	$(PYTHON) benchmarks/turbulent_hump.py
 
-scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
+scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/contribute/defaults.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)
 
-stress: setup ## hard cases: docs/stress.md and the map of what can be solved
+stress: setup ## hard cases: results/stress.md and the map of what can be solved
 	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py
 
-surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/surface.md
+surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/explanation/surface.md
 	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/convergence/test_nonlinear_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"
 	for demo in standing_wave sloshing grain_under_waves floating_body; do .venv/bin/python demos/$$demo.py; done
 	.venv/bin/incipient run demos/scenes/sphere_under_waves.toml --out results/sphere_under_waves
 
-channels: setup ## channels with a free surface: the numbers of docs/channels.md
+channels: setup ## channels with a free surface: the numbers of docs/explanation/surface.md
 	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/convergence/test_channels_in_space.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
 	.venv/bin/python demos/grain_in_channel.py
 

@@ -2,7 +2,7 @@
 
     make scaling ARGS="--quick"
 
-Prints what docs/scaling.md shows: iterations, processor seconds of the whole process, memory an unknown.
+Prints what docs/contribute/defaults.md shows: iterations, processor seconds of the whole process, memory an unknown.
 """
 
 from __future__ import annotations

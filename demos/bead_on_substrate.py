@@ -4,7 +4,7 @@ Scaling: spheres of the bed of diameter 1, domain 12 by 12 by 6 beads; creeping 
          diameter squared over viscosity, near which gravity then puts the critical flow.
 Cost:    a minute or two on one core, most of it for the error bars; with inertia twice that.
 Run:     mpirun -n 2 python demos/bead_on_substrate.py [square 1.2 1.0 [REYNOLDS]] [KEY=VALUE ...]
-Results: results/bead_ARRANGEMENT_SPACING_SIZE[_REYNOLDS]; many of them: benchmarks/beads.py, docs/beads.md
+Results: results/bead_ARRANGEMENT_SPACING_SIZE[_REYNOLDS]; many of them: benchmarks/beads.py, docs/validation/beads.md
 """
 
 import sys

@@ -3,7 +3,7 @@
 Scaling: spheres of the bed of diameter 2, pebble 1.25 x 0.96 x 0.72, density of the fluid and shear rate 1, Re 0.05.
 Cost:    two minutes of processor time on one core; the error bars of the first scan's flow serve the others.
 Run:     mpirun -n 2 python demos/pebble.py [FACETS ...] [--set KEY=VALUE]
-Results: results/pebble_FACETS, the scans beside it; `incipient show results/pebble_1280`; docs/space.md
+Results: results/pebble_FACETS, the scans beside it; `incipient show results/pebble_1280`; docs/validation/laminar.md
 """
 
 import argparse

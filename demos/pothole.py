@@ -3,7 +3,7 @@
 Scaling: small semi-axis of the bead 1, side of the cavity 40, lid's speed 40, Reynolds number on the side 1.
 Cost:    five seconds a case on one core, with steps of 0.2 and cells twice as wide as in the scene files.
 Run:     mpirun -n 2 python demos/pothole.py [1 2 3 4] [--reading neutral] [--shape disc] [--set KEY=VALUE]
-Results: results/pothole_CASE; `incipient show results/pothole_1`; readings and error bars: docs/moving.md
+Results: results/pothole_CASE; `incipient show results/pothole_1`; readings and error bars: docs/explanation/moving.md
 """
 
 import argparse

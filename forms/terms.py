@@ -68,7 +68,8 @@ def grad_div(
     Where P is large gamma is |c| size, where P is small it vanishes like P^3. The exact flow is free of divergence,
     so that the term is consistent; with w = v it is not negative, so that it takes energy and never gives any.
     `size` is a cell's, divided by the order of the velocity, on the domain of X. Source: Olshanskii, Lube, Heister
-    & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is measured (docs/numerics.md).
+    & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is measured
+    (docs/contribute/defaults.md).
     """
     carrier = carrier - reference_map.velocity
     size = size * reference_map.J ** (1 / len(v))

@@ -105,7 +105,8 @@ def ladder(
 
 
 def _orders(scene: Scene, quick: bool) -> tuple[int, ...]:
-    if quick or scene.gdim == 3:  # in 3-D the order that costs least is known (docs/space.md)
+    # In 3-D the order that costs least is known (docs/contribute/defaults.md).
+    if quick or scene.gdim == 3:
         return (order_of(scene).number,)
     return (2, 3) if scene.is_averaged or scene.time is not None else (2, 3, 4)
 

@@ -5,7 +5,7 @@ The consistent (residual) method reads it off the assembled momentum residual: t
 of a rigid motion from the surface, the residual is minus the power of the traction in that motion. It
 converges at twice the rate of integrating sigma n, which is kept as a cross-check.
 
-Hydrostatic pressure is not in the flow's pressure (see docs/paper.md): buoyancy is a force of its own.
+Hydrostatic pressure is not in the flow's pressure (see docs/explanation/flow.md): buoyancy is a force of its own.
 """
 
 from __future__ import annotations

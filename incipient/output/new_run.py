@@ -25,7 +25,8 @@ def run(
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
-    With `numerics.accuracy` mesh and order are chosen to reach it (docs/accuracy.md). When the run has its mesh, an
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). When the run has its
+    mesh, an
     earlier one in the directory makes room: it is removed, or moved to a numbered neighbour if it can be resumed.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 from .flow_setup import Setup
 from .numbers import numbers_of, speed_past_grain, time_of_change
 
-# Cells at the grain's surface over its size, for mesh_size = 1 (docs/numerics.md, docs/space.md), by the order of the
+# Cells at the grain's surface over its size, for mesh_size = 1 (docs/contribute/defaults.md), by the order of the
 # velocity.
 GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}
 GRAIN_CELL_IN_SPACE = {2: 0.15, 3: 0.22, 4: 0.3}

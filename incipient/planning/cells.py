@@ -18,7 +18,7 @@ FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
 # Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
-GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/space.md)
+GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/contribute/defaults.md)
 FEWEST_ROWS = 6  # of a channel, whatever the cells' size
 FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the cells' size
 

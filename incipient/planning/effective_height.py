@@ -8,7 +8,8 @@ from ..geometry.plane.beds import effective_level
 from ..scene import Domain, OpenChannel, Poiseuille, Shear
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
-# times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/numerics.md).
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples
+# (docs/explanation/flow.md).
 INERTIAL, POWER = 10.0, 0.2
 FEWEST_PERIODS = (
     2.0  # in the domain: along longer forms the flow is as over a bed that rises and falls

@@ -13,12 +13,14 @@ from .layout import Layout
 from .linear import LOWEST_ORDER
 from .plan import Estimate
 
-MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/performance.md
+# Bytes per n log2 n of n unknowns; fitted, see docs/validation/performance.md.
+MEMORY_GROWTH = 194.0
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
-# corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
+# corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted
+# (docs/contribute/defaults.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
-# Factors of higher orders over those of order two, by measured peaks of a lid-driven cube (docs/space.md).
+# Factors of higher orders over those of order two, by peaks of a lid-driven cube (docs/contribute/defaults.md).
 FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
@@ -61,7 +63,7 @@ def memory(*unknowns: int) -> float:
     """MiB for systems of so many unknowns that are there at once. Not collective.
 
     The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
-    fitted to measured peaks, the libraries' share was measured (docs/performance.md).
+    fitted to measured peaks, the libraries' share was measured (docs/validation/performance.md).
     """
     entries = sum(n * math.log2(n) for n in unknowns)
     return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20

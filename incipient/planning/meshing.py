@@ -18,13 +18,14 @@ from .layout import Layout
 from .plan import Plan
 from .scene_geometry import Geometry, Stance, point
 
-# Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
+# Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike
+# (docs/contribute/defaults.md).
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
 GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
-# smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
+# smallest feature. There only the drag of the bed as a whole matters (docs/contribute/defaults.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
 # At corners of a bed with layers of thin cells: cells along the walls, over the first layer's thickness.
 BED_CORNER_CELL, BED_CORNER_GROWTH = 20.0, 0.25

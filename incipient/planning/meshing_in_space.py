@@ -16,7 +16,7 @@ from .meshed_bed import resolved_bed
 from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
-# Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
+# Cell sizes for mesh_size = 1 by order of the velocity (docs/contribute/defaults.md).
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges

@@ -1,4 +1,4 @@
-"""A channel with a free surface: its Froude number, and the wave that a wave maker lets in (docs/channels.md)."""
+"""A channel with a free surface: its Froude number, and the wave of a wave maker (docs/explanation/surface.md)."""
 
 from __future__ import annotations
 

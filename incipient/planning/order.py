@@ -20,7 +20,7 @@ class VelocityOrder:
 
 
 def velocity_order(setup: Setup) -> VelocityOrder:
-    """The scene's own order, or the one to take (docs/numerics.md says by which measurements). Not collective."""
+    """The scene's own order, or the best in measurements (docs/contribute/defaults.md). Not collective."""
     scene = setup.scene
     asked, steady = scene.numerics.order, scene.time is None
     if asked != "auto":

@@ -2,7 +2,8 @@
 
 The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
-less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
+less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all
+(docs/contribute/defaults.md).
 Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
 where cells are coarse.
 """

@@ -27,7 +27,7 @@ _COLUMN = 26
 def grain_on_bed() -> Scene:
     """A disc resting on a flat bed in linear shear.
 
-    The domain stands for an endless one, to about 1% of force and couple (docs/accuracy.md).
+    The domain stands for an endless one, to about 1% of force and couple (docs/explanation/errors.md).
     """
     return Scene(
         title="A disc on a flat bed in shear flow",

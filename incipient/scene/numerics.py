@@ -16,7 +16,7 @@ ORDERS = (2, 3, 4)
 OF_SURFACE = ("elevation", "level")
 # The quantity of the walls of a turbulent flow: u* at the outflow, or its mean where the bed is not level.
 OF_WALLS = "shear velocity"
-# Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
+# Below this the curved cells' geometry errs as much, which no estimate sees (docs/contribute/defaults.md).
 FINEST = 1e-5
 
 

@@ -11,7 +11,7 @@ from .section import Section
 
 
 def register(section: type[Section]) -> None:
-    """Lets scenes have another kind of grain or bed, as if it stood in `kinds`; docs/adding.md says what it needs.
+    """Lets scenes have another kind of grain or bed, as if it stood in `kinds` (docs/contribute/adding.md).
 
     Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
     it.

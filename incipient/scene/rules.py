@@ -24,7 +24,7 @@ TURBULENT = (
 )  # base flows of channels that models of turbulence are for
 FEWEST_STEPS = 2  # of time, in the duration of a gust
 TOUCHES = 'body.motion = "released", or "free" with body.on_contact = "touch"'
-# u* k_s/nu up to which the mean profile follows the measured one (docs/numerics.md).
+# u* k_s/nu up to which the mean profile follows the measured one (docs/contribute/defaults.md).
 _ROUGHEST = 500.0
 _THROUGH = ("shear", "poiseuille", "uniform", "open-channel", "log-law")
 _TOPS = {

@@ -76,7 +76,7 @@ SLOW = pytest.mark.slow
     "how", [COARSE_CELLS, pytest.param(COARSE_STEPS, marks=SLOW), pytest.param(FINE, marks=SLOW)]
 )
 def test_error_bars_of_a_mode(viscosity: float, how: tuple[str, ...]) -> None:
-    """Between three quarters and three times the error, as docs/surface.md says."""
+    """Between three quarters and three times the error, as docs/contribute/defaults.md says."""
     made, mode = scene(WAVE, f"fluid.reynolds={1 / viscosity!r}", *how), Mode(viscosity, np.pi)
     found = started(mode, made)
     assert found.elevations is not None

@@ -26,10 +26,10 @@ DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary
 # incompressible Navier-Stokes equations, Heidelberg 1998.
 CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
-# Of the example scene: cells of a quarter of the default size, elements of order four (docs/accuracy.md).
+# Of the example scene: cells of a quarter of the default size, elements of order four (docs/contribute/defaults.md).
 ON_BED = np.array([1.354864, 0.718549])
 COUPLE_ON_BED = -0.1787733
-# Unknowns and relative errors of the force of uniformly refined meshes of the example (docs/accuracy.md).
+# Unknowns and relative errors of the force of uniformly refined meshes of the example (docs/contribute/defaults.md).
 UNIFORM = {2: (6577, 1.8e-4), 3: (9550, 1.1e-4)}
 QUIET = {"error_bars": False}
 POCKET = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}

@@ -1,4 +1,4 @@
-"""A grain and a bed added by what docs/adding.md says: each a section and its geometry, registered, and then run.
+"""A grain and a bed added as docs/contribute/adding.md says: section and geometry, registered, and then run.
 
 The grain is a stadium, a square with a half-disc on two sides; the bed is a sawtooth. Numbers are exact lengths and
 areas, and the equilibrium of a grain on two slopes.

@@ -1,4 +1,4 @@
-"""An effect added by what docs/adding.md says: one class and one entry in the list, and everything else has it.
+"""An effect added as docs/contribute/adding.md says: one class and one entry in the list.
 
 The effect is a force per unit mass f along x, as gravity has in an inclined channel that is not resolved otherwise.
 With velocities given all around but at the outflow it only adds f (x - x_outflow) to the pressure: the velocity stays,

@@ -1,4 +1,4 @@
-"""An output quantity added by what docs/adding.md says: one entry, and history, result, text, report and table have it.
+"""An output quantity added as docs/contribute/adding.md says: one entry, which history, result, text and table have.
 
 The quantity is the flux of volume along the channel, the integral of v . grad x over the fluid. By the divergence
 theorem that is the discharge times the length, whatever stands in the channel: V H L with the mean velocity V.

@@ -39,7 +39,8 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     about_line = found.load.flow_couple + np.cross(arm, found.load.force)
     assert abs(about_line[1]) < 1e-6 * np.linalg.norm(arm) * np.linalg.norm(found.load.weight)
     assert np.abs(found.contact_forces[~ahead]).max() < 1e-6 * np.linalg.norm(found.load.weight)
-    # mu G f / ((rho_s - rho_f) g d): 0.0379 +- 0.0007 on finer cells, with a third of the gap (docs/beads.md).
+    # mu G f / ((rho_s - rho_f) g d): 0.0379 +- 0.0007 on finer cells, with a third of the gap
+    # (docs/contribute/defaults.md).
     assert isinstance(scene.flow, Shear) and scene.gravity is not None
     stress = scene.viscosity * scene.flow.rate * found.factor
     assert found.shields == pytest.approx(stress / (1.65 * scene.gravity.acceleration), rel=1e-6)

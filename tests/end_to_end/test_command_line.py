@@ -307,7 +307,7 @@ def test_plan_counts_what_the_run_solves_for(capsys, tmp_path, scene, values):
 
 @pytest.mark.parametrize("error_bars", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_plan_announces_the_memory_that_the_run_needs(command, tmp_path, capsys, error_bars):
-    """With the dual solution that error bars need twice as much; off by -13% to +20% in docs/performance.md."""
+    """With the dual solution of error bars twice as much; off by -13% to +20% in docs/validation/performance.md."""
     changed = settings(numerics_mesh_size=0.5, numerics_error_bars=error_bars)
     assert main(["plan", str(GRAIN_ON_BED), *changed, "--json"]) == 0
     planned = json.loads(capsys.readouterr().out)

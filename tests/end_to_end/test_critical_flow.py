@@ -257,7 +257,7 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("datum", ["auto", "crest", "mean"])
 def test_error_bars_cover_the_datum(datum: str) -> None:
-    """By the effective height of the bed it goes to CONVERGED, where others go slowly (docs/accuracy.md)."""
+    """By the effective height of the bed it goes to CONVERGED, where others go slowly (docs/contribute/defaults.md)."""
     far = ("domain.length=32.0", "domain.height=20.0", "contact.gap=0.002", f"flow.datum={datum}")
     bars = threshold_of(on_bed(*POCKET, *far)).bars
     assert bars is not None and bars.low < CONVERGED < bars.high

@@ -158,7 +158,7 @@ def test_how_far_contacts_are_closed_does_not_matter(bed, x):
     """The fluid in a wedge hardly moves: loads tend to a limit, and the gap's term holds what is left of the way.
 
     The limit is that of open gaps as well, which is approached slowly: at 0.01 of the diameter the lift of
-    the stone in the trough is 38% below it, at 0.0003 1.3% (docs/large_grains.md).
+    the stone in the trough is 38% below it, at 0.0003 1.3% (docs/contribute/defaults.md).
     """
     body = Disc(diameter=0.2, x=x, density=2.65)
     wide, narrow = (

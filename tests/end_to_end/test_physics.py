@@ -45,7 +45,8 @@ REFERENCE = Path(__file__).parents[1] / "reference"
 # Schaefer & Turek, Benchmark computations of laminar flow around a cylinder (1996); the digits of 2D-1 are those
 # of Nabh (1998), as printed in public copies.
 DFG_2D_1 = {"drag": 5.57953523384, "lift": 0.010618948146, "pressure difference": 0.11752016697}
-# Limits for small cells and steps; that of the lift is below the interval of 1996, 0.99 to 1.01 (docs/performance.md).
+# Limits for small cells and steps; that of the lift is below the interval of 1996, 0.99 to 1.01
+# (docs/validation/performance.md).
 DFG_2D_2 = {"drag": 3.227, "lift": 0.987, "strouhal": 0.301}
 
 # Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.

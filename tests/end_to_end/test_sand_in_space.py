@@ -79,7 +79,7 @@ def test_the_error_bar_of_the_mesh_holds_what_a_finer_one_finds():
 def test_an_accuracy_is_reached_and_a_finer_mesh_agrees():
     """u* d/nu = 22: the first three meshes give the first estimate; a run on cells of 0.78 is within it.
 
-    No other program has been asked: the finer mesh is of this one (docs/k_omega_in_space.md, error bars in space).
+    No other program has been asked: the finer mesh is of this one (docs/contribute/defaults.md).
     """
     numerics = Numerics(order=2, accuracy=0.12, accuracy_of="force", error_bars=False)
     found = incipient.run(sand(1500.0, 1.0).model_copy(update={"numerics": numerics}))

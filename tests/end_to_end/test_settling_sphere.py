@@ -54,7 +54,8 @@ def test_the_start_on_two_ranks(tmp_path):
 def test_the_largest_velocity(tmp_path, case, computed, difference):
     """Ten Cate et al. computed 0.894 and 0.947 (and measured 0.947 and 0.955); on such coarse cells 0.892 and 0.932.
 
-    Finer cells give 0.905 and 0.946 (docs/space.md): in the first case the cells' error hides that difference of 1.2%.
+    Finer cells give 0.905 and 0.946 (docs/validation/laminar.md): in the first case the cells' error hides that
+    difference of 1.2%.
     """
     said = said_by_demo(tmp_path, 1, case, "output.fields=false", "numerics.mesh_size=2")
     assert not still_faster(said)

@@ -171,7 +171,7 @@ def test_friction_is_larger_on_crests_than_in_troughs_and_is_drawn(tmp_path):
 def test_a_step_reattaches_where_the_standard_model_does():
     """Driver & Seegmiller (1985): measured 6.26 +- 0.10; the model falls 15 to 25% short of it, 4.7 to 5.3.
 
-    The error bar holds what twice as many rows and columns of cells say: 5.307 (docs/wall_functions.md).
+    The error bar holds what twice as many rows and columns of cells say: 5.307 (docs/validation/turbulence.md).
     """
     scene = load(DEMOS / "backward_facing_step.toml")
     found = incipient.run(scene)

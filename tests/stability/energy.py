@@ -1,4 +1,4 @@
-"""A swirl in a closed box whose mesh jumps about: its energies, for docs/numerics.md.
+"""A swirl in a closed box whose mesh jumps about: its energies, for docs/explanation/flow.md.
 
 Six cells a side, every vertex thrown anew in each step within a third of the cells' spacing, the boundary's
 along the sides. The table takes a minute: PYTHONPATH=tests python tests/stability/energy.py

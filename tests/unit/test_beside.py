@@ -22,7 +22,7 @@ from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
 # Force over 6 pi mu a G h and couple over 4 pi mu a^3 G with gaps of 1.25% and 5% of the diameter (Goldman, Cox &
-# Brenner 1967, Chem. Eng. Sci. 22, 653, in bispherical coordinates; the table of docs/space.md).
+# Brenner 1967, Chem. Eng. Sci. 22, 653, in bispherical coordinates; the table of docs/validation/laminar.md).
 AT_FIVE_PERCENT = 1.6325, 0.9518
 
 
@@ -43,7 +43,7 @@ def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
 
 
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
-    """With four times the gap the exact loads, to what cells of this size err by with any gap (1.1%, docs/space.md)."""
+    """With four times the gap the exact loads, to the error of such cells (1.1%, docs/contribute/defaults.md)."""
     scene = on_plane()
     one, two, four, farther, farthest = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:

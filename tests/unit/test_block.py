@@ -154,7 +154,7 @@ def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
 
 
 def test_iterations_with_inertia_grow_little_with_the_mesh() -> None:
-    """The commutator's error at walls makes them grow: at most by half when cells are halved (docs/scaling.md)."""
+    """The commutator's error at walls lets them grow, by half at most on halved cells (docs/contribute/defaults.md)."""
     model = block(FlowModel(upwind=True))
     coarse, fine = (iterations(unit_box(3, n), model, channel(3)) for n in (3, 6))
     assert fine <= 1.5 * coarse
@@ -181,7 +181,7 @@ def iterations(domain: Domain, model: FlowModel, conditions: list[Condition]) ->
 
 
 def test_iterations_for_stokes_flow_do_not_grow_with_the_mesh() -> None:
-    """From 1.4 to 8.6 thousand unknowns; the bound of 20% is that of larger meshes, see docs/scaling.md."""
+    """From 1.4 to 8.6 thousand unknowns; the bound of 20% is that of larger meshes, see docs/contribute/defaults.md."""
     coarse, fine = (iterations(unit_box(3, n), block(STOKES), channel(3)) for n in (4, 8))
     assert fine <= 1.2 * coarse
 
@@ -287,7 +287,7 @@ def test_flow_with_eddies_along_walls_and_its_dual_are_those_of_the_direct_solve
 
 @pytest.mark.parametrize("level", [True, False])
 def test_iterations_with_eddies_along_walls_grow_little_with_the_mesh(level: bool) -> None:
-    """At most by half when cells are halved, as aimed at (docs/scaling.md)."""
+    """At most by half when cells are halved, as aimed at (docs/contribute/defaults.md)."""
     found = []
     for n in (3, 6):
         domain = unit_box(3, n)

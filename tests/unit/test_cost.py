@@ -357,7 +357,7 @@ def test_the_plan_says_that_the_run_chooses() -> None:
     assert f"numerics.accuracy: {sought}" in text
     assert "P2-P1 Taylor-Hood on cells of order 2 at first" in text
     assert "cell sizes x" not in text
-    assert "first mesh: 342 cells, 1749 unknowns" in text, "as in docs/accuracy.md"
+    assert "first mesh: 342 cells, 1749 unknowns" in text, "as in docs/contribute/defaults.md"
     assert not make_plan(scene()).sought
     assert "cell sizes x 1" in make_plan(scene()).text()
     assert "until the verdict is decided" in make_plan(scene("numerics.accuracy=verdict")).text()

@@ -29,7 +29,7 @@ DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # incompressible Navier-Stokes equations, Heidelberg 1998.
 CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
 # Force and couple of a disc on a bed in a domain of 12 x 6, cells of half the default size in elements of order
-# four, improved by the estimate: see docs/accuracy.md. In Stokes flow the same.
+# four, improved by the estimate: see docs/contribute/defaults.md. In Stokes flow the same.
 ON_BED = {True: (1.507031, 0.809692, -0.1948145), False: (0.38955958, 0.00290848, -0.09471539)}
 EXAMPLE = (
     1.354864,
@@ -275,7 +275,7 @@ def test_the_second_correction_covers_what_upwinding_changes() -> None:
 def test_a_couple_that_vanishes_is_no_doubt() -> None:
     """Nothing turns a sphere in a uniform stream: that corrections of its couple scatter says nothing of its drag.
 
-    The drag is 0.4288 to 0.4290 in this domain (docs/space.md, on finer cells); computed on these it is 0.4320.
+    The drag is 0.4288 to 0.4290 in this domain (on finer cells, docs/contribute/defaults.md); on these it is 0.4320.
     """
     shear, _, _ = SPHERE.partition("[flow]")
     stream = (

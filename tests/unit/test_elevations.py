@@ -298,7 +298,7 @@ mesh_size = {size}
 
 
 def test_levels_of_streams_on_cells_above_a_quarter_of_the_depth_are_in_doubt() -> None:
-    """Estimates fell to 0.3 of the error on cells of 0.4, a mesh_size of 4, and held at 2 (docs/channels.md)."""
+    """Estimates fell to 0.3 of the error on cells of 0.4 (mesh_size 4), held at 2 (docs/explanation/surface.md)."""
     stream, still = (f'kind = "{kind}"\nvelocity = 1.0' for kind in ("open-channel", "still"))
     still = still.replace("\nvelocity = 1.0", "")
     assert doubt_of_stream(loads(OPEN_CHANNEL.format(stream=stream, size=2.0))) == ""

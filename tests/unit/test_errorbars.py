@@ -484,7 +484,7 @@ FORMS = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}
 
 
 def test_far_sides_matter_longer_over_forms() -> None:
-    """Measured over half-discs by a stream that suits them: to the power 1.6 to 1.8 (docs/accuracy.md)."""
+    """Measured over half-discs by a stream that suits them: to the power 1.6 to 1.8 (docs/contribute/defaults.md)."""
     for scene, power in ((on_bed(), 2.0), (on_bed(bed=FORMS), 1.5), (grain_in_pocket(), 2.0)):
 
         def far(one: Scene, scene: Scene = scene, power: float = power) -> Loads:

@@ -36,7 +36,7 @@ CASES: list[tuple[dict[str, Any], int]] = [
 
 @pytest.mark.parametrize(("changes", "order"), CASES)
 def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
-    """What was measured (docs/numerics.md): three in the plane where nothing moves, and in space where it creeps."""
+    """As measured (docs/contribute/defaults.md): three in 2-D where nothing moves, and in creeping flow in 3-D."""
     made = scene(**changes)
     plan = make_plan(made)
     assert (order_of(made).number, plan.order) == (order, order)

@@ -1,7 +1,7 @@
 """The paper's criteria of incipient motion: against exact statics, and stated where they disagree with it.
 
-Equation numbers are label keys of the paper's source (docs/paper.md). In 2-D: x downstream, y up, torques
-counter-clockwise about the third axis; in 3-D z up; normals point out of the grain.
+Equation numbers are label keys of the paper's source (docs/explanation/criteria.md). In 2-D: x downstream, y up,
+torques counter-clockwise about the third axis; in 3-D z up; normals point out of the grain.
 """
 
 import json
@@ -232,7 +232,7 @@ class TestPocket:
 
 
 class TestHowThePrintIsRead:
-    """One test for each reading in docs/paper.md that concerns contact."""
+    """One test for each reading in docs/explanation/criteria.md that concerns contact."""
 
     def test_equivalent_force_leaves_out_the_spin(self):
         # (6): r ^ F_tau is tau without its part along r, and that part stays in the resultant (25).

@@ -417,7 +417,7 @@ class TestKernels:
         assert done.stdout.split() == ["False", "True", "False", "False", "False"]
 
     def test_compiled_and_interpreted_agree(self):
-        """Factors to what docs/contact.md promises of any rows, forces to the root of what the program leaves."""
+        """Factors to what docs/explanation/criteria.md promises, forces to the root of what the program leaves."""
         random = np.random.default_rng(5)
         one = random.normal(size=(3, 6, 12)), *random.normal(size=(2, 3, 6)), 0
         kernel = Kernel(interval_rows)

@@ -207,7 +207,7 @@ def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_
 
 
 def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
-    """As docs/large_grains.md has measured them: a sphere of three cells across, and round grains at all."""
+    """As docs/contribute/defaults.md has measured them: a sphere of three cells across, and round grains at all."""
     sphere = {
         "body": Sphere(diameter=0.4, x=0.6),
         "bed": Flat(),

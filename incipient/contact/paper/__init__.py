@@ -1,6 +1,6 @@
 """The paper's criteria of incipient motion at the significant reaction surface: the first of two judges.
 
-Equation numbers are the label keys of the paper's source; how its print is read stands in docs/paper.md.
+Equation numbers are the label keys of the paper's source; how its print is read stands in docs/explanation/criteria.md.
 Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
 """
 

@@ -36,7 +36,7 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them; by k and omega, solved
-# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/k_omega_in_space.md).
+# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/contribute/defaults.md).
 BYTES, BYTES_TOGETHER = 2500.0, 17000.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (

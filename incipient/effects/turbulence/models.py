@@ -15,7 +15,7 @@ from . import limits
 
 COARSEST = 0.2  # sand roughness over the depth, the size of a grain and the forms of a bed
 HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
-# As measured (docs/k_omega_in_space.md, thresholds in space).
+# As measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
 # Where a slower flow than the slowest one moves the grain: a threshold cannot be searched below a mean profile.

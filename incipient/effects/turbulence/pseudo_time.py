@@ -53,7 +53,7 @@ BEGUN = (
 )  # corrections of logarithms and flow with which a flow is a start for a faster one
 # In space a wake may change for ever, at a few nodes. The flow is taken all the same when in so many steps with such a
 # Courant number at least the loads on the grain have differed from the last ones by less than this part of them. What
-# they then differ by is told: past a sphere in its pocket at u* d/nu = 138 0.9% (docs/k_omega_in_space.md).
+# they then differ by is told: past a sphere in its pocket at u* d/nu = 138 0.9% (docs/contribute/defaults.md).
 # Where all steps are long fewer tell as much of smaller changes.
 LINGERING, SWEEPING, SWEEPING_FAST, NEARLY = 10, 16.0, 8.0, 0.03
 BRIEFLY, CLOSELY = 4, 2e-3

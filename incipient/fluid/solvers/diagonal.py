@@ -15,7 +15,7 @@ from .split import Split
 
 # Algebraic multigrid for operators with convection on stretched cells: incomplete factors, of each rank, are nearly
 # exact across thin cells and along streams. Without fill
-# they are not stable as a smoother (docs/scaling.md).
+# they are not stable as a smoother (docs/contribute/defaults.md).
 INCOMPLETE = {
     "pc_type": "gamg",
     "pc_gamg_threshold": 0.01,

@@ -18,7 +18,8 @@ from .statistics import LinearStatistics
 # chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
-LU_BYTES = 440.0  # of factors in space over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/scaling.md)
+# Of factors in space over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/contribute/defaults.md).
+LU_BYTES = 440.0
 WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
 NOT_FINITE = (

@@ -65,7 +65,8 @@ class Equations:
         """The velocity that convects in operators that stand for blocks of the Jacobian in preconditioners.
 
         None in time unless `convected`: where the rate or viscosity outweighs convection, operators without it are
-        symmetric, are smoothed in half the time and serve while steps have the same length (docs/scaling.md).
+        symmetric, are smoothed in half the time and serve while steps have the same length
+        (docs/contribute/defaults.md).
         """
         return self.carrier if self.rate is None or self.convected else None
 

@@ -167,7 +167,8 @@ class LeastSquaresCommutator:
     F are the operators of the velocity's components, or its diagonal blocks, and D their diagonals. G is the
     pressure's block in momentum, which is B^T and what upwinding adds to it: both it and F have the upwinded tests,
     so that these cancel in S = B F^-1 G. Rows where conditions hold are in none of them. Source: Elman, Howle, Shadid,
-    Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured (docs/scaling.md).
+    Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured
+    (docs/contribute/defaults.md).
     """
 
     def __init__(self, equations: Equations, split: Split, velocity: VelocityBlock):
@@ -220,7 +221,7 @@ class ConvectedPressure:
     sizes in rows of the velocity's mass matrix, G is the pressure's block in momentum: what walls and upwinding do is
     in L. As of Cahouet & Chabard for the rate, diffusion is in N and convection in L; of pressure convection-diffusion
     (Kay, Loghin & Wathen 2002, SIAM J. Sci. Comput. 24, 237) the factors are in the other order. Order, D, and what
-    happens where fluid enters are measured (docs/scaling.md).
+    happens where fluid enters are measured (docs/contribute/defaults.md).
     """
 
     def __init__(self, equations: Equations, split: Split):

@@ -24,7 +24,8 @@ SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
 MOST_CYCLES, MOST_DIRECTIONS = 40, 60
 # Residual, relative to the right-hand side, of a correction that tells of an error, in creeping flow and where
 # something convects: that of force and couple then is known to a sixth of itself, where it was measured
-# (docs/space.md). A free sphere at Re 100 has, improved, a drag of 0.4283 by 0.05, and of 0.4288 by 0.02 and 0.001.
+# (docs/contribute/defaults.md). A free sphere at Re 100 has, improved, a drag of 0.4283 by 0.05, and of 0.4288 by 0.02
+# and 0.001.
 ROUGH, CONVECTED_ROUGH = 0.05, 0.02
 # Share of upwinding's viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
 # unknowns) takes 95 iterations; without that, and with the mass matrix beside the relaxation, more than 200.
