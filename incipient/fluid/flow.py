@@ -241,13 +241,16 @@ class Fluid(FlowEquations):
         return self._corrected()
 
     def correction(self, rtol: float, fresh: bool = False) -> float:
-        """One Newton correction, by two levels a rough one; its size relative to the velocity (see `newton.System`)."""
+        """One Newton correction, by two levels a rough one; its size relative to the flow (see `newton.System`).
+
+        That is the larger of velocity's and pressure's: of the latter's relative to itself and the square of the speed.
+        """
         if self._jacobian is None:
             return self.chord_correction(fresh or not self.model.linear)
         self._assemble_constrained_residual()
         self._assemble_jacobian()
         self.solver.solve(self._vector, self._correction, rtol, fresh)
-        return self._corrected()
+        return max(self._corrected(), self._relative_pressure())
 
     def _assemble_jacobian(self) -> None:
         self._matrix.zeroEntries()
@@ -330,6 +333,16 @@ class Fluid(FlowEquations):
         """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
         self._assemble_into(self._vector, form)
         return self._vector.array_r.copy()
+
+    def _relative_pressure(self) -> float:
+        """The change of the pressure over itself and the square of the speed, by root mean squares. Collective."""
+        nodes = self.space.pressure.dofmap.index_map
+        owned = self.space.pressure_map[: nodes.size_local]
+        parts = [values[owned] for values in (self._correction.array_r, self.state.x.array)]
+        sums = self.domain.comm.allreduce(np.array([part @ part for part in parts]))
+        change, whole = np.sqrt(sums / nodes.size_global)
+        scale = float(whole) + self.speed() ** 2
+        return float(change) / scale if scale else 0.0
 
     def _relative_size(self) -> float:
         parts = [

@@ -314,6 +314,16 @@ def test_curved_cells_and_a_body() -> None:
     assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())
 
 
+@pytest.mark.parametrize("solver", ["direct", "block"])
+def test_a_wrong_pressure_is_no_converged_flow(solver: str) -> None:
+    """Twice the pressure of a solved flow: its velocity needs no correction, the pressure one of its own size."""
+    with Fluid(unit_box(3, 3), FlowModel(upwind=True, solver=solver), channel(3), 1.0) as fluid:
+        assert fluid.solve(1e-10).converged
+        fluid.state.x.array[fluid.space.pressure_map] *= 2.0
+        assert 0.3 < fluid.correction(1e-10) < 1.1
+        assert fluid.correction(1e-10) < 1e-8
+
+
 def test_from_creeping_flow_to_inertia_at_once() -> None:
     """Its pressure falls by a factor of 1e7 on the way: with the old one the linear system is not solved."""
     with Fluid(unit_box(3, 3), FlowModel(solver="block"), box(3), 1e-6) as fluid:
