@@ -22,7 +22,7 @@ from tables import publish
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, farther
-from incipient.accuracy.model_terms import has_no_far_sides, no_gap
+from incipient.accuracy.terms import has_no_far_sides, no_gap
 from incipient.errors import IncipientError
 from incipient.results.errorbars import ErrorBars
 from incipient.results.result import Result

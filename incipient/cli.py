@@ -169,7 +169,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "judge",
             "judge",
             options.of_judge,
-            "judge forces and contacts of a case file, without a flow",
+            "judge forces of another program or a measurement, without a flow",
         ),
         ("new", "writing", options.of_new, "write a commented example scene"),
         ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),

@@ -165,7 +165,6 @@ def _compiled(
             dolfinx.__version__,
             sys.implementation.cache_tag,
             chosen,
-            form_cache.WHOLE,
         )
         name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
         root = Path(chosen["cache_dir"]) / "incipient"

@@ -12,21 +12,23 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import OutputError
 
-MARK = ".incipient"  # of a directory: size and name of the files there that this program wrote, one a line
-MARK_HEAD = (
-    "Files in this directory that incipient has written and may replace, with their sizes:\n"
-)
+# Of a directory: the program's version, who has worked there, and below each other the names of its files there.
+MARK = ".incipient"
+PART = ".part"
+CHUNK = 2**16  # rows of an array that HDF5 writes, and checks, at a time
 AWAY = "choose another directory, or move it away"
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another directory",
@@ -79,87 +81,46 @@ def numbered(path: Path) -> Path:
 
 def part_of(path: Path) -> Path:
     """Where a file is written before it takes its place."""
-    return path.with_name(path.name + ".part")
+    return path.with_name(path.name + PART)
 
 
-def owned(directory: Path, grown: bool = True) -> set[str]:
-    """Names of the files in a directory that this program has written and nobody has changed, as its `MARK` says.
-
-    Without `grown` files that grow during a run may have been changed since.
-    """
-    there = set()
-    for name, sizes in _marked(directory).items():
-        with suppress(OSError):
-            # The last size but one is that of a file whose writer was killed before it took the new one's place.
-            complete = sizes[-1] is not None if grown else None not in sizes
-            if not complete or (directory / name).lstat().st_size in sizes[-2:]:
-                there.add(name)
-    return there
-
-
-def _marked(directory: Path) -> dict[str, list[int | None]]:
-    """Sizes by name in the `MARK` of a directory, one a writing; None of files that grow. Raises OutputError."""
+def owned(directory: Path) -> set[str]:
+    """Names of the files in a directory that this program has written, by its `MARK`; raises OutputError."""
     mark = directory / MARK
     if not mark.is_file():
-        return {}
+        return set()
     with reported(mark):
-        lines = os.fsdecode(mark.read_bytes()).splitlines()[1:]
-    sizes: dict[str, list[int | None]] = {}
-    for size, _, name in (line.partition(" ") for line in lines):
-        sizes.setdefault(name, []).append(int(size) if size.isdecimal() else None)
-    return sizes
+        lines = os.fsdecode(mark.read_bytes()).splitlines()
+    return {line for line in lines if not line.startswith("#")}
 
 
-def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = None) -> None:
-    """Record in the `MARK` of a directory that files are this program's, which may replace them.
+def own(path: Path) -> None:
+    """Record that a file is this program's, which may replace it; raises OutputError, which names it."""
+    if path.name not in owned(path.parent) and "\n" not in path.name:
+        with reported(path), opened_mark(path.parent) as mark:
+            write_fully(mark, os.fsencode(f"{path.name}\n"))
 
-    `sizes` in bytes are those of files that do not grow, else None. Raises OutputError, which names the mark or what is
-    `wanted`.
-    """
-    mark, known = directory / MARK, _marked(directory)
-    lines = [
-        f"{'-' if size is None else size} {name}\n"
-        for name, size in sorted(sizes.items())
-        if "\n" not in name and known.get(name, [-1])[-1] != size
-    ]
-    if not lines:
-        return
-    _refuse_link(mark)
+
+@contextmanager
+def opened_mark(directory: Path) -> Iterator[io.FileIO]:
+    """The `MARK` of a directory, made if need be, for lines to be appended; raises OSError or OutputError."""
+    path = directory / MARK
+    _refuse_link(path)
     # Not into a pipe either, which a directory of somebody else may hold.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
-    with reported(wanted or mark), os.fdopen(os.open(mark, flags, 0o666), "ab", 0) as stream:
-        head = "" if mark.stat().st_size else MARK_HEAD
-        write_fully(stream, os.fsencode("".join([head, *lines])))
+    with io.FileIO(os.open(path, flags, 0o666), "a") as mark:
+        if not path.stat().st_size:
+            write_fully(mark, f"# incipient {metadata.version('incipient')} wrote:\n".encode())
+        yield mark
 
 
-def own_as_they_are(directory: Path, names: Iterable[str]) -> None:
-    """Record the sizes of files that have grown and are complete, so that one that changes is its owner's.
-
-    Raises OutputError as `own`.
-    """
-    known, sizes = _marked(directory), {}
-    for name in names:
-        if known.get(name, [0])[-1] is None:
-            with suppress(OSError):
-                sizes[name] = (directory / name).lstat().st_size
-    own(directory, sizes)
-
-
-def require_own(path: Path, whose: Collection[str] | None = None) -> None:
-    """Refuse to write a file that is a link or that this program did not write.
-
-    Args:
-        whose: names of this program's files in the directory; default: those that are `owned`.
-
-    Raises:
-        OutputError: naming the file.
-    """
+def require_own(path: Path, folder: bool = False) -> None:
+    """Refuse to write a file (or `folder`) that is a link or not this program's; raises OutputError, which names it."""
     with reported(path):
         _refuse_link(path)
-        if path.is_file() and path.name not in (owned(path.parent) if whose is None else whose):
-            raise OutputError(
-                f"{path}: was not written by incipient, or has been changed since; {AWAY}"
-            )
+        name = path.name.removesuffix(PART)
+        if (path.exists() if folder else path.is_file()) and name not in owned(path.parent):
+            raise OutputError(f"{path}: was not written by incipient; {AWAY}")
 
 
 def _refuse_link(path: Path) -> None:
@@ -173,12 +134,6 @@ def require_ending(path: Path, ending: str) -> None:
         raise OutputError(f"{path}: is no name for this file; let it end in {ending}")
 
 
-def claim(path: Path) -> None:
-    """Make a file this program's before it is written; raises OutputError as `require_own`."""
-    require_own(path)
-    own(path.parent, {path.name: None}, path)
-
-
 def write_text_atomically(path: Path, text: str) -> None:
     """Write a text file (UTF-8) so that a reader finds the old content or the new, never a part.
 
@@ -190,12 +145,36 @@ def write_text_atomically(path: Path, text: str) -> None:
     write_bytes_atomically(path, text.encode(errors="backslashreplace"))
 
 
-def write_bytes_atomically(path: Path, data: bytes) -> None:
+def write_bytes_atomically(path: Path, data: bytes | memoryview) -> None:
     """Write content of any kind as `write_text_atomically` writes text."""
     with replaced(path, part_of(path)) as part, part.open("xb") as stream:
         stream.write(data)
         stream.flush()
         os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+
+
+def write_hdf5(
+    path: Path,
+    datasets: Mapping[str, NDArray[Any]],
+    attributes: Mapping[str, Any],
+    links: Mapping[str, str] | None = None,
+) -> None:
+    """Write an HDF5 file of arrays with checksums as `write_bytes_atomically`; its content is in memory meanwhile.
+
+    `links` name other files in the directory, which hold datasets of the same names.
+    """
+    import h5py
+
+    image = io.BytesIO()  # HDF5 that runs out of space takes the program with it
+    with h5py.File(image, "w") as file:
+        file.attrs.update(attributes)
+        for name, value in datasets.items():
+            chunks = (min(len(value), CHUNK), *value.shape[1:])
+            checked = {"fletcher32": True, "chunks": chunks} if value.size else {}
+            file.create_dataset(name, data=value, **checked)
+        for name, other in (links or {}).items():
+            file[name] = h5py.ExternalLink(other, name)
+    write_bytes_atomically(path, image.getbuffer())
 
 
 @contextmanager
@@ -208,9 +187,9 @@ def replaced(path: Path, part: Path, also: tuple[type[Exception], ...] = ()) -> 
     require_own(path)
     with reported(path, also):
         part.unlink(missing_ok=True)  # of a writer that was killed, or a link
+        own(path)
         try:
             yield part
-            own(path.parent, {path.name: part.stat().st_size}, path)
             part.replace(path)
         finally:
             with suppress(OSError):
@@ -284,7 +263,8 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         OutputError: when it cannot be written, or when the file has other columns.
     """
     header, line = _csv_line(row.keys()), _csv_line(row.values())
-    claim(path)
+    require_own(path)
+    own(path)
     with reported(path), path.open("a+b", buffering=0) as stream:
         end = stream.seek(0, os.SEEK_END)
         stream.seek(0)
@@ -312,58 +292,6 @@ def sync(path: Path) -> None:
         os.fsync(stream.fileno())
 
 
-def ends_with(path: Path, end: str) -> bool:
-    """Whether there is such a file, and a text is the last that it holds."""
-    closing = end.encode()
-    with reported(path):
-        if not path.exists() or path.stat().st_size < len(closing):
-            return False
-        with path.open("rb") as stream:
-            stream.seek(-len(closing), os.SEEK_END)
-            return stream.read() == closing
-
-
-def insert_before_end(path: Path, text: str, end: str) -> None:
-    """Put a text before the end of a file, in place, at a cost that does not grow with the file.
-
-    `end` is what the file ends with, such as closing tags. It is written again behind the text and in one call with
-    it, so that the file is complete before and after. A text that does not fit on the disk is taken back.
-
-    Raises:
-        OutputError: when it cannot be written.
-    """
-    closing = end.encode()
-    own(path.parent, {path.name: None}, path)
-    with reported(path), path.open("r+b", buffering=0) as stream:
-        place = stream.seek(-len(closing), os.SEEK_END)
-        try:
-            write_fully(stream, text.encode() + closing)
-        except OSError:
-            with suppress(OSError):
-                stream.seek(place)
-                write_fully(stream, closing)
-                stream.truncate()
-            raise
-
-
-def cut(path: Path, rows: int, size: int) -> None:
-    """Cut a CSV file back to its first `size` bytes, a header and so many rows; without rows it goes.
-
-    Raises:
-        OutputError: when it is shorter, those bytes are not so many rows, or it cannot be written.
-    """
-    with reported(path):
-        if rows == 0:
-            path.unlink(missing_ok=True)
-            return
-        head = path.read_bytes()[:size] if path.exists() else b""
-        if len(head) < size or head.count(b"\n") != rows + 1 or not head.endswith(b"\n"):
-            raise OutputError(
-                f"{path}: has lost some of its {rows} rows; put the file back, or start anew"
-            )
-        os.truncate(path, size)
-
-
 def cut_after(path: Path, time: float) -> None:
     """Cut a CSV file, if there is one, back to its header and the rows whose first number is at most a time.
 
@@ -374,7 +302,8 @@ def cut_after(path: Path, time: float) -> None:
         if not path.exists():
             return
         header, *rows = path.read_bytes().splitlines(keepends=True) or [b""]
-        kept = [row for row in rows if float(row.split(b",")[0]) <= time and row.endswith(b"\n")]
+        last = time + 1e-12 * abs(time)
+        kept = [row for row in rows if float(row.split(b",")[0]) <= last and row.endswith(b"\n")]
         os.truncate(path, sum(map(len, [header, *kept])))
 
 

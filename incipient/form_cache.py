@@ -9,8 +9,6 @@ the form; a lock, which the kernel frees with its process, keeps others from com
 from __future__ import annotations
 
 import errno
-import hashlib
-import json
 import os
 import shutil
 import tempfile
@@ -23,7 +21,6 @@ from .errors import OutputError
 from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
-WHOLE = "checksums.json"  # checksums of the files of a folder, written last
 FULL = 2**20  # bytes free on a disk that counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
@@ -31,7 +28,7 @@ REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T:
     """What `build` makes of the code in a folder; it compiles the code where there is none. Collective over `comm`.
 
-    A folder that is damaged is compiled anew.
+    A folder whose content cannot be loaded is compiled anew.
 
     Args:
         root: of all folders; it is made where it is not there.
@@ -42,7 +39,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
         OutputError: a rank cannot write to the folder, or its disk is full.
     """
     root, name = from_first(comm, lambda: (root, name))  # ranks may have their own environments
-    if all(comm.allgather(_is_whole(root / name))):
+    if all(comm.allgather((root / name).is_dir())):
         loaded: list[T] = []
         with suppress(Exception):
             loaded.append(build(root / name))
@@ -68,7 +65,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
 def _begun(root: Path, name: str) -> Path:
     """A new folder to compile in, or that of the form where another process has made it meanwhile."""
-    if _is_whole(root / name):
+    if (root / name).is_dir():
         return root / name
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -95,10 +92,8 @@ def _require_writable(folder: Path) -> None:
 def _finish(folder: Path, final: Path) -> None:
     """Give a folder its name. Where that fails the form is compiled again the next time."""
     with suppress(OSError):
-        paths = [path for path in folder.iterdir() if path.is_file()]
-        (folder / WHOLE).write_text(json.dumps({path.name: _checksum(path) for path in paths}))
         # A name must not be on the disk before what it names: a power cut would leave zeros in its place.
-        for path in (*paths, folder / WHOLE, folder):
+        for path in (*folder.iterdir(), folder):
             _to_disk(path)
         folder.rename(final)
         _to_disk(final.parent)
@@ -112,19 +107,6 @@ def _to_disk(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def _is_whole(folder: Path) -> bool:
-    """Whether all files of a form are there, as they were."""
-    try:
-        checksums = json.loads((folder / WHOLE).read_text())
-        return all(_checksum(folder / name) == known for name, known in checksums.items())
-    except (OSError, ValueError, AttributeError):
-        return False
-
-
-def _checksum(path: Path) -> str:
-    return hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
 
 
 @contextmanager

@@ -12,6 +12,9 @@ from contextlib import contextmanager
 from itertools import count, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .errors import IncipientError, MissingError
 from .installed import require_directories, require_limits, required
 
@@ -117,6 +120,31 @@ def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
         if comm.rank == 0:
             found = compute()
     return found if comm.size == 1 else comm.bcast(found)
+
+
+def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:
+    """The rows (n, ...) of all ranks, one rank's after the other's, on rank 0; none on the others. Collective."""
+    parts = comm.gather(np.ascontiguousarray(rows))
+    return rows[:0] if parts is None else np.concatenate(parts)
+
+
+class NumberedRows:
+    """Rows that ranks have by global `numbers` (n,), several of them the same ones. All is collective, also making it.
+
+    On rank 0 rows come together in the order of their numbers, each once; the other ranks get none.
+    """
+
+    def __init__(self, comm: Comm, numbers: NDArray[Any]):
+        self._comm = comm
+        self._numbers, self._order = np.unique(joined(comm, numbers), return_index=True)
+
+    def joined(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """This rank's rows (n, ...) with those of all others."""
+        return joined(self._comm, rows)[self._order]
+
+    def places_of(self, numbers: NDArray[Any]) -> NDArray[Any]:
+        """At which rows numbers, of any shape, come to be. Not collective."""
+        return np.searchsorted(self._numbers, numbers)
 
 
 def _described(error: Exception | None) -> tuple[type[IncipientError], str] | None:

@@ -64,7 +64,6 @@ NOT_QUICK = (
     ),
     *(
         "incipient.accuracy",
-        "incipient.adaptive",
         "incipient.critical",
         "incipient.simulation",
         "incipient.restart",

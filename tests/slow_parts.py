@@ -18,8 +18,6 @@ PARTS = {
         "end_to_end/test_entrainment_command.py",
         "end_to_end/test_physics.py",
         "unit/test_calibration.py",
-        "unit/test_corrections.py",
-        "unit/test_doubt.py",
         "unit/test_dual.py",
         "unit/test_entrainment.py",
         "unit/test_errorbars.py",

@@ -20,8 +20,8 @@ from test_outline import written_scene
 from test_triangulations import scanned
 
 from incipient import load
+from incipient.accuracy.first_mesh import counted
 from incipient.geometry import Plane, rest
-from incipient.simulation.build import estimate
 
 
 def main() -> None:
@@ -29,9 +29,9 @@ def main() -> None:
     vertices, frequency = map(int, sys.argv[1:])
     with tempfile.TemporaryDirectory() as folder:
         lowered = written_scene(Path(folder), vertices, settle=False)
-        times = {"lowered": _seconds(lambda: estimate(load(lowered)))}
+        times = {"lowered": _seconds(lambda: counted(load(lowered)))}
         settled = written_scene(Path(folder), vertices, settle=True)
-        times["settled"] = _seconds(lambda: estimate(load(settled)))
+        times["settled"] = _seconds(lambda: counted(load(settled)))
     times["scanned"] = _seconds(lambda: rest(scanned(frequency), Plane(), (0.07, 0.13)))
     print(json.dumps({"seconds": times}))
 

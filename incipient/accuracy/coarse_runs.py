@@ -1,4 +1,4 @@
-"""The scenes of the coarse runs that errors are estimated by: coarser, in longer steps, and with sides farther away."""
+"""The scenes of coarse runs: coarser, in longer steps, with sides farther away."""
 
 from __future__ import annotations
 
@@ -9,28 +9,21 @@ import numpy as np
 
 from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup, order_of
-from ..scene import Scene, Surface, Time
+from ..scene import Scene
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
-from .waves import LONGER_STEP
 
-# Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
-# so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
-MODEL_ORDER, MODEL_MESH = 2, 1.4
-# Where gap and domain are chosen to an accuracy below this, coarse runs in the plane are in elements of this order.
+# Coarse runs for the terms of the model: order and mesh_size, the latter at least; in time also how much longer steps
+# are, which waves in long steps would be damped in, as long as there are so many.
+MODEL_ORDER, MODEL_MESH, MODEL_MESH_IN_TIME = 2, 1.4, 2.0
+MODEL_STEP, MODEL_STEP_OF_WAVES, FEWEST_STEPS = 4.0, 2.0, 8
+# Where gap and domain are chosen to an accuracy below this, coarse runs in 2-D are in elements of this order.
 FINE_BELOW, FINE_ORDER = 0.005, 3
-MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
-MODEL_STEP_OF_WAVES = 2.0  # which longer steps damp
-MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
-MODEL_ITERATION = (
-    1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
-)
+MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over that of the scene; bound
+MODEL_ITERATION = 1e-6  # tolerance of iterations in time: differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
-# The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
-# are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
-LONGEST_STEP = 4.0
-SLIGHTLY_LONGER = (
-    2.0**0.5
-)  # steps that are longer by less tell little: then steps are compared with shorter ones
+# Steps of the runs to compare with are longer by a factor in between, so that there are FEWEST_STEPS if possible.
+LONGER_STEP, LONGEST_STEP = 2.0, 4.0
+# Steps longer by less tell little: then steps are compared with shorter ones. Likewise cells.
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
 
 
@@ -78,7 +71,7 @@ def ratio_of_steps(scene: Scene) -> float:
     assert scene.time is not None
     time = scene.time
     longest = min(time.end, _longest_in_gust(scene)) / time.step
-    if longest < SLIGHTLY_LONGER:
+    if longest < COARSER_MESH:
         return 1.0 / LONGER_STEP
     if time.tolerance is not None:
         return min(LONGER_STEP, longest)
@@ -98,16 +91,25 @@ def order_in_time(scene: Scene) -> int:
 
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
-    """The scene with inflow, outflow and sides that move with the base flow farther away, at the same viscosity."""
-    if scene.has_surface:
-        return changed(scene, **longer_channel(scene, factor))
-    domain, up = scene.domain, scene.up
-    before = 0.5 * (factor - 1.0) * domain.length
+    """The scene with inflow, outflow and sides that move with the base flow farther away, at the same viscosity.
+
+    Below a free surface only the end moves away at which the scene prescribes nothing.
+    """
+    domain, up, origin = scene.domain, scene.up, [*scene.domain.origin]
+    more = (factor - 1.0) * domain.length
+    if scene.surface is not None and scene.surface.wave is not None:
+        # Waves are to enter at the same place: the right end moves away, with its sponge.
+        longer = {"domain": {"length": domain.length + more}}
+        sponge = {"surface": {"sponge": factor * scene.surface.sponge}}
+        return changed(scene, **longer, **(sponge if scene.surface.sponge > 0.0 else {}))
+    before = more if scene.has_surface else 0.5 * more
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
     if period is not None:  # the flow enters at the same height of the bed
-        before = period * np.ceil(before / period)
-    origin = [*domain.origin]
+        before = float(period * np.ceil(before / period))
     origin[0] -= before
+    if scene.has_surface:
+        # The still level is given at the outflow: on a flat bed friction changes the depth from there upstream.
+        return changed(scene, domain={"length": domain.length + before, "origin": tuple(origin)})
     changes: dict[str, Any] = {"length": domain.length + 2.0 * before}
     across = scene.body is not None and scene.body.shape == "cylinder"  # from side to side
     if domain.width is not None and scene.sides != "wall" and not across:
@@ -139,15 +141,20 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)
     numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, scene.numerics.mesh_size)
-    asked = scene.numerics.tolerance
-    numerics["tolerance"] = MODEL_ITERATION if asked == "auto" else max(MODEL_ITERATION, asked)
+    tolerance = scene.numerics.tolerance
+    numerics["tolerance"] = (
+        MODEL_ITERATION if tolerance == "auto" else max(MODEL_ITERATION, tolerance)
+    )
     if scene.body is not None and not scene.body.moves:
         # Without weight no step is judged.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
-    longer = MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
-    return changed(
-        scene, numerics=numerics, time=_longer_steps(scene, scene.time, longer), **sections
-    )
+    time, longer = scene.time, MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
+    most = min(time.end / FEWEST_STEPS, _longest_in_gust(scene))
+    steps = {"step": min(longer * time.step, max(time.step, most))}
+    if time.tolerance is not None:
+        looser = min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE)
+        steps["tolerance"] = max(looser, time.tolerance)
+    return changed(scene, numerics=numerics, time=steps, **sections)
 
 
 def is_coarse(scene: Scene) -> bool:
@@ -155,17 +162,6 @@ def is_coarse(scene: Scene) -> bool:
     return coarse(scene) == changed(
         scene, numerics={"error_bars": False, "order": order_of(scene).number}
     )
-
-
-def _longer_steps(scene: Scene, time: Time, longer: float) -> dict[str, float]:
-    """The steps of runs in time for terms of the model."""
-    most = min(time.end / FEWEST_STEPS, _longest_in_gust(scene))
-    found = {"step": min(longer * time.step, max(time.step, most))}
-    if time.tolerance is not None:
-        found["tolerance"] = max(
-            min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance
-        )
-    return found
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
@@ -181,21 +177,3 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
         kept = before if keys.get("kind", before.get("kind")) == before.get("kind") else {}
         plain[name] = {**kept, **keys}  # another kind has keys of its own
     return Scene(**plain)
-
-
-def longer_channel(scene: Scene, factor: float) -> dict[str, dict[str, Any]]:
-    """What is other in a channel with a free surface that is `factor` times as long. Not collective.
-
-    Where a wave comes in the right end moves away, and its sponge becomes longer: waves are to come in at the same
-    place. Else the inflow moves away, by whole periods of the bed: where a stream has the still level is given
-    by the scene, and on a level bed friction makes its depth another one upstream of another place.
-    """
-    surface, domain = scene.surface or Surface(), scene.domain
-    more = (factor - 1.0) * domain.length
-    if surface.wave is not None:
-        sponge = {"surface": {"sponge": factor * surface.sponge}} if surface.sponge > 0.0 else {}
-        return {"domain": {"length": domain.length + more}, **sponge}
-    period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
-    before = more if period is None else float(period * np.ceil(more / period))
-    origin = (domain.origin[0] - before, *domain.origin[1:])
-    return {"domain": {"length": domain.length + before, "origin": origin}}

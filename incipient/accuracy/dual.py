@@ -31,12 +31,9 @@ from ..fluid.raised import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 from ..results.errorbars import Loads
+from .terms import SAFETY
 
-# Error over estimate in space, the largest of a component that was measured (docs/space.md): cells are larger there
-# than in the plane, and one order more, or upwinding, leaves more that is not seen.
-UNSEEN = 1.6
 LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller changes do not count
-COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
 
 class GoalErrors:
@@ -72,7 +69,7 @@ class GoalErrors:
     @property
     def allowance(self) -> float:
         """What an estimate is to be multiplied with where it stands for a bound, as it does in error bars."""
-        return UNSEEN if self.fluid.space.gdim == 3 else 1.0
+        return SAFETY if self.fluid.space.gdim == 3 else 1.0
 
     @property
     def force(self) -> Floats:
@@ -104,10 +101,11 @@ class GoalErrors:
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
         last, both = (
-            float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force)
+            float(np.linalg.norm(vector))
+            for vector in (before.force - self.improved.force, self.force)
         )
         couples = before.couple - self.improved.couple, self.couple
-        turned_last, turned_both = (float(np.linalg.norm(one)) for one in couples)
+        turned_last, turned_both = (float(np.linalg.norm(vector)) for vector in couples)
         least = max(LEAST_COUPLE * both * self._reach, 1e-300)
         return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
 

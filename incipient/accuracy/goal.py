@@ -1,11 +1,11 @@
-"""The quantity whose accuracy is requested: its relative error and its sensitivities to force and couple.
+"""The quantity whose accuracy is asked for: its relative error, and its sensitivities to force and torque.
 
-It is a load on a grain, the elevation of a free surface, or u* at the walls of a turbulent flow.
+It is a load on a grain, its safety factor, the elevation of a free surface, or u* at the walls of a turbulent flow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,22 +13,24 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.verdict import judged
-from ..evaluation.contact_verdict import find_contacts, load_of
+from ..contact.robustness import ErrorBox, SafetyRange, safety_range
+from ..contact.verdict import MassAndInertia, judged
+from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
 from ..results.result import Result
+from ..results.safetybar import SafetyBar
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
-from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..results.elevations import Elevations
     from ..results.errorbars import Term
     from ..results.wall_report import WallReport
 
-
-# A couple smaller than this share of force times grain size is measured against that share.
+# Errors (6,) of force and torque by the name of what they come from.
+Errors = Mapping[str, Floats]
+# A torque smaller than this fraction of force times grain size is measured against that.
 LEAST_COUPLE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
@@ -39,7 +41,7 @@ class LoadsOnMesh:
 
     force: Forces | None
     couple: Couples | None
-    elevations: Elevations | None
+    elevations: Elevations | None = None
     turbulence: WallReport | None = None
 
 
@@ -47,37 +49,37 @@ Computed = Result | LoadsOnMesh
 
 
 class Quantity(Protocol):
-    """What a mesh is refined for: its name, its relative error, and what it depends on; see `Goal`."""
+    """What a mesh is refined for; see `Goal`."""
 
     @property
     def name(self) -> str:
         """What it is called."""
 
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
-        """Relative error for errors (3,) of force and couple."""
+        """Relative error for errors (3,) of force and torque."""
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Weights (k,) of force and couple, k = 3 or 6, whose errors are those of the quantity, relative."""
+        """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
 
 
-def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
+def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
     """The relative error of a quantity of a run by a term of its error bars; None where that is not known.
 
     Of elevations it is the largest error within the run, or at the end, over the largest elevation of the run.
     """
     if goal.name == OF_WALLS:
-        if term.shear is None or found.turbulence is None:
+        if term.shear is None or on_mesh.turbulence is None:
             return None
-        which = found.turbulence.leading
-        return _ratio(float(term.shear[which]), float(found.turbulence.shear_velocities[which]))
+        which = on_mesh.turbulence.leading
+        return _ratio(float(term.shear[which]), float(on_mesh.turbulence.shear_velocities[which]))
     if goal.name in OF_SURFACE:
         error = term.elevation if goal.name == "elevation" else term.level
-        if error is None or found.elevations is None:
+        if error is None or on_mesh.elevations is None:
             return None
-        return _ratio(float(error.max(initial=0.0)), found.elevations.largest)
-    if found.force is None or found.couple is None:
+        return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
+    if on_mesh.force is None or on_mesh.couple is None:
         return None
-    return goal.error(found.force, found.couple, term.force, term.couple)
+    return goal.error(on_mesh.force, on_mesh.couple, term.force, term.couple)
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ class Goal:
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
-        """Relative error for errors (3,) of force and couple.
+        """Relative error for errors (3,) of force and torque.
 
         For the force it is the size of the error over that of the force; for the safety factor the width of its
         interval over its value, infinite where only one of both is.
@@ -104,21 +106,22 @@ class Goal:
         if self.name in ("force", "couple"):
             error = of_force if self.name == "force" else of_couple
             return _ratio(float(np.linalg.norm(error)), self._scale(force, couple))
-        return self._width(force, couple, of_force, of_couple)
+        assert self.contacts is not None
+        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
+        bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
+        assert bar is not None
+        return bar.relative
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Weights (k,) of force and couple, k = 3 or 6, whose errors are those of the quantity, relative."""
-        if self.name == "safety factor":
-            slope = self._slope(force, couple)
+        """Weights (k,) of force and torque, k = 3 or 6, whose errors are those of the quantity, relative."""
+        gdim = self.scene.gdim
+        places = components(gdim, gdim == 3 and Setup(self.scene).symmetric)
+        if self.contacts is not None:
+            slope = self._slope(force, couple, places)
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
-        scale, gdim = self._scale(force, couple), self.scene.gdim
-        units = np.eye(3 * gdim - 3)[[*self._looked_at]] / (scale or 1.0)
+        units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, couple) or 1.0)
         return [unit for unit in units if unit[gdim:].any() == (self.name == "couple")]
-
-    @property
-    def _looked_at(self) -> dict[int, int]:
-        return components(self.scene.gdim, self.scene.gdim == 3 and Setup(self.scene).symmetric)
 
     def _scale(self, force: Forces, couple: Couples) -> float:
         size = float(np.linalg.norm(force.flow))
@@ -127,27 +130,23 @@ class Goal:
         assert self.scene.grain is not None
         return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)
 
-    def _width(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
-        assert self.contacts is not None
-        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
-        bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
-        assert bar is not None
-        return bar.relative
-
-    def _slope(self, force: Forces, couple: Couples) -> Floats:
-        """Derivatives of log(safety factor) along force and couple, (3,) in the plane and (6,) in space."""
-        load, scene = load_of(self.scene.placement, force, couple), self.scene
-        assert self.contacts is not None and scene.contact is not None and scene.grain is not None
-        contacts, friction = self.contacts, scene.contact.friction
-        step = DIFFERENCE * float(np.linalg.norm(force.flow))
+    def _slope(self, force: Forces, couple: Couples, places: dict[int, int]) -> Floats:
+        """Derivatives of log(safety factor) along force and torque, (3,) in 2-D and (6,) in 3-D."""
+        load, scene, contacts = (
+            load_of(self.scene.placement, force, couple),
+            self.scene,
+            self.contacts,
+        )
+        assert contacts is not None and scene.contact is not None and scene.grain is not None
+        friction, step = scene.contact.friction, DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
         return slopes(
-            load, steps, self._looked_at, lambda one: judged(one, contacts, friction).safety.value
+            load, steps, places, lambda each: judged(each, contacts, friction).safety.value
         )
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
-    """Place among force and couple in space (6,) of each component of a scene, by its number; a half has even ones."""
+    """Position among force and torque in 3-D (6,) of each component of a scene, by its number; a half has even ones."""
     if gdim == 2:
         return {0: 0, 1: 1, 2: 5}
     return {place: place for place in ((0, 2, 4) if halved else range(6))}
@@ -157,16 +156,64 @@ def slopes(
     load: Load, steps: Floats, places: dict[int, int], factor: Callable[[Load], float]
 ) -> Floats:
     """Derivatives (k,) of log factor along the components of a flow's load, as `components` has them, by steps (k,)."""
-    found = np.zeros(len(steps))
+    derivatives = np.zeros(len(steps))
     for i, place in places.items():
         ahead = steps[i] * np.eye(6)[place]
         values = [factor(load.shifted(sign * ahead)) for sign in (-1.0, 1.0)]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
-    return found
+            derivatives[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
+    return derivatives
 
 
 def _ratio(error: float, scale: float) -> float:
     if error == 0.0:
         return 0.0
     return error / scale if scale > 0.0 else np.inf
+
+
+def bar_of_scene(
+    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
+) -> SafetyBar | None:
+    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
+    if scene.contact is None or scene.body is None or scene.mass is None:
+        return None
+    load, inert = (
+        load_of(scene.placement, force, couple),
+        mass_and_inertia(scene.body, scene.placement),
+    )
+    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors)
+
+
+def bar_of_safety(
+    load: Load,
+    contacts: Contacts,
+    friction: float,
+    inert: MassAndInertia | None,
+    errors: Errors,
+) -> SafetyBar:
+    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective."""
+
+    def within(names: set[str]) -> SafetyRange:
+        box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
+        return safety_range(load, contacts, friction, box)
+
+    common, case = within(set(errors)), (contacts, friction, inert)
+    widths = {name: within(set(errors) - {name}).width for name in errors}
+    exact = judged(load, *case)
+    # Modes are those of the load and of the worst one within the box: it may have others, unless all loads rest.
+    modes: tuple[str, ...] = ("rest",)
+    if not common.rests:
+        labels = exact.label, judged(common.worst, *case).label, *([] if common.moves else ["rest"])
+        modes = tuple(dict.fromkeys(labels))
+    value = exact.safety.value
+    return SafetyBar(
+        value=value,
+        low=min(common.low, value),
+        high=max(common.high, value),
+        certain=common.rests or common.moves,
+        modes=modes,
+        complete=common.rests,
+        decisive=min(widths, key=lambda name: widths[name], default=""),
+        some=common.possible,
+        every=common.guaranteed,
+    )

@@ -11,7 +11,7 @@ from pathlib import Path
 import incipient
 
 from ..accuracy.errorbars import coarse_scenes
-from ..adaptive.first_mesh import planned
+from ..accuracy.first_mesh import planned
 from ..cost.frontier import seconds
 from ..cost.ladder import ladder
 from ..cost.measurement import measure

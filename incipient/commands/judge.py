@@ -5,20 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any
 
 from ..errors import SceneError
+from ..judging.batch import SUMMARY, judge_table, verdicts_name
+from ..judging.case import judge_case, load_case, load_case_without_flow, save, text
+from ..judging.forces import judge_forces
+from ..judging.motion import FlowThreshold
+from ..judging.openfoam import read_forces
+from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
-from ..simulation.batch_table import open_table
-from ..simulation.forces_of_openfoam import read_forces
-from ..simulation.grain_in_place import grain_in_place
-from ..simulation.judge_batch import SUMMARY, VERDICTS, judge_table
-from ..simulation.judge_case import Case, judge_case, load_case, save, text
-from ..simulation.judge_forces import judge_forces, load_case_without_load
-from ..simulation.judge_series import judge_series, read_columns, save_series, series_from
-from ..simulation.motion_in_time import FlowThreshold
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -37,24 +34,17 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
     with collectively(comm):
         if comm.rank == 0:
             _refuse_unread(options)
-            if options.batch is not None:
-                _judge_batch(options)
-                return 0
             if options.forces is not None:
                 _judge_forces(options)
-                return 0
-            if options.case is None:
-                raise SceneError(
-                    "judge: there is no case; give a case file, --batch FILE, or --forces with --grain"
-                )
-            if options.series is not None:
-                _judge_series(load_case_without_load(options.case, options.overrides), options)
-                return 0
-            case = load_case(options.case, options.overrides)
-            judgement = judge_case(case)
-            print(text(case, judgement))
-            if options.out is not None:
-                _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
+            elif options.batch is not None:
+                _judge_batch(options)
+            elif options.case is None:
+                remedy = "give a case file, --batch FILE, or --forces with --grain"
+                raise SceneError(f"judge: there is no case; {remedy}")
+            elif options.series is not None:
+                _judge_series(options)
+            else:
+                _judge_case(options)
     return 0
 
 
@@ -66,6 +56,59 @@ def _refuse_unread(options: argparse.Namespace) -> None:
             raise SceneError(f"--{name}: goes with {needs}; add that, or leave --{name} out")
 
 
+def _judge_forces(options: argparse.Namespace) -> None:
+    if options.density is None:
+        why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
+        raise SceneError(why)
+    if options.case is None:
+        from ..judging.in_place import grain_in_place  # whose libraries take 0.3 s to import
+
+        case = grain_in_place(options.grain, options.bed, options.overrides)
+    elif options.grain or options.bed:
+        why = f"{options.case} has the contacts; leave one of them out"
+        raise SceneError(f"--grain and --bed: {why}")
+    else:
+        case = load_case_without_flow(options.case, options.overrides)
+    forces = read_forces(options.forces)
+    judged = judge_forces(case, forces, options.density, options.since, options.law)
+    print(judged.text())
+    if options.out is not None:
+        directory = _directory(options, options.case or options.forces)
+        theirs = filter(None, (options.case, options.grain))
+        refuse_foreign(directory, (*OF_CASE, *OF_SERIES), theirs)
+        save(judged.judgement, directory)
+        save_series(judged.series, directory)
+        _tell(f"{directory}/: judgement.json, series.csv, series.json")
+        draw_and_tell(directory)
+
+
+def _judge_case(options: argparse.Namespace) -> None:
+    case = load_case(options.case, options.overrides)
+    judgement = judge_case(case)
+    print(text(case, judgement))
+    if options.out is not None:
+        directory = _directory(options, options.case)
+        refuse_foreign(directory, OF_CASE)
+        save(judgement, directory)
+        _tell(f"{directory / 'judgement.json'}")
+        draw_and_tell(directory)
+
+
+def _judge_series(options: argparse.Namespace) -> None:
+    case = load_case_without_flow(options.case, options.overrides)
+    series = judge_series(case, read_series(options.series, options.since))
+    print(series.text())
+    if options.law is not None:
+        start = series.motion.since
+        print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
+    if options.out is not None:
+        directory = _directory(options, options.series)
+        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
+        save_series(series, directory)
+        _tell(f"{directory}/: series.csv, series.json")
+        draw_and_tell(directory)
+
+
 def _judge_batch(options: argparse.Namespace) -> None:
     """Judge a table of cases, which says all that a case file would."""
     path = options.batch
@@ -74,63 +117,19 @@ def _judge_batch(options: argparse.Namespace) -> None:
     jobs = len(os.sched_getaffinity(0)) if options.jobs is None else options.jobs
     if jobs < 1:
         raise SceneError(f"--jobs: is {jobs}; give 1 or more")
-    usual = path.parent if options.out is BESIDE else Path("results") / f"{path.stem}_verdicts"
-    directory = options.out if isinstance(options.out, Path) else usual
-    name = VERDICTS.replace(".csv", ".parquet") if path.suffix == ".parquet" else VERDICTS
-    refuse_foreign(directory, (name, SUMMARY), [path])
+    usual = Path("results") / f"{path.stem}_verdicts"
+    directory = usual if options.out is None else _directory(options, path)
+    names = (verdicts_name(path), SUMMARY)
+    refuse_foreign(directory, names, [path])
     with telling(0) as voice:
-        found = judge_table(open_table(path, options.overrides), directory, jobs, voice)
-    print(found.text())
-    print(f"numbers             {directory}/: {name}, {SUMMARY}", flush=True)
+        print(judge_table(path, options.overrides, directory, jobs, voice).text())
+    _tell(f"{directory}/: {', '.join(names)}")
 
 
-def _judge_series(case: Case, options: argparse.Namespace) -> None:
-    found = judge_series(case, series_from(read_columns(options.series), options.since))
-    print(found.text())
-    if options.law is not None:
-        start = found.motion.since
-        print(FlowThreshold.of(options.law, found.times, found.batch, start, None).text())
-    if options.out is not None:
-        directory = options.series.parent if options.out is BESIDE else options.out
-        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
-        save_series(found, directory)
-        print(f"numbers             {directory}/: series.csv, series.json", flush=True)
-        draw_and_tell(directory)
+def _directory(options: argparse.Namespace, source: Path) -> Path:
+    """The directory that `--out` names; without a name that of the source."""
+    return source.parent if options.out is BESIDE else Path(options.out)
 
 
-def _judge_forces(options: argparse.Namespace) -> None:
-    if options.density is None:
-        why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
-        raise SceneError(why)
-    if options.case is None:
-        case = grain_in_place(options.grain, options.bed, options.overrides)
-    elif options.grain or options.bed:
-        raise SceneError(
-            f"--grain and --bed: {options.case} has the contacts; leave one of them out"
-        )
-    else:
-        case = load_case_without_load(options.case, options.overrides)
-    found = judge_forces(
-        case, read_forces(options.forces), options.density, options.since, options.law
-    )
-    print(found.text())
-    if options.out is not None:
-        beside = (options.case or options.forces).parent
-        directory = beside if options.out is BESIDE else options.out
-        refuse_foreign(
-            directory, (*OF_CASE, *OF_SERIES), filter(None, (options.case, options.grain))
-        )
-        save(found.judgement, directory)
-        save_series(found.series, directory)
-        print(
-            f"numbers             {directory}/: judgement.json, series.csv, series.json", flush=True
-        )
-        draw_and_tell(directory)
-
-
-def _keep(judgement: dict[str, Any], directory: Path) -> None:
-    """Write a judgement and its picture, and say where they are."""
-    refuse_foreign(directory, OF_CASE)
-    save(judgement, directory)
-    print(f"numbers             {directory / 'judgement.json'}", flush=True)
-    draw_and_tell(directory)
+def _tell(files: str) -> None:
+    print(f"numbers             {files}", flush=True)

@@ -287,27 +287,28 @@ def _numbers(text: str) -> list[float]:
 def of_judge(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient judge`."""
     add = parser.add_argument
-    add("case", type=Path, nargs="?", help="case file (TOML)")
-    overrides(parser, "contacts.friction=0.4")
+    text = "case file (TOML): load and contacts; with --forces or --series contacts alone"
+    add("case", type=Path, nargs="?", help=text)
     ways = parser.add_mutually_exclusive_group()
-    text = "judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"
-    ways.add_argument("--batch", type=named, metavar="FILE", help=text)
-    text = "with --batch: processes (default: one for each core)"
-    add("--jobs", type=int, metavar="N", help=text)
-    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)"
-    ways.add_argument("--series", type=named, metavar="FILE", help=text)
     text = "judge forces of an OpenFOAM run: its folder of the function object forces, or force.dat, forces.dat"
     ways.add_argument("--forces", type=named, metavar="PATH", help=text)
-    text = "with --forces, in place of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
+    text = "with --forces: density of the fluid over the rhoInf that they were computed with"
+    add("--density", type=float, metavar="RATIO", help=text)
+    text = "with --forces, instead of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
     add("--grain", type=named, metavar="FILE", help=text)
     text = "the same of the bed; flat: a plane below the grain"
     add("--bed", type=named, metavar="FILE", help=text)
-    text = "with --forces: density of the fluid over the rhoInf that they were computed with"
-    add("--density", type=float, metavar="RATIO", help=text)
-    text = "with --forces or --series: loads grow as the velocity, U, or its square, U2: in which flow the grain moves"
-    add("--law", choices=("U", "U2"), help=text)
+    text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)"
+    ways.add_argument("--series", type=named, metavar="FILE", help=text)
     text = "with --forces or --series: time from which on they are taken (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
+    text = "with --forces or --series: loads grow as the velocity, U, or its square, U2: in which flow the grain moves"
+    add("--law", choices=("U", "U2"), help=text)
+    text = "judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"
+    ways.add_argument("--batch", type=named, metavar="FILE", help=text)
+    text = "with --batch: threads (default: one for each core)"
+    add("--jobs", type=int, metavar="N", help=text)
+    overrides(parser, "contacts.friction=0.4")
     text = (
         "write judgement.json and its picture there; without a DIRECTORY next to the case or table"
     )

@@ -72,7 +72,7 @@ def _print(file: Path) -> None:
 
 def _unit(key: str, tasks: Set[str]) -> str:
     """The unit of a key in brackets, after a space; nothing where it has none."""
-    from ..simulation.judge_case import Case
+    from ..judging.case import Case
 
     unit = unit_of(Case if tasks == {"judge"} else Scene, key)
     return f" [{unit}]" if unit else ""

@@ -46,7 +46,7 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
         if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
             scope |= value.__globals__
     scope |= function.__globals__
-    options = {"error_model": "numpy", "no_cfunc_wrapper": True}
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, "nogil": True}
     for name, value in list(scope.items()):
         if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
             scope[name] = njit(**options)(FunctionType(value.__code__, scope, name))

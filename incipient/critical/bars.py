@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..accuracy.goal import components, slopes
-from ..accuracy.safetybar import Errors
+from ..accuracy.goal import Errors, components, slopes
 from ..arrays import Floats
 from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor

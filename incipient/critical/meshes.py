@@ -15,16 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
-from ..adaptive.refinement import Refinement
-from ..adaptive.search import Attempt
+from ..accuracy.goal import LoadsOnMesh
+from ..accuracy.search import Attempt, Search
+from ..accuracy.strategies import DualWeighted
 from ..errors import ConvergenceError, SceneError
 from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
@@ -47,58 +48,60 @@ OTHER_MESH = (
 Concluded = TypeVar("Concluded")
 
 
-class CriticalRefinement(Refinement):
-    """Search for the mesh of a critical flow: cells by the error that each vertex contributes to it.
+def to_accuracy(
+    scene: Scene,
+    comm: Comm,
+    voice: Silent,
+    conclude: Callable[[Run, CriticalSearch, Found, Adaptation], Concluded],
+) -> Concluded:
+    """Find the critical flow to an accuracy; returns what `conclude` makes of it on the last mesh. Collective.
 
-    Args:
-        conclude: makes the result of the search on the last mesh, while its run is at hand.
+    Raises:
+        SceneError: a threshold has no such accuracy.
     """
+    if scene.numerics.accuracy == "verdict":
+        remedy = "give a relative error of the critical flow such as 0.01"
+        raise SceneError(f'numerics.accuracy: "verdict" means nothing for a threshold; {remedy}')
+    if scene.numerics.accuracy_includes == "all":
+        remedy = "leave it out, and see the error bars of the threshold"
+        raise SceneError(f'numerics.accuracy_includes: "all" is for runs; {remedy}')
+    strategy = partial(_CriticalFlow, conclude=conclude)
+    found: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
+    return found
 
-    _search: CriticalSearch
 
-    def __init__(
-        self,
-        scene: Scene,
-        comm: Comm,
-        voice: Silent,
-        conclude: Callable[[Run, CriticalSearch, Found, Adaptation], Any],
-    ):
-        if scene.numerics.accuracy == "verdict":
-            remedy = "give a relative error of the critical flow such as 0.01"
-            raise SceneError(
-                f'numerics.accuracy: "verdict" means nothing for a threshold; {remedy}'
-            )
-        if scene.numerics.accuracy_includes == "all":
-            remedy = "leave it out, and see the error bars of the threshold"
-            raise SceneError(f'numerics.accuracy_includes: "all" is for runs; {remedy}')
-        super().__init__(scene, comm, Recorder(), voice)
+class _CriticalFlow(DualWeighted):
+    """Cells by the error that each vertex contributes to the critical flow."""
+
+    _critical: CriticalSearch
+
+    def __init__(self, search: Search, conclude: Callable[..., Any]):
+        super().__init__(search)
         self._conclude, self._found = conclude, list[Found]()
 
-    def _solved(self, run: Run) -> tuple[Forces, Couples]:
-        self._search = CriticalSearch(run)
-        found = _next(self._search, self._found)
+    def solve(self, run: Run) -> LoadsOnMesh:
+        """See `Steady`."""
+        self._critical = CriticalSearch(run)
+        found = _next(self._critical, self._found)
         self._found.append(found)
         if found.rocking is not None:
             why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
             raise SceneError(f"numerics.accuracy: {why}; leave it out")
         if found.is_critical:
-            self.speed, self.goal = (
-                found.factor,
-                CriticalGoal(found, self.scene.gdim, run.setup.symmetric),
-            )
-        return self._search.at_nearest(found.factor)
+            search, halved = self.search, run.setup.symmetric
+            search.speed, search.goal = found.factor, CriticalGoal(found, run.scene.gdim, halved)
+        return LoadsOnMesh(*self._critical.at_nearest(found.factor))
 
-    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
+    def following(self, attempt: Attempt, run: Run, *estimated: Any) -> Attempt | None:
+        """See `Strategy`."""
         if self._found[-1].is_critical:
-            return super()._next_mesh(attempt, error, shares)
-        self.reason = "there is no critical flow whose error could be made smaller"
+            return super().following(attempt, run, *estimated)
+        self.search.reason = "there is no critical flow whose error could be made smaller"
         return None
 
-    def _handed_over(self, run: Run) -> Any:
-        """Nothing is kept before the conclusion."""
-
-    def _concluded(self, run: Run, recorder: Any) -> Any:
-        return self._conclude(run, self._search, self._found[-1], self.adaptation())
+    def concluded(self, run: Run) -> Any:
+        """See `Strategy`."""
+        return self._conclude(run, self._critical, self._found[-1], self.search.adaptation())
 
 
 def on_its_own_mesh(

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..accuracy.errorbars import error_terms
+from ..accuracy.errorbars import coarse_scenes, error_terms
+from ..accuracy.finish import improved_loads
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
@@ -32,10 +33,10 @@ from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.beside import Beside
 from ..simulation.build import prepared
-from ..simulation.simulate import improved_loads, loads_of
+from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from .bars import corrected, critical_bars
-from .meshes import CriticalRefinement, on_its_own_mesh
+from .meshes import on_its_own_mesh, to_accuracy
 from .outcome import DOUBTED, Threshold
 from .search import CriticalSearch, Found
 
@@ -96,7 +97,7 @@ def find_threshold(
 
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
-        return CriticalRefinement(scene, comm, voice, concluded).result()
+        return to_accuracy(scene, comm, voice, concluded)
     if scene.is_averaged:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
@@ -168,7 +169,7 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
             # The flow solved nearest may be far away where the load is in proportion.
             force = replace(force, flow=found.load.flow_force)
             couple = replace(couple, flow=found.load.flow_couple)
-            solve = Beside(run, loads_of, found.factor)
+            solve = Beside(run, coarse_scenes, loads_of, found.factor)
             improve = partial(improved_loads, comm=run.comm, speed=found.factor)
             terms = error_terms(run, force, couple, solve, found.factor, improve)
             found, terms = corrected(found, terms)

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import (
-    append_row,
-    cut,
-    cut_after,
-    make_directory,
-    own,
-    part_of,
-    reported,
-    sync,
-    write_json,
-)
+from ..files import append_row, cut_after, make_directory, reported, sync, write_json
 from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
@@ -27,8 +17,8 @@ from ..simulation.recorder import Recorder
 from .ownership import (
     CHECKPOINT,
     CONTACTS,
-    DATA,
     FILES,
+    HISTORY,
     RESULT,
     keep_complete_result,
     make_room,
@@ -58,14 +48,12 @@ class ResultDirectory(Recorder):
     ):
         self.path, self.comm, self._resumed = path, comm, resumed
         self._overwrite = overwrite
-        self._rows = 0
         self._series: FieldSeries | None = None
         self._surface: FieldSeries | None = None
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene; open the field series if fields are wanted. Called again: restart."""
         self._output, self._series, self._surface = scene.output, None, None
-        self._rows = 0 if self._resumed is None else self._resumed.recorded.rows
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._make_ready()
@@ -75,28 +63,20 @@ class ResultDirectory(Recorder):
             return
         from .xdmf import FieldSeries
 
-        after, steady = None if self._resumed is None else self._resumed.time, scene.time is None
-        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after, steady)
+        after = -math.inf if self._resumed is None else self._resumed.time
+        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after)
         if "body" in domain.names:
-            facets = domain.facets_of("body")
-            stem = self.path / "surface"
-            self._surface = FieldSeries(stem, domain.mesh, self.comm, after, steady, facets)
+            facets, stem = domain.facets_of("body"), self.path / "surface"
+            self._surface = FieldSeries(stem, domain.mesh, self.comm, after, facets)
 
     def _make_ready(self) -> None:
         """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""
-        with reported(self.path):
-            part_of(self.path / CHECKPOINT).unlink(
-                missing_ok=True
-            )  # of a run that was killed as it wrote
-        if self._resumed is not None:
-            recorded = self._resumed.recorded
-            grow = [name for name in (*DATA, CHECKPOINT) if (self.path / name).exists()]
-            own(self.path, dict.fromkeys(grow))
-            cut(self.path / "history.csv", recorded.rows, recorded.bytes)
-            cut_after(self.path / CONTACTS, self._resumed.time)
+        if self._resumed is None:
+            make_directory(self.path)
+            make_room(self.path, self._overwrite)
             return
-        make_directory(self.path)
-        make_room(self.path, self._overwrite)
+        for name in (HISTORY, CONTACTS):
+            cut_after(self.path / name, self._resumed.time)
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """Fields are wanted at the end, and every so many steps if the scene says so."""
@@ -104,14 +84,13 @@ class ResultDirectory(Recorder):
         return self._series is not None and (last or (every > 0 and number % every == 0))
 
     def step(self, row: dict[str, Any]) -> None:
-        """Append to history.csv."""
+        """Append to the history."""
         with collectively(self.comm):
             if self.comm.rank == 0:
-                append_row(self.path / "history.csv", row)
-        self._rows += 1
+                append_row(self.path / HISTORY, row)
 
     def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Append to contacts.csv."""
+        """Append to the table of contacts."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 for row in rows:
@@ -132,18 +111,13 @@ class ResultDirectory(Recorder):
             self._surface.write(time, {"traction": traction})
 
     def keep(self, checkpoint: Checkpoint) -> Path:
-        """Write the checkpoint, with how long the history is; the directory."""
+        """Write the checkpoint; the directory."""
         from ..restart import checkpoint as checkpoints
 
-        recorded = checkpoints.Recorded()
         with collectively(self.comm):
             if self.comm.rank == 0:
-                history = self.path / "history.csv"
-                recorded = checkpoints.Recorded(
-                    self._rows, history.stat().st_size if self._rows else 0
-                )
-                sync(history)  # the checkpoint counts on these rows
-        checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded), self.comm)
+                sync(self.path / HISTORY)  # whose rows the checkpoint counts on
+        checkpoints.write(self.path / CHECKPOINT, checkpoint, self.comm)
         return self.path
 
     def provisional(self, result: Result) -> Path:
@@ -158,9 +132,6 @@ class ResultDirectory(Recorder):
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
-                for series in (self._series, self._surface):
-                    if series is not None:
-                        series.finish()
                 wanted = result.scene["output"]["checkpoint"] or result.ended_early
                 if result.status == "complete" and not wanted:
                     with reported(self.path / CHECKPOINT):

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
+from ..accuracy.run import run_scene
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, world
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import simulate
 from .directory import ResultDirectory
 from .lock import locked
 
@@ -38,19 +37,9 @@ def run(
     Raises:
         IncipientError: on all ranks, one line; what was computed before it stays in the directory.
     """
-    comm, simulated = comm or world(), _procedure(scene.numerics.accuracy)
+    comm = comm or world()
     if directory is None:
-        return simulated(scene, comm, Recorder(), voice)
+        return run_scene(scene, comm, Recorder(), voice)
     directory = Path(directory)
     with locked(directory, comm, make=True):
-        return simulated(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)
-
-
-def _procedure(
-    accuracy: float | str | None,
-) -> Callable[[Scene, Comm, Recorder, Silent | None], Result]:
-    if accuracy is None:
-        return simulate
-    from ..adaptive.run import run_to_accuracy
-
-    return run_to_accuracy
+        return run_scene(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)

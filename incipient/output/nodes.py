@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx.fem import Function
 
 from .. import compat
-from ..tables.rows import Numbered, Rows, compact
+from ..parallel import NumberedRows, joined
 
 # Degrees of freedom of a P2 cell in VTK's order (basix numbers a triangle's edge after the vertex it lacks).
 _CELL_NODES = {2: (0, 1, 2, 5, 3, 4), 3: (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)}
@@ -24,11 +24,10 @@ _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
 
 
 class QuadraticNodes:
-    """P2 nodes of all cells of a mesh, or of the given facets only. Making it is collective.
+    """P2 nodes of all cells of a mesh, or of some facets only. Making it is collective, and so is every method.
 
-    Each rank has some rows of what is given, in the order of the nodes' global numbers. `topology` is (cells or
-    facets, nodes each), the numbers of their nodes in VTK's order. `facets` are local facet indices; those owned by
-    another rank are ignored.
+    Results are whole on rank 0 and empty on the others. `topology` is (cells or facets, nodes each), the numbers of
+    their nodes in VTK's order. `facets` are local facet indices; those owned by another rank are ignored.
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
@@ -40,20 +39,17 @@ class QuadraticNodes:
         self._local, places = np.unique(local, return_inverse=True)
         self.cell_type = _XDMF_NAMES[local.shape[1]]
         index_map = self._space.dofmap.index_map
-        known = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
-        numbers, total = compact(self._comm, known)
-        self._nodes = Numbered(self._comm, numbers, total)
-        cells = self._comm.allgather(len(local))
-        self.topology = Rows(
-            numbers[places.reshape(local.shape)], sum(cells[: self._comm.rank]), sum(cells)
-        )
+        numbers = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
+        self._nodes = NumberedRows(self._comm, numbers)
+        cells = joined(self._comm, numbers[places.reshape(local.shape)])
+        self.topology = self._nodes.places_of(cells).astype(np.int32)
 
-    def coordinates(self) -> Rows:
-        """Coordinates (nodes, 3), pushed through the mesh's geometry of any order. Collective."""
-        return self._nodes.dealt(self._space.tabulate_dof_coordinates()[self._local])
+    def coordinates(self) -> np.ndarray:
+        """Coordinates (nodes, 3), pushed through the mesh's geometry of any order."""
+        return self._nodes.joined(self._space.tabulate_dof_coordinates()[self._local])
 
-    def values(self, function: Any) -> Rows:
-        """Nodal values of a Lagrange function, (nodes,) or (nodes, 3). Collective.
+    def values(self, function: Any) -> np.ndarray:
+        """Nodal values of a Lagrange function, (nodes,) or (nodes, 3).
 
         The function is interpolated; vectors of the plane get a third component of zero. Where a function
         jumps between cells one side is taken.
@@ -70,7 +66,7 @@ class QuadraticNodes:
         values = np.zeros((nodes, 3) if shape else nodes)
         # The target's own numbering need not be that of the scalar space: go through the cells.
         values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
-        return self._nodes.dealt(values[self._local])
+        return self._nodes.joined(values[self._local])
 
     def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
         """A P2 function of a shape to interpolate into, and its space's cell-wise degrees of freedom."""

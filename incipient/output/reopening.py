@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..accuracy.run import run_scene
 from ..errors import SceneError
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, from_first, world
@@ -18,7 +19,6 @@ from ..restart.checkpoint import Checkpoint
 from ..results.result import Result
 from ..scene import Scene, Time, load
 from ..scene.file import loads
-from ..simulation.simulate import simulate
 from .directory import ResultDirectory
 from .lock import locked
 from .ownership import CHECKPOINT, SCENE
@@ -64,11 +64,11 @@ def resume(
     comm, directory = comm or world(), Path(directory)
     with locked(directory, comm):
         scene, kept = reopened(directory, overrides, comm)
-        return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)
+        return run_scene(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
-    """The scene and the checkpoint of a run that was cut short, on every rank, of tables its share. Collective.
+    """The scene and the checkpoint of a run that was cut short, on every rank. Collective.
 
     Raises:
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.

@@ -10,7 +10,6 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
-from ..output.ownership import adopt
 from . import cells, elevation, flow, style, traction, trajectory, verdict, walls
 from .charts import cost, entrainment, gusts, series, survey
 from .record import StoredRun, read
@@ -44,7 +43,6 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
             written; all others have been drawn then.
     """
-    adopt(directory)
     drawing = _DrawnPictures(announce)
     others = [source for name in _OTHERS if (source := directory / name).exists()]
     if (directory / "result.json").exists() or not others:

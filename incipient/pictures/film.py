@@ -83,7 +83,7 @@ def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     stored = np.array(times(stem))
     if len(stored) < 2:
         remedy = "run the scene with [time] and --set output.every=1"
-        raise OutputError(f"{stem}.h5: holds a single step; {remedy}")
+        raise OutputError(f"{stem}: holds a single step; {remedy}")
     if len(stored) <= _MOST_FRAMES:
         return np.arange(len(stored)), stored
     wanted = np.linspace(stored[0], stored[-1], _MOST_FRAMES)

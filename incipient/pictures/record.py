@@ -70,9 +70,7 @@ class StoredRun:
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
         if name not in self.fields.fields:
-            raise OutputError(
-                f"{self.directory / 'fields.h5'}: holds no {name}; run the scene again"
-            )
+            raise OutputError(f"{self.directory / 'fields'}: holds no {name}; run the scene again")
         return self.fields.fields[name]
 
     def setting(self, section: str, key: str) -> Any:
@@ -159,7 +157,7 @@ def read(directory: Path) -> StoredRun:
     scene = read_scene(directory)
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
-        raise OutputError(f"{directory / 'surface.h5'}: holds no traction; run the scene again")
+        raise OutputError(f"{directory / 'surface'}: holds no traction; run the scene again")
     return StoredRun(directory, result, scene, read_step(directory / "fields"), surface)
 
 

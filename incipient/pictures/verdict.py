@@ -17,8 +17,8 @@ from ..critical.outcome import with_error
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry.placement import Placement
+from ..judging.case import Case
 from ..scene import Body, Scene, load
-from ..simulation.judge_case import Case
 from . import style
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence

@@ -1,17 +1,15 @@
-"""All that a run needs to resume, in one file: what it holds, written whole or not at all, read whole or refused.
+"""All that a run needs to resume, in one file: written whole or not at all, read whole or refused.
 
-An HDF5 file: every array a dataset, every other value a dataset of JSON text, parts as groups. The attributes of
-the file are its `format`, `version`, the `program` that wrote it, and a `digest` of all it holds. Ranks write and
-read their rows of the large arrays at once, so that none has the whole of one; the file is in reach of all of them.
+An HDF5 file: every array a dataset, every other value one of the bytes of JSON text, parts as groups. The attributes
+of the file are its `format`, `version` and the `program` that wrote it. Arrays are whole: on rank 0 when they are
+written, on every rank when they are read; the file is in reach of all of them.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
@@ -21,24 +19,13 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, claim, part_of, reported, sync
-from ..parallel import Comm, collectively, from_first
-from ..tables.hdf5 import reserve, write_rows
-from ..tables.rows import Rows, block
+from ..files import cause_of, write_hdf5
+from ..parallel import Comm, collectively
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 7
+FORMAT, VERSION = "incipient checkpoint", 8
 ANEW = "start a new run with: incipient run"
-METADATA_BYTES = 1 << 16
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """How far the history had come: rows, the header not counted, and bytes of history.csv."""
-
-    rows: int = 0
-    bytes: int = 0
 
 
 @dataclass(frozen=True)
@@ -63,7 +50,7 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class StoredMesh:
-    """A mesh with its named boundaries, of nodes and cells this rank's rows.
+    """A mesh with its named boundaries.
 
     nodes:  (n, gdim) places
     cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
@@ -72,8 +59,8 @@ class StoredMesh:
     """
 
     degree: int
-    nodes: Rows
-    cells: Rows
+    nodes: Floats
+    cells: Integers
     facets: Integers
     tags: Integers
     names: dict[str, int]
@@ -83,18 +70,18 @@ class StoredMesh:
 class StoredFlow:
     """States of a flow: velocities (n, states, gdim) and pressures (m, states) at their nodes (n, 3), (m, 3)."""
 
-    velocity_points: Rows
-    pressure_points: Rows
-    velocities: Rows
-    pressures: Rows
+    velocity_points: Floats
+    pressure_points: Floats
+    velocities: Floats
+    pressures: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class StoredValues:
     """States (n, states, 2) of the logarithms of k and epsilon or omega at nodes (n, 3), the present one first."""
 
-    points: Rows
-    logarithms: Rows
+    points: Floats
+    logarithms: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +98,12 @@ class StoredBody:
     on_bed:          contacts with the bed and what the grain has done there; None where it does not go on there
     """
 
-    made: Rows
-    weights: Rows
+    made: Floats
+    weights: Floats
     made_for: Floats
     states: Floats
     times: Floats
-    places: Rows
+    places: Floats
     mean_load: Floats | None
     mean_load_order: int
     mean_load_step: float | None
@@ -139,10 +126,10 @@ class StoredSurface:
     places:     of the mesh's nodes now and a step before (nodes, n, 3)
     """
 
-    made: Rows
-    elevations: Rows
+    made: Floats
+    elevations: Floats
     times: Floats
-    places: Rows
+    places: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +142,6 @@ class Checkpoint:
     times: Floats
     flow: StoredFlow
     body: StoredBody | None = None
-    recorded: Recorded = Recorded()
     surface: StoredSurface | None = None
     turbulence: StoredValues | None = None
 
@@ -166,56 +152,20 @@ class Checkpoint:
 
 
 def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
-    """Write a file so that at any moment there is the old one or the new one. Collective; all but rows is rank 0's.
+    """Write what rank 0 has, so that at any moment there is the old file or the new one. Collective.
 
     Raises:
         OutputError: on all ranks, it cannot be written; the old one is as it was.
     """
-    part, tables = part_of(path), _tables(checkpoint)
-    checksums = _checksums(comm, tables)
-
-    def made() -> dict[str, int]:
-        claim(path)
-        with reported(path, (RuntimeError,)):
-            part.unlink(missing_ok=True)
-            return _made(part, checkpoint, checksums)
-
-    try:
-        places = from_first(comm, made)
-        with collectively(comm), reported(path):
-            write_rows(part, places, tables)
-            sync(part)
-        with collectively(comm), reported(path):
-            if comm.rank == 0:
-                part.replace(path)
-    except OutputError:
+    program = f"incipient {metadata.version('incipient')}"
+    about = {"format": FORMAT, "version": VERSION, "program": program}
+    with collectively(comm):
         if comm.rank == 0:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-        raise
-
-
-def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict[str, int]:
-    """Make the file with all but the rows of tables; the place of each table in it, by its name.
-
-    HDF5 that runs out of space takes the program with it: whether there is enough is asked beforehand, and it is kept.
-    """
-    size = METADATA_BYTES + sum(_size(one) for _, one in _members(checkpoint))
-    with path.open("wb") as file:
-        os.posix_fallocate(file.fileno(), 0, size)
-    with _hdf5(path, "w") as file:
-        places = _put(file, checkpoint)
-        file.attrs.update(
-            {"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION}
-        )
-        file.attrs["program"] = f"incipient {metadata.version('incipient')}"
-    with path.open("r+b") as file:
-        os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    return places
+            write_hdf5(path, dict(_datasets(checkpoint)), about)
 
 
 def read(path: Path, comm: Comm) -> Checkpoint:
-    """Read a file written by `write`, on any number of ranks, each an equal share of its rows. Collective.
+    """Read a file written by `write`, whole on any number of ranks. Collective.
 
     Raises:
         OutputError: on all ranks, there is none, it is damaged, of another version, or something is missing in it.
@@ -227,25 +177,17 @@ def read(path: Path, comm: Comm) -> Checkpoint:
             )
         with _opened(path) as file:
             _require_readable(path, file)
-            found = _got(Checkpoint, file, path, comm)
-    checksums = _checksums(comm, _tables(found))
-    with collectively(comm), _opened(path) as file:
-        if file.attrs.get("digest") != _digest(file, checksums):
-            raise OutputError(f"{path}: is damaged, its content is not what was written; {ANEW}")
+            found = _got(Checkpoint, file, path)
     return found
-
-
-def _hdf5(path: Path, mode: str) -> Any:
-    import h5py
-
-    return h5py.File(path, mode, locking=False)
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """The file, to be read."""
+    import h5py
+
     try:
-        with _hdf5(path, "r") as file:
+        with h5py.File(path, "r", locking=False) as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error
@@ -262,39 +204,20 @@ def _require_readable(path: Path, file: Any) -> None:
         )
 
 
-def _members(part: Any, within: str = "") -> Iterator[tuple[str, Any]]:
-    """What a dataclass and those within it hold, with full names."""
+def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """What a dataclass and those within it hold, with full names: arrays, and bytes of JSON text."""
     for field in fields(part):
         name, value = f"{within}/{field.name}", getattr(part, field.name)
-        if is_dataclass(value) and not isinstance(value, Rows):
-            yield from _members(value, name)
-        else:
+        if is_dataclass(value):
+            yield from _datasets(value, name)
+        elif isinstance(value, np.ndarray):
             yield name, value
-
-
-def _tables(part: Any) -> dict[str, Rows]:
-    """The tables of which ranks have rows, by their full names."""
-    return {name: value for name, value in _members(part) if isinstance(value, Rows)}
-
-
-def _size(value: Any) -> int:
-    """Bytes of a member, of tables the whole."""
-    return int(value.nbytes) if isinstance(value, Rows | np.ndarray) else 4 * len(json.dumps(value))
-
-
-def _put(file: Any, checkpoint: Checkpoint) -> dict[str, int]:
-    """Store the members, of tables their shape; places of these by their names."""
-    places = {}
-    for name, value in _members(checkpoint):
-        if isinstance(value, Rows):
-            places[name] = reserve(file, name, value)
         else:
-            file[name] = value if isinstance(value, np.ndarray) else json.dumps(value)
-    return places
+            yield name, np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)
 
 
-def _got(kind: type[T], group: Any, path: Path, comm: Comm) -> T:
-    """A dataclass from its stored fields, of which none may be missing, of tables this rank's share. Not collective."""
+def _got(kind: type[T], group: Any, path: Path) -> T:
+    """A dataclass from its stored fields, of which none may be missing."""
     found: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:
@@ -302,43 +225,8 @@ def _got(kind: type[T], group: Any, path: Path, comm: Comm) -> T:
         stored = group[name]
         if hasattr(stored, "keys"):
             kind_of_part = next(one for one in (hint, *get_args(hint)) if is_dataclass(one))
-            found[name] = _got(kind_of_part, stored, path, comm)  # type: ignore[arg-type]
-        elif hint is Rows:
-            mine = block(len(stored), comm.rank, comm.size)
-            found[name] = Rows(stored[mine], mine.start, len(stored))
+            found[name] = _got(kind_of_part, stored, path)  # type: ignore[arg-type]
         else:
-            found[name] = json.loads(stored.asstr()[()]) if stored.dtype.kind == "O" else stored[()]
+            values = stored[()]
+            found[name] = json.loads(values.tobytes()) if values.dtype == np.uint8 else values
     return kind(**found)
-
-
-def _checksums(comm: Comm, tables: dict[str, Rows]) -> dict[str, str]:
-    """What tables are and the checksums of their contents, by their names, the same on all ranks. Collective."""
-    mine = np.array([rows.checksum() for rows in tables.values()], dtype=np.uint64)
-    sums = np.sum(comm.allgather(mine), axis=0, dtype=np.uint64).tolist()
-    found = zip(tables.items(), sums, strict=True)
-    return {name: f"{name} {rows.values.dtype} {rows.shape} {one}" for (name, rows), one in found}
-
-
-def _digest(file: Any, checksums: dict[str, str]) -> str:
-    """Checksum over the names, shapes and contents of all datasets, given those of tables."""
-    whole = hashlib.sha256()
-    for name, dataset in _datasets(file):
-        if name in checksums:
-            whole.update(checksums[name].encode())
-            continue
-        value = dataset[()]
-        about = f"{name} {dataset.dtype} {dataset.shape} ".encode()
-        whole.update(
-            about + (value if isinstance(value, bytes) else np.ascontiguousarray(value).tobytes())
-        )
-    return whole.hexdigest()
-
-
-def _datasets(group: Any) -> Iterator[tuple[str, Any]]:
-    """All datasets with their full names, in the order of the names."""
-    for name in sorted(group):
-        member = group[name]
-        if hasattr(member, "keys"):
-            yield from _datasets(member)
-        else:
-            yield member.name, member

@@ -199,6 +199,12 @@ class Term:
         couple = self.couple + unsteady[3 : 3 + number]
         return replace(self, force=self.force + unsteady[:number], couple=couple)
 
+    def with_elevations_times(self, factor: float) -> Term:
+        """The term with errors of elevations enlarged by a factor."""
+        if self.elevation is None or self.level is None:
+            return self
+        return replace(self, elevation=factor * self.elevation, level=factor * self.level)
+
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
         names = (

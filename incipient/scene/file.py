@@ -94,7 +94,7 @@ def save(scene: Scene, path: Path | str) -> None:
         OutputError: the file cannot be written.
     """
     path = Path(path)
-    own(path.parent, {path.name: None}, path)  # who calls this has named the file
+    own(path)  # who calls this has named the file
     write_text_atomically(path, dumps(scene))
 
 

@@ -27,7 +27,6 @@ from .loads import coefficients, judged, loads
 from .state import Run
 
 if TYPE_CHECKING:
-    from ..accuracy.kept_runs import Solve
     from ..contact import Contacts
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
@@ -37,7 +36,7 @@ NO_MORE = 0.01
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
-    """What the flow at hand says, without what has to be estimated: see `with_estimates`."""
+    """What the flow at hand says, without what has to be estimated: see `completed`."""
     from ..mesh.sampling import cells_between, centrelines
 
     scene, grain = run.scene, run.grain
@@ -114,37 +113,19 @@ def with_rests(run: Run, result: Result) -> Result:
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
 
 
-def with_estimates(
-    run: Run, result: Result, solve: Solve, improve: Solve, follows: bool = True
+def completed(
+    run: Run, result: Result, bars: ErrorBars | None = None, why: str = "", follows: bool = True
 ) -> Result:
-    """A complete result, corrected where errors have a sign, with its error bars and what left-out effects change.
+    """A complete result with its error bars, or why it has none, and what omitted effects would change. Collective.
 
-    `solve` runs the scenes of coarse runs, `improve` gives improved loads on coarser cells. With `follows` a grain that
-    the load moves is followed to where it rests.
-
-    Where one of them fails the result says why; nothing is raised.
+    Loads are corrected where errors have a sign. With `follows` a grain that the load moves is followed to where it
+    rests.
     """
-    bars, why = _error_bars(run, result, solve, improve)
     found = _corrected(run, result, bars)
     if follows:
         found = with_rests(run, found)
     bars, omitted = _with_rocking(run, found, bars), _omissions(run, result)
     return replace(found, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run))
-
-
-def _error_bars(
-    run: Run, result: Result, solve: Solve, improve: Solve
-) -> tuple[ErrorBars | None, str]:
-    """The error bars, or why there are none; neither where none are wanted."""
-    if not run.scene.has_error_bars:
-        return None, run.scene.no_error_bars
-    from ..accuracy.errorbars import error_bars
-
-    with run.stage("error bars"):
-        try:
-            return error_bars(run, result.force, result.couple, solve, improve), ""
-        except IncipientError as error:
-            return None, f"not computed: {error}"
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:

@@ -17,6 +17,9 @@ from .steady import loads_at
 if TYPE_CHECKING:
     from .moved_mesh import MovedMesh
 
+Scenes = Callable[[Scene], list[Scene]]
+ByItself = Callable[[Scene, Comm, float], Loads]
+
 
 class Beside:
     """Loads in scenes that differ from that of a solved run by their gap or domain; callable. Collective.
@@ -26,14 +29,13 @@ class Beside:
 
     Args:
         run: solved; its mesh is as it was whenever a call ends.
+        coarse: the scenes of the coarse runs of a scene.
         by_itself: runs a scene on a mesh of its own, at a speed.
         speed: of the flow whose loads are asked for, over the scene's.
     """
 
-    def __init__(
-        self, run: Run, by_itself: Callable[[Scene, Comm, float], Loads], speed: float = 1.0
-    ):
-        self._run, self._by_itself, self._speed = run, by_itself, speed
+    def __init__(self, run: Run, coarse: Scenes, by_itself: ByItself, speed: float = 1.0):
+        self._run, self._coarse, self._by_itself, self._speed = run, coarse, by_itself, speed
 
     def serves(self, key: str) -> bool:
         """Whether the run's mesh, moved, serves for a scene, given by its JSON. Collective."""
@@ -55,7 +57,7 @@ class Beside:
             return {}
         from .moved_mesh import moved_meshes
 
-        return moved_meshes(run)
+        return moved_meshes(run, self._coarse(run.scene))
 
 
 class InTurn:
@@ -69,10 +71,11 @@ class InTurn:
     def __init__(
         self,
         comm: Comm,
-        by_itself: Callable[[Scene, Comm, float], Loads],
+        coarse: Scenes,
+        by_itself: ByItself,
         prepare: Callable[[Scene], AbstractContextManager[Run]] | None = None,
     ):
-        self._comm, self._by_itself = comm, by_itself
+        self._comm, self._coarse, self._by_itself = comm, coarse, by_itself
         self._prepare = prepare or partial(prepared, comm=comm)
         self._open = ExitStack()
         self._beside: Beside | None = None
@@ -91,10 +94,11 @@ class InTurn:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()
         if self._beside is None or not self._beside.serves(key):
+            self._run = self._beside = None  # also if the next run fails
             self._open.close()
-            self._run = run = self._open.enter_context(self._prepare(scene))
+            run = self._open.enter_context(self._prepare(scene))
             force, couple = loads_at(run, 1.0)
-            self._beside = Beside(run, self._by_itself)
+            self._run, self._beside = run, Beside(run, self._coarse, self._by_itself)
             if not self._beside.serves(key):  # nor for others, each of which has a mesh of its own
                 return Loads(force.flow, couple.flow)
         return self._beside(scene)

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 from ..effects import known
 from ..effects.plan import plan_of
-from ..installed import memory_of_libraries, required
+from ..installed import required
 from ..parallel import Comm, collectively
-from ..planning import expense, meshing
+from ..planning import meshing
 from ..planning.cells import CLOSED
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
-from ..planning.plan import Estimate, Plan
+from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
 from .recorder import Recorder
@@ -124,30 +124,6 @@ def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -
         if plan.has(effect.name):
             model = effect.terms(model, setup, plan, unsteady)
     return model if inertia else replace(model, inertia=False)
-
-
-def estimate(scene: Scene) -> Plan:
-    """The plan with its expense, counted by making the mesh on this process. Not collective.
-
-    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
-    below a free surface in space while the run in elements of another order is made.
-    """
-    from ..accuracy.coarse_runs import comparisons
-    from ..accuracy.model_terms import on_more_bed
-
-    setup = Setup(scene)
-    plan, has_dual = plan_of(setup), expense.has_dual(setup)
-    wider = on_more_bed(scene) if has_dual else None
-    layout = meshing.lay_out(setup, plan)
-    beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
-    counted: Estimate = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    counted = counted.with_more(
-        sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS)
-    )
-    if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
-        other = estimate(comparisons(scene)[1]).counted
-        counted = counted.with_more(other.memory_mib - memory_of_libraries())
-    return plan.with_estimate(counted)
 
 
 def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:

@@ -16,7 +16,7 @@ from .state import Run
 
 
 def collected(run: Run) -> Checkpoint:
-    """All that the run needs to resume, of tables this rank's rows. Collective.
+    """All that the run needs to resume, whole on rank 0. Collective.
 
     To be called between steps, when the last one has been recorded.
     """

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..accuracy.errorbars import coarse_scenes
 from ..arrays import Floats
 from ..coupled.tractions import TractionProbe
 from ..errors import ConvergenceError
@@ -20,6 +20,7 @@ from ..meshes import SYMMETRY
 from ..planning.conditions import conditions
 from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads
+from ..scene import Scene
 from .state import Run
 
 # To what error the flows are solved: their differences are percents of the loads.
@@ -28,14 +29,14 @@ ORDER = 2  # of their elements
 KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a larger domain leaves the mesh as it is
 
 
-def moved_meshes(run: Run) -> dict[str, MovedMesh]:
-    """The mesh moved to every scene of a coarse run, by its JSON; none if it does not serve for one. Collective."""
+def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
+    """The mesh moved to every one of some scenes, by its JSON; none if it does not serve for one. Collective."""
     assert run.layout.placement is not None
     motion = MeshMotion(run.domain)
     # How far nodes follow the grain when it is lifted; those on the plane of symmetry move along it.
     weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
     found: dict[str, MovedMesh] = {}
-    for scene in coarse_scenes(run.scene):
+    for scene in scenes:
         if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
             continue  # another bed
         setup = Setup(scene)

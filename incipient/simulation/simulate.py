@@ -7,22 +7,20 @@ a voice; this module writes nothing. The state of a run is in `state`, what make
 
 from __future__ import annotations
 
-from contextlib import nullcontext, suppress
-from functools import partial
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
-from ..interrupt import Interruption, told_where_kept
+from ..interrupt import Interruption
 from ..parallel import Comm
-from ..planning.layout import coarse_sizes
 from ..progress import Silent
 from ..results.errorbars import Loads
 from ..results.loads import Couples, Forces
 from ..results.result import Result
 from ..scene import Scene
-from .assemble import outcome, with_estimates
-from .beside import Beside
+from .assemble import completed, outcome
 from .build import prepared
 from .loads import loads
 from .recorder import Recorder, record_fields
@@ -33,18 +31,16 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
 
-def simulate(
+@contextmanager
+def solved(
     scene: Scene,
     comm: Comm,
     recorder: Recorder | None = None,
     voice: Silent | None = None,
     checkpoint: Checkpoint | None = None,
     accounts: Accounts | None = None,
-    follows: bool = True,
-) -> Result:
-    """Run a scene from plan to verdict, from the start or from a checkpoint of it. Collective over `comm`.
-
-    With `follows` a grain that the load moves is followed to where it rests again, if it does.
+) -> Iterator[Run]:
+    """The run of a scene, solved from the start or from a checkpoint; freed at the end. Collective over `comm`.
 
     Raises:
         IncipientError: on all ranks; what was computed before it has been handed to the recorder.
@@ -55,7 +51,25 @@ def simulate(
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
         _solve(run, recorder, interruption, checkpoint)
-        return finished(run, recorder, follows)
+        yield run
+
+
+def simulate(
+    scene: Scene,
+    comm: Comm,
+    recorder: Recorder | None = None,
+    voice: Silent | None = None,
+    follows: bool = True,
+) -> Result:
+    """Run a scene from plan to verdict, without error bars. Collective over `comm`; raises IncipientError.
+
+    With `follows` a grain that the load moves is followed to where it rests again, if it does.
+    """
+    recorder = recorder or Recorder()
+    with solved(scene, comm, recorder, voice) as run:
+        result = completed(run, outcome(run), follows=follows)
+        recorder.finish(result)
+        return result
 
 
 def hand_over(run: Run, recorder: Recorder) -> Path | None:
@@ -63,22 +77,6 @@ def hand_over(run: Run, recorder: Recorder) -> Path | None:
     recorder.begin(run.scene, run.plan, run.domain)
     record_fields(recorder, run, 0, last=True)
     return recorder.provisional(outcome(run))
-
-
-def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
-    """Judge what has been solved, estimate errors, and hand the result over. Collective.
-
-    The result is handed over before the errors are estimated, too: that may take as long as the run. Raises Interrupted
-    meanwhile, which says where the result without them is kept.
-    """
-    result = outcome(run)
-    estimated = run.scene.numerics.error_bars
-    with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
-        improve = partial(improved_loads, comm=run.comm)
-        beside = Beside(run, partial(loads_from, run))
-        result = with_estimates(run, result, beside, improve, follows)
-    recorder.finish(result)
-    return result
 
 
 def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
@@ -108,20 +106,6 @@ def loads_from(known: Run, sought: Scene, comm: Comm, speed: float = 1.0) -> Loa
             solve_from(run, known)
             return _loads_in(run, *loads(run, surface=False))
     return loads_of(sought, comm, speed)
-
-
-def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Force and couple of a steady flow on coarser cells, less their estimated errors. Collective."""
-    from ..accuracy.dual import COARSER_CELLS, GoalErrors
-
-    sizing = partial(coarse_sizes, COARSER_CELLS, None)
-    with prepared(scene, comm, sizing=sizing, speed=speed) as run:
-        loads_at(run, speed)
-        assert run.layout.placement is not None
-        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
-            if goals.is_upwinded:
-                goals.correct_again()
-            return goals.loads(speed * run.fluid.reynolds / run.plan.reynolds)
 
 
 def _solve(

@@ -87,7 +87,7 @@ def identity_of(scene: Scene, task: str) -> str:
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
-    from ..simulation.judge_case import Case
+    from ..judging.case import Case
 
     case = parse(Case, source.text, source.base, overrides, source.name)
     content = case.model_dump(mode="json", exclude_none=True, warnings=False)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import MissingError
 from ..files import csv_text, part_of, replaced, require_ending
+from ..parquet import pyarrow
 from ..results.quantity import HIGH, at
-from ..tables.parquet import pyarrow
 from .store import COST, FAILED, Store
 
 if TYPE_CHECKING:

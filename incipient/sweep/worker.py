@@ -101,7 +101,7 @@ def computed(task: str, text: str) -> CaseOutcome:
 
 def _result(task: str, text: str) -> dict[str, Any]:
     if task == "judge":
-        from ..simulation.judge_case import Case, judge_case
+        from ..judging.case import Case, judge_case
 
         return judge_case(Case.model_validate(json.loads(text)))
     scene, comm = Scene.model_validate(json.loads(text)), world()
@@ -109,13 +109,9 @@ def _result(task: str, text: str) -> dict[str, Any]:
 
 
 def _run(scene: Scene, comm: Comm) -> dict[str, Any]:
-    from ..simulation.simulate import simulate
+    from ..accuracy.run import run_scene
 
-    if scene.numerics.accuracy is None:
-        return simulate(scene, comm).to_dict()
-    from ..adaptive.run import run_to_accuracy
-
-    return run_to_accuracy(scene, comm).to_dict()
+    return run_scene(scene, comm).to_dict()
 
 
 def _search(task: str, scene: Scene, comm: Comm) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from scenes import TANK
 from waves import Mode, prosperetti
 
 import incipient
-from incipient.accuracy.discretisation import by_coarser_runs
+from incipient.accuracy.terms import by_coarser_runs
 from incipient.arrays import Floats
 from incipient.interrupt import Interruption
 from incipient.results.elevations import Elevations

@@ -12,10 +12,11 @@ from mpi4py import MPI
 from scipy.special import kve
 
 import incipient
+from incipient.accuracy import strategies
 from incipient.accuracy.coarse_runs import changed
-from incipient.adaptive import balancing, refinement
-from incipient.adaptive.first_mesh import first_mesh
+from incipient.accuracy.first_mesh import first_mesh
 from incipient.errors import ConvergenceError
+from incipient.results.errorbars import Loads
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
@@ -278,15 +279,15 @@ def couple_on_a_turned_disc(
 
 def test_a_comparison_that_fails_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a coarser run cannot be made steps and cells are halved, and it goes on."""
-    simulate, failures = balancing.simulate, [1]
+    loads_of, failures = strategies.loads_of, [1]
 
-    def fail_at_first(scene: Scene, *arguments: Any, **options: Any) -> Result:
+    def fail_at_first(scene: Scene, comm: MPI.Comm) -> Loads:
         failures[0] -= 1
         if failures[0] == 0:
             raise ConvergenceError("no step was accepted")
-        return simulate(scene, *arguments, **options)
+        return loads_of(scene, comm)
 
-    monkeypatch.setattr(balancing, "simulate", fail_at_first)
+    monkeypatch.setattr(strategies, "loads_of", fail_at_first)
     found = run(loads(STREAM + "accuracy=0.01\n")).adaptation
     assert found is not None and found.met
     first, second = found.trials[:2]
@@ -332,7 +333,7 @@ def test_without_an_accuracy_nothing_changes() -> None:
 
 def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where Newton's method fails on the first mesh the next is finer; three failures are an error."""
-    solve, failures = refinement.loads_at, [2]
+    solve, failures = strategies.loads_at, [2]
 
     def fail_at_first(of: Run, factor: float) -> Any:
         failures[0] -= 1
@@ -340,7 +341,7 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
             raise ConvergenceError("no steady flow found")
         return solve(of, factor)
 
-    monkeypatch.setattr(refinement, "loads_at", fail_at_first)
+    monkeypatch.setattr(strategies, "loads_at", fail_at_first)
     found = run(on_bed(accuracy=0.01)).adaptation
     assert found is not None and found.met
     assert [trial.note for trial in found.trials] == [
@@ -356,7 +357,7 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
 def test_the_best_is_kept_where_a_later_mesh_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    solve, calls = refinement.loads_at, [0]
+    solve, calls = strategies.loads_at, [0]
 
     def fail_at_second(of: Run, factor: float) -> Any:
         calls[0] += 1
@@ -364,7 +365,7 @@ def test_the_best_is_kept_where_a_later_mesh_fails(
             raise ConvergenceError("no steady flow found")
         return solve(of, factor)
 
-    monkeypatch.setattr(refinement, "loads_at", fail_at_second)
+    monkeypatch.setattr(strategies, "loads_at", fail_at_second)
     found = run(on_bed(accuracy=0.0005), tmp_path).adaptation
     assert found is not None and not found.met
     assert found.reason == "the next mesh failed: no steady flow found"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from images import assert_is_a_picture
 
-import incipient.simulation.judge_case as cases
+import incipient.judging.case as cases
 from incipient.contact import Contacts, Load, safety_factor
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError

@@ -119,8 +119,8 @@ SLOW = [
     shell("ulimit -f 0;", "plan"),
     *(shell(f"ulimit -f {blocks};", command, 5, line) for blocks, command, line in (
         (0, "new", "grain.toml: cannot be written: file too large"),
-        (0, "run", "out/lock.json: cannot be written: file too large"),
-        (8, "run", "out/fields.h5: cannot be written: file too large"),
+        (0, "run", "out/.incipient: cannot be written: file too large"),
+        (8, "run", "out/fields/000000.h5: cannot be written: file too large"),
         (8, "sweep", "s.sqlite: "),
     )),
     # libraries

@@ -2,6 +2,7 @@
 
 import csv
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -13,7 +14,6 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Session
-from environment import environment
 from mpi4py import MPI
 from processes import (
     CAVITY,
@@ -28,8 +28,8 @@ import incipient
 from incipient.cli import main
 from incipient.errors import ConvergenceError, MeshError
 from incipient.files import MARK
+from incipient.output.xdmf import FieldSeries
 from incipient.restart.checkpoint import read
-from incipient.tables.hdf5 import completed
 
 STEP = 0.005
 LONG = [
@@ -54,22 +54,18 @@ def rows_of(directory):
 
 
 def times_of(stem):
-    """Times of a series, 0 of a steady flow; every number that its XDMF file points to is there and finite.
-
-    A run that was killed may have left half of its changes in the HDF5 file, and a journal with all of them.
-    """
-    times, source = [], completed(stem.with_suffix(".h5"))
-    with h5py.File(source, **({"locking": False} if isinstance(source, Path) else {})) as file:
-        for grid in ElementTree.parse(stem.with_suffix(".xdmf")).iter("Grid"):
-            if grid.get("GridType") != "Uniform":
-                continue
-            time = grid.find("Time")
-            times.append(0.0 if time is None else float(time.get("Value")))
-            for item in grid.iter("DataItem"):
-                _, _, place = item.text.partition(":")
+    """Times of a series; every number that its XDMF file points to is there and finite."""
+    times = []
+    for grid in ElementTree.parse(stem.with_suffix(".xdmf")).iter("Grid"):
+        if grid.get("GridType") != "Uniform":
+            continue
+        times.append(float(grid.find("Time").get("Value")))
+        for item in grid.iter("DataItem"):
+            path, _, place = item.text.partition(":")
+            with h5py.File(stem.parent / path, locking=False) as file:
                 data = file[place][()]
-                assert list(data.shape) == [int(n) for n in item.get("Dimensions").split()]
-                assert np.isfinite(data).all()
+            assert list(data.shape) == [int(n) for n in item.get("Dimensions").split()]
+            assert np.isfinite(data).all()
     return times
 
 
@@ -174,8 +170,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
         "scene.toml",
         "result.json",
         "fields.xdmf",
-        "fields.h5",
-        "fields.vtkhdf",
+        "fields",
     }
 
 
@@ -266,7 +261,7 @@ def test_error_bars_that_fail_are_said_to_and_the_rest_is_there(tmp_path, monkey
     def fail(*arguments):
         raise ConvergenceError("no dual solution found")
 
-    monkeypatch.setattr("incipient.accuracy.errorbars.error_bars", fail)
+    monkeypatch.setattr("incipient.accuracy.finish.error_bars", fail)
     scene = incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=3"])
     result = incipient.run(scene, tmp_path)
     assert result.verdict is not None and result.error_bars is None
@@ -304,15 +299,21 @@ def _hugged(gap: float) -> tuple[str, str]:
     return text, "x,y\n" + "".join(f"{x:.9f},{y:.9f}\n" for x, y in points)
 
 
+def contents(directory):
+    """Of all files, but for the list of who has worked there."""
+    files = [path for path in directory.rglob("*") if path.is_file() and path.name != MARK]
+    return {path: path.read_bytes() for path in files}
+
+
 def test_a_run_without_a_mesh_leaves_the_earlier_one(tmp_path):
     incipient.run(
         incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=6", "numerics.error_bars=false"]),
         tmp_path,
     )
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    before = contents(tmp_path)
     with pytest.raises(MeshError):
         incipient.run(incipient.load(GRAIN_ON_BED, ["contact.gap=1e-12"]), tmp_path, overwrite=True)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert contents(tmp_path) == before
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
@@ -350,51 +351,26 @@ def test_meshes_that_cannot_be_made_and_flows_that_are_not_found(session: Sessio
 # -- no space ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
+def test_a_full_disk_keeps_the_steps_before(tmp_path, monkeypatch, capsys):
+    """Full from the fourth step on: the error is that of the fields, not that of result.json, which has no room."""
+    write, unlimited = FieldSeries.write, resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def filling(self, time, fields):
+        if time > 3.5 * STEP:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, unlimited[1]))
+        write(self, time, fields)
+
+    monkeypatch.setattr(FieldSeries, "write", filling)
     steps = settings(
         numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1
     )
-    arguments = ["run", VORTEX_STREET, *steps, "--out", "x"]
-    (outcome,) = session(ranks, [arguments], limit=250_000)
-    assert outcome.codes == [5] * ranks
-    assert outcome.complaint.startswith(
-        "x/fields.h5: cannot be written: file too large; raise the limit"
-    )
-    assert assert_all_kept(tmp_path / "x") in range(3, 60)
-    result = result_of(tmp_path / "x")
-    assert result["status"] == "failed" and result["error"] == outcome.complaint
-
-
-def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_path):
-    """The error told is that of the fields, not that of the attempt to tell of it in result.json."""
-    limited = (
-        "import resource, sys; from mpi4py import MPI\n"
-        "from incipient.cli import main; from incipient.output import xdmf\n"
-        "write = xdmf.FieldSeries.write\n"
-        "def last(self, *step):\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, -1)); write(self, *step)\n"
-        "xdmf.FieldSeries.write = last\n"
-        "raise SystemExit(main(sys.argv[1:]))"
-    )
-    arguments = [
-        "run",
-        str(CAVITY),
-        *settings(numerics_order=2, numerics_mesh_size=4),
-        "--out",
-        str(tmp_path),
-    ]
-    done = subprocess.run(
-        [sys.executable, "-c", limited, *arguments],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.returncode == 5
-    assert Outcome([5], done.stderr.splitlines()).complaint.startswith(
-        f"{tmp_path}/fields.h5: cannot be written"
-    )
+    try:
+        assert main(["run", str(VORTEX_STREET), *steps, "--out", str(tmp_path)]) == 5
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+    assert assert_all_kept(tmp_path) == 4 and not (tmp_path / "result.json").exists()
+    why = f"{tmp_path}/fields/000003.h5: cannot be written: file too large; raise the limit"
+    assert f"incipient: {why}" in capsys.readouterr().err
 
 
 IN_A_THREAD = """

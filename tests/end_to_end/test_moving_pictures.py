@@ -266,12 +266,12 @@ def rotated(angle):
 def write_series(directory, times):
     file = SeriesFile(directory / "fields", "Triangle_6")
     points = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
-    file.create()
-    file.add_mesh(np.arange(6)[None])
-    file.add_geometry(np.column_stack([points, np.zeros(6)]))
-    for time in times:
-        values = np.zeros(6)
-        file.add_step(time, {"velocity": np.zeros((6, 3)), "pressure": values, "vorticity": values})
+    file.begin()
+    zero, still = np.zeros(6), np.zeros((6, 3))
+    mesh = {"topology": np.arange(6)[None], "geometry": np.column_stack([points, zero])}
+    for number, time in enumerate(times):
+        values = {"velocity": still, "pressure": zero, "vorticity": zero}
+        file.add_step(time, values, {} if number else mesh)
 
 
 def test_of_many_steps_those_evenly_spaced_in_time_are_shown(tmp_path, monkeypatch):
@@ -323,8 +323,8 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (
             single,
             None,
-        ): "fields.h5: holds a single step; run the scene with [time] and --set output.every=1",
-        (tmp_path, None): "fields.h5: no such file; run the scene with output.fields = true",
+        ): "fields: holds a single step; run the scene with [time] and --set output.every=1",
+        (tmp_path, None): "fields: holds no fields; run the scene with output.fields = true",
         (run, "x.avi"): "x.avi: is not a name for an animation; let it end in .gif or .mp4",
         (
             run,
@@ -351,7 +351,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (
             ["--animate"],
             5,
-            "no animation: nothing/fields.h5: no such file; run the scene with output.fields = true",
+            "no animation: nothing/fields: holds no fields; run the scene with output.fields = true",
         ),
         (["--field", "pressure"], 2, "--field says what to animate; add --animate"),
         (["--out", "flow.gif"], 2, "--out names the animation; add --animate"),

@@ -85,10 +85,9 @@ def write_run(directory, mesh, fields, scene, result, surface=None):
         *([("surface", "Edge_3", *surface)] if surface else []),
     ):
         file = SeriesFile(directory / stem, kind)
-        file.create()
-        file.add_mesh(topology)
-        file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
-        file.add_step(0.0, values)
+        file.begin()
+        geometry = np.column_stack([points, np.zeros(len(points))])
+        file.add_step(0.0, values, {"topology": topology, "geometry": geometry})
     (directory / "scene.toml").write_text(tomli_w.dumps(scene))
     (directory / "result.json").write_text(json.dumps(result))
     return directory
@@ -233,13 +232,10 @@ def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
 def test_still_fluid_is_drawn(grain_run):
     file = SeriesFile(grain_run / "fields", "Triangle_6")
     points, cells = quadratic_grid(around_disc, 24, 12, closed=True)
-    file.create()
-    file.add_mesh(cells)
-    file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
-    nothing = np.zeros(len(points))
-    file.add_step(
-        0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing}
-    )
+    file.begin()
+    nothing, still = np.zeros(len(points)), np.zeros((len(points), 3))
+    mesh = {"topology": cells, "geometry": np.column_stack([points, nothing])}
+    file.add_step(0.0, {"velocity": still, "pressure": nothing, "vorticity": nothing}, mesh)
     for name, make in zip(FLOW_PICTURES, (flow.speed, flow.pressure, flow.vorticity), strict=True):
         with style.applied():
             make(read(grain_run)).savefig(grain_run / name, dpi=style.DOTS_PER_INCH)
@@ -251,12 +247,12 @@ def test_still_fluid_is_drawn(grain_run):
     [
         ("result.json", "give the directory of a finished run"),
         ("scene.toml", "give the directory of a finished run"),
-        ("fields.h5", r"output\.fields = true"),
-        ("surface.h5", r"output\.fields = true"),
+        ("fields", r"output\.fields = true"),
+        ("surface", r"output\.fields = true"),
     ],
 )
 def test_a_missing_file_is_named(grain_run, name, complaint):
-    (grain_run / name).unlink()
+    (grain_run / name).rename(grain_run / "away")
     with pytest.raises(OutputError, match=rf"{name}: .*{complaint}"):
         draw(grain_run)
 
@@ -266,9 +262,9 @@ def test_damaged_files_are_named(grain_run):
     with pytest.raises(OutputError, match=r"result\.json: cannot be read"):
         draw(grain_run)
     (grain_run / "result.json").write_text("{}")
-    (grain_run / "fields.h5").write_bytes(b"nothing")
+    (grain_run / "fields" / "000000.h5").write_bytes(b"nothing")
     with pytest.raises(
-        OutputError, match=r"fields\.h5: cannot be read: it is damaged or incomplete; run"
+        OutputError, match=r"000000\.h5: cannot be read: it is damaged or incomplete; run"
     ):
         draw(grain_run)
 
@@ -276,14 +272,13 @@ def test_damaged_files_are_named(grain_run):
 def test_a_missing_field_and_a_file_that_cannot_be_written_take_no_other_picture_with_them(box_run):
     file = SeriesFile(box_run / "fields", "Triangle_6")
     points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
-    file.create()
-    file.add_mesh(cells)
-    file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
-    file.add_step(0.0, {"velocity": rotation(points)["velocity"]})
+    file.begin()
+    mesh = {"topology": cells, "geometry": np.column_stack([points, np.zeros(len(points))])}
+    file.add_step(0.0, {"velocity": rotation(points)["velocity"]}, mesh)
     (box_run / "flow.png").mkdir()
     drawn = draw_apart(box_run)
     assert drawn.complaint.startswith(f"not drawn: {box_run / 'flow.png'}: cannot be written")
-    assert f"{box_run / 'fields.h5'}: holds no pressure" in drawn.complaint
+    assert f"{box_run / 'fields'}: holds no pressure" in drawn.complaint
     assert [path.name for path in drawn.paths] == ["profiles.png", "mesh.png"]
 
 

@@ -17,11 +17,11 @@ import pytest
 import incipient
 import incipient.sweep
 from incipient import cli
-from incipient.accuracy import discretisation, model_terms
+from incipient.accuracy import terms
 from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.judging.case import judge_case, load_case, save
 from incipient.reporting.results import REMEDIES
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
-from incipient.simulation.judge_case import judge_case, load_case, save
 
 ROOT = Path(__file__).parents[2]
 CASES, SCENE = ROOT / "demos/cases", ROOT / "demos/scenes/grain_on_bed.toml"
@@ -176,11 +176,11 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
 
 
 def test_every_term_has_a_remedy() -> None:
-    """By the names that the modules of discretisation and model give their terms."""
-    written = "".join(Path(module.__file__).read_text() for module in (discretisation, model_terms))
+    """By the names that the module of terms gives them."""
+    written = Path(terms.__file__).read_text()
     named = re.findall(r'Term(?:\.of_\w+)?\("([\w ]+)"', written)
     assert {"discretisation", "time step", "gap", "domain"} <= set(named)
-    assert {*named, model_terms.GROUND, discretisation.OF_MESH} <= REMEDIES.keys()
+    assert {*named, terms.GROUND, terms.OF_MESH} <= REMEDIES.keys()
 
 
 def test_a_sweep_shows_curves_cases_and_failures(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import incipient
-from incipient.accuracy.discretisation import by_coarser_mesh
+from incipient.accuracy.terms import by_coarser_mesh
 from incipient.effects.turbulence import k_omega_flow
 from incipient.effects.turbulence.pseudo_time import solve_together
 from incipient.errors import ConvergenceError

@@ -283,9 +283,9 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     Raises whatever the program raises that is not meant for users, and TimeoutError.
     """
     import incipient
+    from incipient.accuracy.first_mesh import counted
     from incipient.effects.plan import make_plan
     from incipient.planning.meshing import lay_out
-    from incipient.simulation.build import estimate
 
     reached = "refused"
     try:
@@ -298,7 +298,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
                 _check(incipient.run(scene).to_dict())
                 return "run"
             if mesh:
-                estimate(scene)
+                counted(scene)
                 return "meshed"
             lay_out(Setup(scene), plan)
     except IncipientError as error:

@@ -12,6 +12,7 @@ from scenes import sphere_on_plane
 
 from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
+from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
 from incipient.results.errorbars import Loads
@@ -48,9 +49,11 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [Beside(run, never)(each) for each in (one, two, four, farther, farthest)]
+        found = [
+            Beside(run, coarse_scenes, never)(each) for each in (one, two, four, farther, farthest)
+        ]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
-        faster = Beside(run, never, speed=3.0)(one)
+        faster = Beside(run, coarse_scenes, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
     assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(
         own.couple
@@ -101,7 +104,7 @@ def test_far_sides_are_found_with_inertia() -> None:
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         own = run.probe.resultant().force[0]
-        drags = [Beside(run, never)(each).force[0] for each in (farther, farthest)]
+        drags = [Beside(run, coarse_scenes, never)(each).force[0] for each in (farther, farthest)]
     assert drags == pytest.approx([own, own], rel=0.01) and len({own, *drags}) == 3
 
 
@@ -121,7 +124,7 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
         return Loads(np.zeros(3), np.zeros(3))
 
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, noted, speed=2.0)
+        beside = Beside(run, coarse_scenes, noted, speed=2.0)
         for each in coarse_scenes(scene):
             beside(each)
     assert asked == [2.0] * 5
@@ -138,7 +141,7 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     )
     here, *larger = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:
-        beside = Beside(run, never)
+        beside = Beside(run, coarse_scenes, never)
         assert all(beside.serves(each.model_dump_json()) for each in (here, *larger))
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
 
@@ -152,9 +155,32 @@ def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
         contact=Contact(friction=0.5, gap=0.025),
         numerics=Numerics(order=2, mesh_size=6.0),
     )
-    with InTurn(MPI.COMM_SELF, never) as solve:
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
         found = [solve(each) for each in coarse_scenes(scene)[:2]]
     assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
+
+
+def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
+    """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
+    scene = on_plane(
+        domain=Domain(length=3.0, width=3.0, height=2.0),
+        fluid=Fluid(reynolds=40.0, scale="grain"),
+        body=Sphere(diameter=1.0, x=1.5, density=2.65),
+        numerics=Numerics(order=2, mesh_size=9.0, stabilisation="off"),
+    )
+    few = scene.numerics.model_copy(update={"max_iterations": 1, "tolerance": 1e-12})
+    failing = scene.model_copy(update={"numerics": few, "title": "fails"})
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
+        first = solve(scene)
+        with pytest.raises(ConvergenceError):
+            solve(failing)
+        assert solve.handed_over(failing) is None
+        again = solve(scene)
+        assert again.force == pytest.approx(first.force, rel=1e-6)
+        handed = solve.handed_over(scene)
+    assert handed is not None
+    with handed[1]:
+        assert handed[0].scene == scene
 
 
 # The first rank is elsewhere when the second meets a defect; freeing MUMPS's factors is collective.
@@ -163,6 +189,7 @@ import time
 from mpi4py import MPI
 from incipient.fluid.projection import Projection
 from incipient.scene import Domain, Fluid, Numerics, Sphere
+from incipient.accuracy.errorbars import coarse_scenes
 from incipient.simulation.beside import InTurn
 from scenes import sphere_on_plane
 
@@ -173,7 +200,7 @@ direct = Numerics(order=2, mesh_size=9.0, stabilisation="off")
 fluid = Fluid(reynolds=400.0, scale="grain")
 scene = sphere_on_plane(domain=small, fluid=fluid, body=sphere, numerics=direct)
 try:
-    with InTurn(comm, None) as solve:
+    with InTurn(comm, coarse_scenes, None) as solve:
         solve(scene)
         with Projection(solve._run.fluid) as projection:
             projection.apply()
@@ -214,12 +241,12 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
 def test_coarse_runs_in_turn_have_the_mesh_of_the_first() -> None:
     """Without a run beside them: the first is run, its mesh serves the others; another scene begins anew."""
     scenes = coarse_scenes(coarse(on_plane()))
-    with InTurn(MPI.COMM_SELF, never) as solve:
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
         found = [solve(each) for each in scenes[:2]]
         other = solve(coarse(on_plane(domain=Domain(length=60.0, width=60.0, height=30.0))))
     assert all(one.moved for one in (*found, other))
     with prepared(scenes[0], MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
-        beside = [Beside(run, never)(each) for each in scenes[:2]]
+        beside = [Beside(run, coarse_scenes, never)(each) for each in scenes[:2]]
     for one, another in zip(found, beside, strict=True):
         assert one.force == pytest.approx(another.force, rel=1e-4)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from incipient.errors import SceneError
-from incipient.simulation.judge_case import Case, load_case
+from incipient.judging.case import Case, load_case
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 
@@ -132,6 +132,11 @@ class TestMeaning:
         assert found.mass_and_inertia() is not None
 
 
+SPHERE = """[body]
+shape = "sphere"
+diameter = 1.0
+centre = [1.0, 0.5, 0.0]
+"""
 SPREAD = "\n[errors]\nflow_force = [0.1, 0.1]\n"
 
 WRONG = [
@@ -142,25 +147,25 @@ WRONG = [
         "[0.0, nan]\nflow_force",
         "load.weight: is not finite; give finite",
     ),
-    (PLANE, "[0.3, 0.1]", "[0.3]", "load.flow_force: has 1 component; give two components"),
-    (PLANE, "[0.3, 0.1]", '"strong"', "load.flow_force: is not made of numbers"),
-    (PLANE, "[0.3, 0.1]", "[[1, 2], [3]]", "load.flow_force: has rows of different lengths"),
+    (PLANE, "[0.3, 0.1]", "[0.3]", "load.flow_force: is not a vector; give [x, y]"),
+    (PLANE, "[0.3, 0.1]", '"strong"', "load.flow_force: is not a vector"),
+    (PLANE, "[0.3, 0.1]", "[[1, 2], [3]]", "load.flow_force: is not a vector"),
     (
         PLANE,
         "[0.3, 0.1]",
         "[0.3, 0.1, 0.0]",
-        "load.flow_force: has 3 components, load.weight has 2",
+        "load.flow_force: is for 3-D, load.weight has 2 components",
     ),
-    (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: does not fit vectors of 2 components"),
+    (PLANE, "-0.2", "[0.0, 0.0, -0.2]", "load.flow_couple: is for 3-D, load.weight has 2"),
     (PLANE, "-0.2", "[0.0, -0.2]", "load.flow_couple: is not a couple"),
     (PLANE, "centre = [1.0, 0.5]\n", "", "load.centre: is missing"),
     (
         PLANE,
         "[[0.0, -1.0]]",
         "[[0.0, 0.0]]",
-        "contacts.normals: normal 0 is zero; give a unit vector",
+        "contacts.normals[0]: has length 0; give a unit vector",
     ),
-    (PLANE, "[[0.0, -1.0]]", "[[0.0, -2.0]]", "contacts.normals: normal 0 has length 2; give unit"),
+    (PLANE, "[[0.0, -1.0]]", "[[0.0, -2.0]]", "contacts.normals[0]: has length 2; give a unit"),
     (PLANE, "[[0.0, -1.0]]", "[[0.0, 1.0]]", "contacts.normals[0]: points into the grain; give it"),
     (
         PLANE,
@@ -168,7 +173,7 @@ WRONG = [
         "[[0.0, -1.0], [0, -1]]",
         "contacts.normals: 2 given for 1 point; give one",
     ),
-    (PLANE, "[[1.0, 0.0]]", "[]", "contacts.points: there is no contact; give the points"),
+    (PLANE, "[[1.0, 0.0]]", "[]", "contacts.points: has 0 items; give 1 or more"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, 0.5]]", "contacts.points[0]: lies at the centre of mass"),
     (PLANE, "[[1.0, 0.0]]", "[[1.0, nan]]", "contacts.points[0]: is not finite"),
     (
@@ -196,13 +201,13 @@ WRONG = [
         PLANE,
         "inertia = 0.25",
         "inertia = [1.0, 1.0, 1.0]",
-        "grain.inertia: does not fit vectors of 2",
+        "grain.inertia: is for 3-D, load.weight has 2",
     ),
     (
         SPACE,
         "[0, 0.2, 0]",
         "0.2",
-        "load.flow_couple: does not fit vectors of 3 components; give three",
+        "load.flow_couple: is for 2-D, load.weight has 3 components; give all",
     ),
     (
         BODY,
@@ -212,6 +217,7 @@ WRONG = [
     ),
     (BODY, "[[0.0, -0.5]]", "[[0.0, -0.4]]", "contacts.points[0]: lies 0.1 inside the grain"),
     (BODY, "centre = [0.0, 0.0]", "x = 0.0", "body.x: a case has no bed"),
+    (PLANE, "[grain]\nmass = 2.0\ninertia = 0.25", SPHERE, "body.shape: is for 3-D, load.weight"),
     (
         BODY,
         "[body]",
@@ -225,7 +231,7 @@ WRONG = [
         "[1e300, 1]",
         "errors.flow_force: holds 1e+300; give numbers of at most",
     ),
-    (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: has 3 components"),
+    (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: is for 3-D"),
     (
         PLANE + SPREAD,
         "[0.1, 0.1]",

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import TANK
 
-from incipient.adaptive import balance
-from incipient.adaptive.first_mesh import first_mesh, planned
+from incipient.accuracy import next_mesh
+from incipient.accuracy.first_mesh import first_mesh, planned
 from incipient.cost import frontier, measurement, quantities
 from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
@@ -367,7 +367,7 @@ def test_the_plan_says_that_the_run_chooses() -> None:
 
 def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     made = scene(TIMED, "numerics.accuracy=0.01")
-    coarse = balance.first(made)
+    coarse = next_mesh.first(made)
     assert coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
     assert coarse.time.step == pytest.approx(0.08)
     assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).counted.unknowns

@@ -11,8 +11,8 @@ import pytest
 from pydantic import BaseModel
 
 from incipient import cli
+from incipient.judging.in_place import GrainInPlace
 from incipient.scene import Scene
-from incipient.simulation.grain_in_place import GrainInPlace
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))
@@ -27,7 +27,6 @@ NOT_KEYS = {
     "txt",
     "xdmf",
     "h5",
-    "vtkhdf",
     "md",
     "py",
     "png",

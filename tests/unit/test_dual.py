@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,12 @@ from mpi4py import MPI
 from incipient import compat
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.dual import GoalErrors
+from incipient.accuracy.terms import by_dual
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
 from incipient.fluid.vorticity import vorticity
 from incipient.mesh.domain import Domain
-from incipient.scene import Scene, load
+from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_on_bed
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
@@ -202,3 +204,93 @@ def test_two_ranks_agree_with_one(mpirun: Any) -> None:
     for name, value in alone.items():
         scale = np.abs(value).max()
         assert together[name] == pytest.approx(value, rel=1e-6, abs=1e-7 * scale), name
+
+
+# -- upwinded flows ------------------------------------------------------------------------------------
+
+
+SPHERE = """
+[domain]
+length = 16.0
+width = 10.0
+height = 8.0
+symmetric = true
+[fluid]
+reynolds = 200.0
+scale = "grain"
+[flow]
+kind = "shear"
+rate = 1.0
+[body]
+shape = "sphere"
+diameter = 1.0
+x = 6.0
+density = 2.65
+[bed]
+kind = "flat"
+[gravity]
+acceleration = 10.0
+[contact]
+friction = 0.5
+[numerics]
+order = 2
+mesh_size = 2.5
+"""
+
+
+def goals(left: float) -> Any:
+    """Estimates on an upwinded flow, of whose two corrections the second made a part."""
+    pair = {"force": np.array([-0.1, 0.0, 0.0]), "couple": np.zeros(3)}
+    return SimpleNamespace(is_upwinded=True, correct_again=lambda: left, **pair)
+
+
+def test_corrections_against_upwinding_that_do_not_settle_are_a_doubt() -> None:
+    assert by_dual(goals(0.4), 2.0).doubt == ""
+    found = by_dual(goals(0.6), 2.0)
+    assert "the second of two corrections for it made 60%" in found.doubt
+    assert found.force == pytest.approx([0.2, 0.0, 0.0])
+
+
+@pytest.mark.slow
+def test_the_second_correction_covers_what_upwinding_changes() -> None:
+    """A sphere on a plane at Re 200, drag 0.1802 and lift 0.0534 on cells half as large after three corrections.
+
+    The first correction alone tells 0.64 of the drag's error; both are to tell it to a factor of 1.6, the allowance.
+    """
+    scene = loads(SPHERE)
+    with prepared(scene, MPI.COMM_SELF) as run:
+        loads_at(run, 1.0)
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals_:
+            true = goals_.computed.force - np.array([0.1802, 0.0, 0.0534])
+            assert goals_.is_upwinded
+            first = goals_.force[[0, 2]] / true[[0, 2]]
+            assert goals_.correct_again() < 0.5
+            both = goals_.force[[0, 2]] / true[[0, 2]]
+    assert first[0] < 0.7
+    assert 1.0 / 1.6 < both[0] < 1.6 and 1.0 / 1.6 < both[1] < 1.6
+
+
+@pytest.mark.slow
+def test_a_couple_that_vanishes_is_no_doubt() -> None:
+    """Nothing turns a sphere in a uniform stream: that corrections of its couple scatter says nothing of its drag.
+
+    The drag is 0.4288 to 0.4290 in this domain (docs/space.md, on finer cells); computed on these it is 0.4320.
+    """
+    shear, _, _ = SPHERE.partition("[flow]")
+    stream = (
+        shear.replace("200.0", "100.0")
+        .replace("16.0", "24.0")
+        .replace("10.0", "16.0")
+        .replace("8.0", "16.0")
+    )
+    scene = loads(
+        f"{stream}[flow]\nkind = 'uniform'\n[body]\nshape = 'sphere'\ndiameter = 1.0\ncentre = [8.0, 8.0, 8.0]\n"
+    )
+    with prepared(scene, MPI.COMM_SELF) as run:
+        loads_at(run, 1.0)
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals_:
+            assert np.linalg.norm(goals_.couple) < 1e-3 * np.linalg.norm(goals_.computed.force)
+            assert by_dual(goals_, 1.0).doubt == ""
+            assert goals_.improved.force[0] == pytest.approx(0.4289, abs=3e-4)

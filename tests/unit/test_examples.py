@@ -68,7 +68,7 @@ def merged(base: dict[str, Any], part: dict[str, Any]) -> str:
 def test_an_example_is_taken(name: str, directory: Path) -> None:
     part = tomllib.loads(EXAMPLES[name])
     if not {"load", "errors"}.isdisjoint(part):
-        from incipient.simulation.judge_case import Case
+        from incipient.judging.case import Case
 
         parse(Case, merged(tomllib.loads(EXAMPLES["forces-0"]), part), directory, [], name)
         return

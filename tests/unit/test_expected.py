@@ -7,13 +7,13 @@ import pytest
 from scenes import message
 
 from incipient import load
+from incipient.accuracy.first_mesh import counted
 from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
-from incipient.simulation.build import estimate
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 RIPPLES = """\
@@ -45,7 +45,7 @@ def assert_foretold(scene: Scene) -> None:
     plan = make_plan(scene)
     laid_out = meshing.lay_out(Setup(scene), plan)
     cells = sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values())
-    made = estimate(scene).estimate
+    made = counted(scene)
     assert made is not None and made.cells / 3 < cells < 3 * made.cells
 
 
@@ -70,7 +70,7 @@ def test_too_many_bed_forms_are_refused_at_once(bed: str) -> None:
     ],
 )
 def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(text: str, part: str) -> None:
-    found = message(lambda: estimate(loads(text)))
+    found = message(lambda: counted(loads(text)))
     assert (
         found.startswith("numerics.max_cells: a mesh of about ")
         and f"most for the {part}, more than" in found
@@ -113,7 +113,7 @@ def test_too_many_bed_forms_in_space_are_refused_at_once(grain: str, bed: str) -
 def test_a_gap_too_narrow_to_be_meshed_is_refused_at_once(bed: str) -> None:
     """Cells as large as the space about a sphere's contact is wide are as many as its radius over the gap, in parts."""
     text = f"{IN_SPACE}{SPHERE}[bed]\n{bed}\n[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\ngap = "
-    found = message(lambda: estimate(loads(f"{text}1e-9\n")))
+    found = message(lambda: counted(loads(f"{text}1e-9\n")))
     assert "most for the narrow places" in found and "enlarge contact.gap" in found
 
 
@@ -122,7 +122,7 @@ def test_a_flat_domain_is_refused_before_it_is_filled_with_boxes() -> None:
     far = [f"domain.{key}=1e5" for key in ("length", "width")]
     scene = load(SCENES / "sphere_on_plane.toml", [*far, "body.x=5e4"])
     with pytest.raises(MeshError, match=r"too flat to be meshed: 1e\+05 long and 30 across"):
-        estimate(scene)
+        counted(scene)
 
 
 def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
@@ -161,7 +161,7 @@ def test_what_helps_a_grain_that_cannot_be_meshed_is_said(
     vertices = [[0, 0, 0], [1, 0, 0], *across]
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
     with pytest.raises(MeshError, match=remedy):
-        estimate(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
+        counted(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,6 @@ from incipient.errors import OutputError
 from incipient.files import (
     MARK,
     append_row,
-    ends_with,
-    insert_before_end,
-    own,
     reported,
     write_json,
     write_text_atomically,
@@ -147,26 +144,3 @@ def test_half_a_row_is_taken_back(tmp_path):
     assert path.read_text() == before
     append_row(path, ROW)
     assert len(path.read_text().splitlines()) == 3
-
-
-def test_text_is_put_before_the_end_of_a_file_in_place(tmp_path):
-    path = tmp_path / "fields.xdmf"
-    path.write_text("<a>\n</a>\n")
-    inode = path.stat().st_ino
-    insert_before_end(path, "<b/>\n", "</a>\n")
-    assert path.read_text() == "<a>\n<b/>\n</a>\n"
-    assert path.stat().st_ino == inode
-    assert ends_with(path, "</a>\n") and not ends_with(path, "<b/>\n")
-    assert not ends_with(path, 100 * "x") and not ends_with(tmp_path / "absent", "x")
-
-
-def test_text_that_does_not_fit_before_the_end_is_taken_back(tmp_path):
-    path = tmp_path / "fields.xdmf"
-    path.write_text("<a>\n</a>\n")
-    own(tmp_path, {path.name: None})
-    with (
-        files_limited_to(12),
-        pytest.raises(OutputError, match=r"fields\.xdmf: .*file too large; raise"),
-    ):
-        insert_before_end(path, 20 * "<b/>\n", "</a>\n")
-    assert path.read_text() == "<a>\n</a>\n"

@@ -20,8 +20,6 @@ from incipient import cli
 from incipient.errors import IncipientError, OutputError, SceneError
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.input_files import read_table, read_text, reading
-from incipient.output.lock import locked
-from incipient.parallel import Alone
 from incipient.survey.beds import spheres_of
 from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
 from incipient.sweep import cluster
@@ -65,20 +63,6 @@ def test_pipes_and_devices_are_refused_by_every_command(
     assert cli.main(order) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "is a pipe or a device; give" in said
-
-
-def test_a_lock_that_is_a_pipe_or_holds_nonsense_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "lock.json")
-
-    def enter() -> None:
-        with locked(tmp_path, Alone()):  # type: ignore[arg-type]
-            raise AssertionError("entered")
-
-    assert "lock.json: is no lock but a link, pipe or directory" in message(enter)
-    for held in (DEEP, '{"host": 5, "process": "x", "began": [1], "since": null}', "[]"):
-        (tmp_path / "lock.json").unlink()
-        (tmp_path / "lock.json").write_text(held)
-        assert "another run is starting there" in message(enter)
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scenes import message
 
 from incipient import load
+from incipient.accuracy.first_mesh import planned
 from incipient.geometry import Flat, HalfDiscs, Placement, Polygon, Sinusoidal, clearance, rest
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import meeting_sides
 from incipient.geometry.shape import largest_distance
-from incipient.simulation.build import estimate
 
 Floats = NDArray[np.float64]
 SCENE = """\
@@ -157,7 +157,7 @@ def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
     path = written_scene(tmp_path, 10_000, settle)
     with allocated() as most:
         scene = load(path)
-        plan = estimate(scene)
+        plan = planned(scene)
     assert most() < 100.0
     assert scene.body is not None and len(scene.body.vertices) == 10_000  # type: ignore[union-attr]
     assert plan.geometry_order == plan.order == 3

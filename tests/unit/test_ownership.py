@@ -1,12 +1,17 @@
-"""What commands would replace in a directory: only what they have written."""
+"""What commands may replace in a directory, and who may work there: only their own files, one run at a time."""
 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
+from environment import environment
 from matplotlib.figure import Figure
 from mpi4py import MPI
 
@@ -15,7 +20,7 @@ from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.files import MARK, append_row, own, owned, write_text_atomically
 from incipient.output.lock import locked
-from incipient.output.ownership import OTHERS, place_scene, refuse_foreign
+from incipient.output.ownership import OTHERS, make_room, place_scene, refuse_foreign
 from incipient.pictures import style
 from incipient.scene import example, loads
 from incipient.scene.file import dumps
@@ -24,84 +29,55 @@ from incipient.sweep.table import write_parquet
 
 FOREIGN = {
     "result.json": json.dumps({"status": "complete", "energy": 3.0}),
-    "threshold.json": "[1, 2]",
     "history.csv": "time,energy\n0,1\n",
-    "fields.h5": "numbers",
-    "flow.png": "a picture",
+    "fields.xdmf": "numbers",
     "report.html": "<html>quarterly figures</html>",
     "checkpoint.h5": "something else",
     "scene.toml": example(),
 }
+COMM = MPI.COMM_SELF
+
+
+# -- files of others -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", FOREIGN)
 def test_what_others_wrote_is_refused_and_stays(tmp_path: Path, name: str) -> None:
+    """Also in a directory where incipient has written other files."""
+    write_text_atomically(tmp_path / "threshold.json", "{}")
     (tmp_path / name).write_text(FOREIGN[name])
-    refused = f"{name}: was not written by incipient.* choose another directory"
-    with pytest.raises(OutputError, match=refused):
-        refuse_foreign(tmp_path)
+    refused = f"{name}: was not written by incipient; choose another directory"
+    with pytest.raises(OutputError, match=refused), locked(tmp_path, COMM):
+        pass
     with pytest.raises(OutputError, match=refused):
         write_text_atomically(tmp_path / name, "ours")
+    with pytest.raises(OutputError, match=refused):
+        append_row(tmp_path / name, {"time": 0.0})
     assert (tmp_path / name).read_text() == FOREIGN[name]
 
 
-def test_what_was_changed_since_is_refused(tmp_path: Path) -> None:
-    """A file of the user's with the name of an earlier result; files that grow are this program's at any size."""
-    write_text_atomically(tmp_path / "spheres.csv", "x,y,z,diameter\n")
-    write_text_atomically(tmp_path / "spheres.csv", "x,y,z,diameter\n0,0,0,1\n")
-    append_row(tmp_path / "history.csv", {"time": 0.0})
-    append_row(tmp_path / "history.csv", {"time": 1.0})
-    (tmp_path / "spheres.csv").write_text("x,y,z,diameter\n0,0,0,1.5\n")
-    with pytest.raises(OutputError, match=r"spheres\.csv: .* has been changed"):
-        write_text_atomically(tmp_path / "spheres.csv", "")
-    append_row(tmp_path / "history.csv", {"time": 2.0})
-    assert owned(tmp_path) == {"history.csv"}
-
-
-def test_a_file_that_has_grown_is_the_users_if_it_changes_after_the_run(tmp_path: Path) -> None:
-    """While a run is at work, and after it was killed, its size says nothing; at its end it is recorded."""
-    for time in (0.0, 1.0):
-        with locked(tmp_path, MPI.COMM_SELF, make=True):
-            append_row(tmp_path / "history.csv", {"time": time})
-    own(tmp_path, {"fields.h5": None})  # of a run that was killed
-    (tmp_path / "fields.h5").write_text("any size")
-    refuse_foreign(tmp_path)
-    (tmp_path / "history.csv").write_text("time,energy\n0,1\n")
-    refused = pytest.raises(OutputError, match=r"history\.csv: .*has been changed since")
-    with refused, locked(tmp_path, MPI.COMM_SELF, make=True):
+def test_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "fields").mkdir()
+    refused = pytest.raises(OutputError, match="fields: was not written by incipient")
+    with refused, locked(tmp_path, COMM):
         pass
-    assert (tmp_path / "history.csv").read_text() == "time,energy\n0,1\n"
 
 
-def test_a_file_whose_next_writer_was_killed_is_still_ours(tmp_path: Path) -> None:
-    """Killed after its mark was written and before the new file took the old one's place: sizes 5 there, 9 marked."""
-    path = tmp_path / "surface.h5.journal"
-    write_text_atomically(path, "1" * 5)
-    own(tmp_path, {path.name: 9})
-    assert owned(tmp_path) == {path.name}
-    write_text_atomically(path, "2" * 7)
-    assert path.read_text() == "2" * 7
-
-
-def test_runs_of_earlier_versions_are_adopted(tmp_path: Path) -> None:
-    """Their directories have no mark, but the scene as runs write it."""
-    (tmp_path / "scene.toml").write_text(dumps(loads(example())))
-    names = ("fields.h5", "result.json", "result.json.1", "flow.png", "checkpoint.h5.part")
-    for name in (*names, "survey.png"):
-        (tmp_path / name).write_bytes(b"")
-    refuse_foreign(tmp_path)
-    write_text_atomically(tmp_path / "result.json", "{}")
-    with pytest.raises(OutputError, match=r"survey\.png: was not written"):
-        write_text_atomically(tmp_path / "survey.png", "")
-
-
-def test_an_edited_scene_is_the_users(tmp_path: Path) -> None:
-    place_scene(tmp_path, dumps(loads(example())))
-    refuse_foreign(tmp_path)
-    with (tmp_path / "scene.toml").open("a") as scene:
-        scene.write("# my own words\n")
-    with pytest.raises(OutputError, match=r"scene\.toml: .*has been changed since"):
-        refuse_foreign(tmp_path)
+def test_a_run_that_makes_room_leaves_files_of_others(tmp_path: Path) -> None:
+    """Beside its files, within its folder of fields, and where a mark of somebody else names them."""
+    (tmp_path / "precious").write_text("mine")
+    out = tmp_path / "out"
+    (out / "fields").mkdir(parents=True)
+    for path in (out / "result.json", out / "fields" / "000000.h5"):
+        write_text_atomically(path, "ours")
+    own(out / "fields")
+    for path in (out / "notes.txt", out / "fields" / "notes.txt"):
+        path.write_text("mine")
+    with (out / "fields" / MARK).open("a") as mark:
+        mark.write("../../precious\n")
+    make_room(out, overwrite=True)
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"precious", f"out/{MARK}", "out/notes.txt", "out/fields/notes.txt"}
 
 
 def test_results_of_another_scene_make_room(tmp_path: Path) -> None:
@@ -122,32 +98,25 @@ def test_results_of_another_scene_make_room(tmp_path: Path) -> None:
     refuse_foreign(tmp_path / "x.1")
 
 
-def test_what_is_read_is_not_replaced(tmp_path: Path) -> None:
-    write_text_atomically(tmp_path / "spheres.csv", "0,0,0,1\n")
-    source = tmp_path / ".." / tmp_path.name / "spheres.csv"
-    with pytest.raises(OutputError, match=r"spheres\.csv: is read and would be replaced"):
-        refuse_foreign(tmp_path, ("spheres.csv",), [source])
-
-
-@pytest.mark.parametrize("name", ["result.json", "result.json.part", "fields.h5", MARK])
+@pytest.mark.parametrize("name", ["result.json", "result.json.part", "fields", MARK])
 def test_nothing_is_written_through_links(tmp_path: Path, name: str) -> None:
-    target = tmp_path / "elsewhere"
+    target, out = tmp_path / "elsewhere", tmp_path / "out"
     target.write_text("precious")
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / name).symlink_to(target)
-    if name != MARK:
-        with pytest.raises(OutputError, match=f"{name}: is a link"):
-            refuse_foreign(tmp_path / "out")
+    out.mkdir()
+    (out / name).symlink_to(target)
+    with pytest.raises(OutputError, match=f"{name}: is a link"), locked(out, COMM):
+        pass
     with suppress(OutputError):  # half a file of an earlier call is removed
-        write_text_atomically(tmp_path / "out" / "result.json", "{}")
+        write_text_atomically(out / "result.json", "{}")
     with suppress(OutputError):
-        append_row(tmp_path / "out" / name, {"time": 0.0})
+        append_row(out / name, {"time": 0.0})
     assert target.read_text() == "precious"
 
 
-def test_a_directory_that_is_not_there_is_no_one_s(tmp_path: Path) -> None:
-    refuse_foreign(tmp_path / "nothing")
-    assert not (tmp_path / "nothing").exists()
+def test_a_mark_that_is_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / MARK)
+    with pytest.raises(OutputError, match=MARK), locked(tmp_path, COMM):
+        pass
 
 
 def test_a_survey_beside_its_bed_leaves_the_bed(
@@ -158,7 +127,7 @@ def test_a_survey_beside_its_bed_leaves_the_bed(
     (tmp_path / "spheres.csv").write_text("0,0,0,1\n")
     assert main(["survey", "bed.toml", "--out", "."]) == 5
     assert "spheres.csv: was not written by incipient" in capsys.readouterr().err
-    own(tmp_path, {"spheres.csv": None})  # that of an earlier survey
+    own(tmp_path / "spheres.csv")  # that of an earlier survey
     assert main(["survey", "bed.toml", "--out", "."]) == 5
     assert "spheres.csv: is read and would be replaced" in capsys.readouterr().err
     assert (tmp_path / "spheres.csv").read_text() == "0,0,0,1\n"
@@ -174,10 +143,12 @@ def test_the_file_of_a_sweep_is_no_target(tmp_path: Path) -> None:
     assert (tmp_path / "s.sqlite").read_bytes() == before
 
 
-def test_who_reads_makes_no_database(tmp_path: Path) -> None:
+def test_who_reads_makes_nothing(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").touch()
     with pytest.raises(OutputError, match=r"notes\.txt: is not the file of a sweep"):
         Store(tmp_path / "notes.txt")
+    refuse_foreign(tmp_path / "nothing")
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
     assert not (tmp_path / "notes.txt").stat().st_size
 
 
@@ -187,3 +158,69 @@ def test_pictures_are_not_drawn_through_links(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"flow\.png: is a link"):
         style.save(Figure(), tmp_path / "flow.png")
     assert (tmp_path / "victim").read_text() == "precious"
+
+
+# -- one run at a time -----------------------------------------------------------------------------------------
+
+# Takes the lock of a directory, says so, and keeps it until its standard input ends.
+KEEPER = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from incipient.output.lock import locked
+with locked(Path(sys.argv[1]), MPI.COMM_SELF):
+    print("taken", flush=True)
+    sys.stdin.read()
+"""
+RANKS = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from incipient.errors import OutputError
+from incipient.output.lock import locked
+try:
+    with locked(Path(sys.argv[1]), MPI.COMM_WORLD):
+        pass
+except OutputError as error:
+    print(f"{MPI.COMM_WORLD.rank}: {error}\\n", end="")
+"""
+
+
+def test_a_second_run_is_refused_until_the_first_has_ended_however_it_ends(
+    tmp_path: Path, mpirun: Any
+) -> None:
+    """On all ranks, naming the process at work; a killed one, though a zombie, holds nothing."""
+    keeper = subprocess.Popen(
+        [sys.executable, "-c", KEEPER, str(tmp_path)],
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert keeper.stdout is not None and keeper.stdout.readline() == "taken\n"
+    done = mpirun(2, RANKS, tmp_path, timeout=60)
+    assert done.returncode == 0, done.stderr
+    first, second = sorted(done.stdout.splitlines())
+    assert first[:2] == "0:" and second[:2] == "1:" and first[2:] == second[2:]
+    assert f"{tmp_path}: another run is using it (process {keeper.pid} on " in first
+    assert first.endswith("); wait for it or choose another directory")
+    keeper.kill()
+    os.waitid(os.P_PID, keeper.pid, os.WEXITED | os.WNOWAIT)
+    refused = pytest.raises(OutputError, match=f"process {os.getpid()} on")
+    with locked(tmp_path, COMM), refused, locked(tmp_path, COMM):
+        raise AssertionError("two at once")
+    keeper.communicate()
+
+
+@pytest.mark.parametrize("kind", [OutputError, ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_the_lock_goes_with_an_error(tmp_path: Path, kind: type[BaseException]) -> None:
+    for _ in range(2):
+        with pytest.raises(kind), locked(tmp_path / "new", COMM, make=True):
+            raise kind
+    assert owned(tmp_path / "new") == set()
+
+
+def test_a_missing_directory_is_named(tmp_path: Path) -> None:
+    absent = pytest.raises(OutputError, match=r"absent: no such directory; give")
+    with absent, locked(tmp_path / "absent", COMM):
+        pass

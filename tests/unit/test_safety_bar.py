@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from incipient.accuracy.safetybar import bar_of_safety
+from incipient.accuracy.errorbars import with_safety
+from incipient.accuracy.goal import bar_of_safety
 from incipient.contact import Contacts, Load
+from incipient.evaluation.contact_verdict import find_contacts
+from incipient.results.errorbars import ErrorBars, Term
+from incipient.results.loads import Couples, Forces
 from incipient.results.safetybar import SafetyBar
+from incipient.scene import loads
+from incipient.scene.example import commented, grain_on_bed
 
+ZERO = np.zeros(3)
 # A disc of weight one between two contacts at 45 degrees without friction is tipped over one of them by a horizontal
 # force equal to its weight.
 
@@ -126,3 +136,29 @@ def test_held_by_the_flow_alone() -> None:
     assert "0.08 to 1.467 times the flow's load may hold it" in found.sentence()
     del errors["gap"]
     assert bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors).modes == ("rest",)
+
+
+def term(doubt: str = "") -> Term:
+    return Term("discretisation", np.array([1e-4, 0.0, 0.0]), ZERO, "how", doubt=doubt)
+
+
+@pytest.mark.parametrize("doubt", ["", "for a reason"])
+def test_nothing_is_certain_in_doubt(doubt: str) -> None:
+    scene = loads(commented(grain_on_bed()), overrides=["contact.friction=5", "body.density=9"])
+    run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
+    force = Forces(
+        np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0])
+    )
+    bars = with_safety(
+        ErrorBars((term(doubt),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+    )
+    assert bars.safety is not None
+    sure = with_safety(
+        ErrorBars((term(),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO)
+    ).safety
+    assert sure is not None and sure.certain
+    assert bars.safety.certain == (not doubt)
+    assert bars.safety.decisive == "discretisation"
+    assert any("more than twice as large: for a reason" in line for line in bars.lines()) == bool(
+        doubt
+    )

@@ -6,12 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import incipient.sweep
 from incipient import cli
-from incipient.simulation.judge_series import read_columns
 from incipient.sweep.axes import parsed
 from incipient.sweep.cases import Source
 from incipient.sweep.request import requested
@@ -65,24 +63,6 @@ def test_parquet_has_the_rows(file: Path, tmp_path: Path, capsys: Any) -> None:
     assert_same(parquet.read_table(target).to_pylist(), incipient.sweep.rows(file))
     assert cli.main(["table", str(file), "--parquet", str(tmp_path / "absent" / "x.parquet")]) == 5
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_series_of_loads_come_from_parquet(tmp_path: Path, capsys: Any) -> None:
-    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    time = np.linspace(0.0, 1.0, 11)
-    columns = {"time": time, "force_x": 0.3 * time, "force_y": 0.0 * time, "couple": 0.0 * time}
-    path = tmp_path / "forces.parquet"
-    parquet.write_table(pyarrow.table(columns), path)
-    found = read_columns(path)
-    assert list(found) == list(columns) and all(
-        (found[name] == columns[name]).all() for name in columns
-    )
-    assert cli.main(["judge", str(CASES / "block_on_incline.toml"), "--series", str(path)]) == 0
-    assert "11 from 0 to 1" in capsys.readouterr().out
-    path.write_bytes(b"no Parquet")
-    assert cli.main(["judge", str(CASES / "block_on_incline.toml"), "--series", str(path)]) == 2
-    complaint = capsys.readouterr().err
-    assert complaint.count("\n") == 1 and "give a Parquet file of numbers" in complaint
 
 
 @pytest.mark.parametrize("name", ["pandas", "pyarrow"])

@@ -14,10 +14,10 @@ def stored(part: SurfacePart, coupling: Coupling) -> StoredSurface:
     """Elevations now and before, and the places of the mesh."""
     nodes = numbered_nodes(coupling.fluid.domain.mesh)
     return StoredSurface(
-        made=nodes.dealt(coupling.motion.reference),
-        elevations=nodes.dealt(np.stack([part.mesh.on_nodes(one) for one in part.past], axis=1)),
+        made=nodes.joined(coupling.motion.reference),
+        elevations=nodes.joined(np.stack([part.mesh.on_nodes(one) for one in part.past], axis=1)),
         times=np.array(part.times),
-        places=nodes.dealt(np.stack(coupling.places, axis=1)),
+        places=nodes.joined(np.stack(coupling.places, axis=1)),
     )
 
 

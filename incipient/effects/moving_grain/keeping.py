@@ -27,12 +27,12 @@ def stored(
     mean = part.mean_load
     nodes = numbered_nodes(coupling.fluid.domain.mesh)
     return StoredBody(
-        made=nodes.dealt(coupling.motion.reference),
-        weights=nodes.dealt(part.mesh.weights),
+        made=nodes.joined(coupling.motion.reference),
+        weights=nodes.joined(part.mesh.weights),
         made_for=BodyState.at(part.mesh.placement).packed(),
         states=np.array([one.packed() for one in part.past]),
         times=np.array([one.time for one in part.past]),
-        places=nodes.dealt(np.stack(coupling.places, axis=1)),
+        places=nodes.joined(np.stack(coupling.places, axis=1)),
         mean_load=mean.previous,
         mean_load_order=mean.order,
         mean_load_step=mean.last_step,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ...arrays import Floats
 from ...errors import OutputError
 from ...input_files import reading
-from ...simulation.judge_series import SAMPLES, SUMMARY
+from ...judging.series import SAMPLES, SUMMARY
 from .. import style
 from ..record import parsed_json
 

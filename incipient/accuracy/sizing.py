@@ -13,7 +13,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from .. import compat
 from ..arrays import Floats, Integers
@@ -23,7 +22,7 @@ from ..planning.layout import STEEPEST
 
 # The size of a cell relative to before: shares say nothing about much smaller ones.
 SMALLEST, LARGEST = 0.2, 2.0
-FAINT = 1e-3  # shares below this part of the mean are looked at as that
+FAINT = 1e-3  # of the mean: smaller shares count as that
 BISECTIONS = 60
 
 
@@ -52,21 +51,15 @@ class Shares:
         return _mean_around(self.cells, sides, len(self.points))
 
 
-@dataclass(frozen=True, eq=False)
-class Wanted:
-    """Cell sizes of the next mesh (None but on rank 0), and its number of cells relative to this one."""
-
-    field: SizeField | None
-    more_cells: float
-
-
 def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     """Shares (local vertices,) of several goals, put together as the root of their squares. Collective.
 
     They are numbered as the values of linear elements (`dual.GoalErrors.shares`).
     """
     comm, hats = mesh.comm, compat.space(mesh, ("Lagrange", 1))
-    owned, numbers = _numbers(hats)
+    nodes = hats.dofmap.index_map
+    owned = nodes.size_local
+    numbers = nodes.local_to_global(np.arange(owned + nodes.num_ghosts, dtype=np.int32))
     cells = mesh.topology.index_map(mesh.topology.dim).size_local
     mine = (
         hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim],
@@ -81,27 +74,24 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     return Shares(points, numbered.astype(np.int64), errors)
 
 
-def _numbers(space: Any) -> tuple[int, Integers]:
-    """Number of unknowns owned by this rank, and the global number of each local one."""
-    index_map = space.dofmap.index_map
-    local = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    return index_map.size_local, index_map.local_to_global(local)
+def resized(
+    shares: Shares, order: int, relative: float, comm: Comm
+) -> tuple[SizeField | None, float]:
+    """Cell sizes with which the sum of shares is expected to become `relative` times what it is. Collective.
 
+    Returns their field (None but on rank 0), and the number of cells relative to this mesh.
 
-def resized(shares: Shares, order: int, relative: float, comm: Comm) -> Wanted:
-    """Sizes with which the sum of shares is expected to become `relative` times what it is. Collective.
-
-    order: order of the velocity on the new mesh
+    Args:
+        order: of the velocity on the new mesh.
     """
-    wanted = Wanted(None, 1.0)
+    field, more = None, 1.0
     if comm.rank == 0:
-        factors = _factors(_smooth(shares), order, relative, shares.dimension)
         before = shares.sizes
+        factors = _factors(_smooth(shares), order, relative, shares.dimension)
         sizes = _gently_growing(shares, before * factors)
         field = SizeField(shares.points, shares.cells, sizes)
         more = float(np.mean(((before / sizes) ** shares.dimension)[shares.cells]))
-        wanted = Wanted(field, more)
-    return Wanted(wanted.field, comm.bcast(wanted.more_cells, root=0))
+    return field, comm.bcast(more, root=0)
 
 
 def _smooth(shares: Shares) -> Floats:
@@ -144,6 +134,6 @@ def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
 
 def _mean_around(cells: Integers, values: Floats, vertices: int) -> Floats:
     """(vertices,) mean over the cells (m, corners) around each vertex of values (m,)."""
-    rows, columns = cells.ravel(), np.repeat(np.arange(len(cells)), cells.shape[1])
-    around = sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(vertices, len(cells)))
-    return np.asarray(around @ values / np.maximum(around.sum(axis=1).A1, 1.0))
+    rows, each = cells.ravel(), np.repeat(values, cells.shape[1])
+    sums = np.bincount(rows, each, minlength=vertices)
+    return sums / np.maximum(np.bincount(rows, minlength=vertices), 1)

@@ -1,0 +1,67 @@
+"""The plan of a scene with its expense, counted by making the first mesh of its run."""
+
+from __future__ import annotations
+
+from ..effects import known
+from ..effects.plan import make_plan, plan_of
+from ..errors import MissingError
+from ..installed import memory_of_libraries
+from ..planning import expense, meshing
+from ..planning.flow_setup import Setup, has_inertia
+from ..planning.layout import coarse_sizes
+from ..planning.plan import Estimate, Plan
+from ..scene import Scene
+from . import next_mesh
+from .coarse_runs import changed, comparisons
+from .terms import on_more_bed
+
+LARGEST = 100.0  # of numerics.mesh_size
+
+
+def planned(scene: Scene) -> Plan:
+    """The plan with cells, unknowns and memory, on the first mesh if there are several. Not collective.
+
+    Without gmsh the plan has a warning instead. Raises MeshError.
+    """
+    plan = make_plan(scene)
+    try:
+        return plan.with_estimate(first_mesh(scene))
+    except MissingError as error:
+        return plan.warned(f"cells, unknowns and memory are not known: {error}")
+
+
+def first_mesh(scene: Scene) -> Estimate:
+    """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
+    if scene.numerics.accuracy is None:
+        return counted(scene)
+    if scene.is_averaged:
+        size = min(next_mesh.COARSEST * scene.numerics.mesh_size, LARGEST)
+        return counted(changed(scene, numerics={"mesh_size": size}))
+    steady = scene.time is None
+    setup = Setup(scene if steady else next_mesh.first(scene))
+    plan = plan_of(setup)
+    layout = meshing.lay_out(setup, plan)
+    factor = next_mesh.coarsest(scene.gdim, has_inertia(scene))
+    sized = coarse_sizes(factor, None, layout) if steady else layout
+    return expense.count(sized, plan.order, steady, plan.solver.name)
+
+
+def counted(scene: Scene) -> Estimate:
+    """Cells, unknowns and memory of a run, counted by making its mesh on this process. Not collective.
+
+    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
+    below a free surface in 3-D while the run in elements of another order is made.
+    """
+    setup = Setup(scene)
+    plan, has_dual = plan_of(setup), expense.has_dual(setup)
+    wider = on_more_bed(scene) if has_dual else None
+    beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
+    layout = meshing.lay_out(setup, plan)
+    expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
+    expected = expected.with_more(
+        sum(effect.memory(setup, expected.unknowns) for effect in known.EFFECTS)
+    )
+    if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
+        other = counted(comparisons(scene)[1])
+        expected = expected.with_more(other.memory_mib - memory_of_libraries())
+    return expected

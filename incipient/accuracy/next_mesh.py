@@ -1,0 +1,179 @@
+"""Order, cells and time step of the next run, from the error on the one before. Nothing here solves.
+
+In time, with steps dt and cells h, the error is e_t (dt/dt_0)^q + e_h (h/h_0)^s, q the order of the steps and s that
+of loads in the size of cells (`terms.order_in_space`); the work goes as 1/dt and as h^-p. Where the errors add up to E,
+the least work has (Lagrange) e_t : e_h = 1/q : p/s, so that an error that costs little to lessen is lessened most.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
+from ..planning.flow_setup import order_of
+from ..planning.open_channel import LEVEL
+from ..results.adaptation import Trial
+from ..scene import Scene
+from ..scene.numerics import OF_SURFACE
+from .coarse_runs import (
+    FEWEST_STEPS,
+    HIGHEST_ORDER,
+    LONGEST_STEP,
+    MODEL_MESH,
+    changed,
+    order_in_time,
+)
+from .terms import is_stream, order_in_space
+
+AIM = 0.6  # of the accuracy, so that the run expected to reach it does
+MOST_MESHES, MOST_RUNS = 12, 6  # steady, in time
+ORDERS = (2, 3, 4)
+# Unknowns per vertex of a large mesh, by the dimension and the order; what one order more is expected to leave of the
+# error on the same mesh.
+UNKNOWNS, GAIN = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}, 0.1
+# Cells of the first mesh over those by default; where they are upwinded larger ones mislead. In time also the steps.
+COARSEST, COARSEST_UPWINDED, COARSEST_IN_TIME, LONGEST = 4.0, MODEL_MESH, 8.0**0.5, 8.0
+# Work on cells of one `numerics.mesh_size` over that of order two, and the power of the inverse cell size with which it
+# grows (`make bench`: 0.8 to 1.7, two where cells do not grow away from the grain); the choice hangs little on it.
+WORK, WORK_POWER = {2: 1.0, 3: 1.3, 4: 1.7}, 1.5
+SHORTEST, FINEST = 1 / 16, 1 / 4  # at once: estimates by a coarse run are poor for a much finer one
+HIGHEST_OF_SURFACE = (
+    3  # order of the velocity beyond which that of the elevation, which is the cells', stays
+)
+
+
+# -- steady -------------------------------------------------------------------------------------------------
+
+
+def highest_order(gdim: int, inertia: bool) -> int:
+    """The highest order that is tried: in 3-D with inertia two, which the block preconditioner is made for."""
+    return 2 if gdim == 3 and inertia else ORDERS[-1]
+
+
+def coarsest(gdim: int, inertia: bool) -> float:
+    """Cells of the first mesh relative to those by default."""
+    return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
+
+
+def next_order(
+    order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]
+) -> tuple[int, float]:
+    """The order expected to need the fewest unknowns, and what it would leave on this mesh over the error aimed at.
+
+    It is not below the given order. One order more on the same mesh is expected to leave a tenth; what is then too much
+    needs (error / aim)^(d/2k) times the unknowns in d dimensions.
+
+    Args:
+        excess: the error on this mesh, in elements of `order`, over the error aimed at.
+    """
+
+    def unknowns(k: int) -> float:
+        return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
+
+    best = min((k for k in ORDERS if order <= k <= max(order, highest)), key=unknowns)
+    return best, excess * GAIN ** (best - order)
+
+
+# -- in time ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The next run in time: steps, cells and work relative to the last one, and the order of the elements."""
+
+    shorter: float
+    finer: float
+    order: int
+    work: float
+
+    def keeps_mesh(self, order: int) -> bool:
+        """Whether the mesh, and the order of the elements on it, stay."""
+        return self.finer == 1.0 and self.order == order
+
+
+def refined(scene: Scene, trial: Trial, left: float) -> Refined:
+    """The refinement of a scene in time with which a fraction of its error is expected to be left. Not collective."""
+    q, order = order_in_time(scene), order_of(scene).number
+    of_step, of_mesh = trial.of_step, trial.of_mesh
+    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
+        return halved(order)
+    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
+    # A safety factor may err more than its parts together.
+    aim = left * (of_step + of_mesh)
+    best = cheapest(of_step, of_mesh, aim, order, q, max(highest, order))
+    if best.shorter < SHORTEST or best.finer < FINEST:
+        return refined(scene, trial, left**0.5)
+    return best
+
+
+def halved(order: int) -> Refined:
+    """Steps half as long and cells smaller by the root of two, for an error of unknown origin."""
+    return _with_work(0.5, 0.5**0.5, order, order)
+
+
+def cheapest(
+    of_step: float, of_mesh: float, aim: float, order: int, q: int, highest: int = ORDERS[-1]
+) -> Refined:
+    """Steps, cells and an order not below the given one for an error of `aim` with the least work; none is coarser."""
+
+    def at(higher: int) -> Refined:
+        s = float(order_in_space(higher))
+        to_step = aim / q / (1.0 / q + WORK_POWER / s)
+        if of_step < to_step:
+            to_step = of_step
+        elif of_mesh < aim - to_step:
+            to_step = aim - of_mesh
+        shorter, finer = _ratio(to_step, of_step, q), _ratio(aim - to_step, of_mesh, s)
+        return _with_work(shorter, finer, order, higher)
+
+    return min((at(k) for k in ORDERS if order <= k <= highest), key=lambda each: each.work)
+
+
+def _with_work(shorter: float, finer: float, order: int, higher: int) -> Refined:
+    work = finer**-WORK_POWER / shorter * WORK[higher] / WORK[order]
+    return Refined(shorter, finer, higher, work)
+
+
+def _ratio(wanted: float, now: float, power: float) -> float:
+    return (wanted / now) ** (1.0 / power) if now > wanted else 1.0
+
+
+def first(scene: Scene) -> Scene:
+    """The first scene of a search in time: a coarse mesh, and steps as long as leaves a few of them.
+
+    Where a stream enters below a free surface the zone at the inflow, one cell at least, is as long on all meshes,
+    those of one order more included: otherwise its length errs, which the comparison does not tell.
+    """
+    assert scene.time is not None
+    longer, cells = LONGEST, COARSEST_IN_TIME
+    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
+        longer /= 2.0
+    if is_stream(scene):
+        sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
+        size = sizes[min(order_of(scene).number + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size
+        cells = float(np.clip(LEVEL / size, 1.0, cells))
+    return _resized(scene, cells, longer)
+
+
+def finer(scene: Scene, wanted: Refined) -> Scene:
+    """The scene in time refined: shorter steps, a finer mesh, another order."""
+    assert scene.time is not None
+    shorter, steps = wanted.shorter, scene.time.end / scene.time.step
+    if scene.time.tolerance is None and shorter < 1.0:
+        # Even, and from some number on such that the longer steps of a comparison end where these do.
+        multiple = LONGEST_STEP if steps / shorter > LONGEST_STEP * FEWEST_STEPS else 2.0
+        shorter = steps / (multiple * math.ceil(steps / shorter / multiple * (1.0 - 1e-9)))
+    return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
+
+
+def _resized(scene: Scene, cells: float, steps: float) -> Scene:
+    """The scene with cells and steps enlarged by factors; the tolerance of adaptive steps follows."""
+    assert scene.time is not None
+    time = {"step": steps * scene.time.step}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
+    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), 100.0)
+    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)

@@ -1,0 +1,41 @@
+"""The run of a scene with its error bars, to an accuracy where one is asked for."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+from ..interrupt import Interruption
+from ..parallel import Comm
+from ..progress import Silent
+from ..restart.checkpoint import Checkpoint
+from ..results.result import Result
+from ..scene import Scene
+from ..simulation.recorder import Recorder
+from ..simulation.simulate import solved
+from .finish import finished
+
+
+def run_scene(
+    scene: Scene,
+    comm: Comm,
+    recorder: Recorder | None = None,
+    voice: Silent | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Result:
+    """Run a scene from plan to verdict with its error bars, from the start or from a checkpoint. Collective.
+
+    With `numerics.accuracy` it is run on meshes of the program's choice, until the error is small enough. The recorder
+    is handed the last run; it may begin again. Raises IncipientError on all ranks.
+    """
+    recorder = recorder or Recorder()
+    if scene.numerics.accuracy is None or checkpoint is not None:
+        with solved(scene, comm, recorder, voice, checkpoint) as run:
+            return finished(run, recorder)
+    from .search import Search
+    from .strategies import DualWeighted, InTime, Uniform
+
+    steady = Uniform if scene.is_averaged else DualWeighted
+    strategy = steady if scene.time is None else InTime
+    with Interruption(comm) if recorder.keeps else nullcontext():
+        result: Result = Search(scene, comm, recorder, voice or Silent(), strategy).result()
+        return result

@@ -1,0 +1,499 @@
+"""Terms of error bars: functions of a scene, the loads that its run has come to, and coarse runs to compare it with.
+
+Discretisation by the dual solution, by coarser meshes or in longer steps; gap, domain, datum and flat ground away from
+the grain by scenes that have more or less of them. The dual solution itself is in `dual`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import ConvergenceError, IncipientError
+from ..planning.boundary_layer import is_resolved
+from ..planning.flow_setup import Setup, order_of
+from ..planning.meshed_bed import resolved_bed
+from ..planning.open_channel import LEVEL
+from ..planning.wall_cells import coarsest
+from ..results.errorbars import Loads, Term
+from ..scene import Contact, Scene
+from ..scene.model import WIDEST_GAP
+from .coarse_runs import (
+    COARSER_MESH,
+    FARTHER,
+    changed,
+    coarse,
+    comparisons,
+    farther,
+    on_another_mesh,
+    on_coarser_mesh,
+    order_in_time,
+    ratio_of_steps,
+)
+from .kept_runs import Solve
+
+if TYPE_CHECKING:
+    from .dual import GoalErrors
+
+Estimate = Callable[[Loads, Solve], Term]
+
+# Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D, steps of waves
+# and levels of streams (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
+SAFETY = 1.6
+# Orders in the size of cells: of turbulence, which is upwinded, and of laminar flow with corners. What two coarser
+# meshes differ by, which may agree with the finest by chance, is believed to fall at most at order two, and not at all
+# where loads scatter from mesh to mesh.
+UPWINDED, AT_CORNERS, FASTEST, SCATTERING = 1.0, 2.0, 2.0, 0.0
+# Larger cells past grains and bedforms in 3-D resolve no walls (tests/end_to_end/test_sand_in_space.py).
+COARSEST_IN_SPACE = 3.2
+# Part of two corrections against upwinding that the second may be: if the next ones fell as slowly, all of them would
+# be twice the first.
+SETTLED = 0.5
+# Waves are resolved while second differences of an elevation are smaller than its largest value, as with six steps a
+# period, and while those of two runs are in phase.
+COARSE, OUT_OF_PHASE = 1.0, 0.7
+LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, over the scene's
+PARABOLA = (8 / 3, -2.0, 1 / 3)  # weights of values at 1, 2 and 4 gaps in that without one
+ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
+# The influence of sides falls as a power of their distance: on a flat bed, over bedforms (1.6 to 1.8 measured,
+# docs/contribute/defaults.md), and the slowest believed, of a boundary layer that adapts (Leveque 1928). Corrections
+# believe three quarters of the first: a disc's errs by 0.15% of the force, down to 1/3 by 0.22% (make calibration).
+DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
+WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the bed's part meshed as it is (docs/contribute/defaults.md)
+ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes say nothing
+OF_MESH, GROUND, MODEL = "mesh", "level ground", "turbulence model"
+UNSETTLED = (
+    "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
+    "use a smaller numerics.mesh_size"
+)
+NOT_COARSER = (
+    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
+)
+NOT_RESOLVED = (
+    "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
+)
+NO_LIMIT = (
+    "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
+    "larger domain, or a flow that does not depend on its size"
+)
+NO_MORE_BED = "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
+NO_CONTACT = "does not apply: no grain rests on a bed"
+MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
+
+
+# -- discretisation -----------------------------------------------------------------------------------------
+
+
+def by_dual(goals: GoalErrors, unit: float) -> Term:
+    """The term of estimated errors in a unit that has their allowance. Collective.
+
+    An upwinded flow is corrected twice, which leaves the estimates those of both corrections.
+    """
+    left = goals.correct_again() if goals.is_upwinded else 0.0
+    doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
+    force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
+    return Term(
+        "discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt
+    )
+
+
+def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
+    """The term with loads corrected by its estimates, as far as loads improved on other cells agree. Not collective.
+
+    Nothing is corrected where these differ by more than the error of the load as computed.
+    """
+    plain = unit / goals.allowance
+    here = goals.loads(plain)
+    apart = np.concatenate([here.force - beside.force, here.couple - beside.couple])
+    change = -plain * np.concatenate([goals.force, goals.couple])
+    corrected = term.corrected(change, goals.allowance * np.abs(apart))
+    if goals.allowance > 1.0 and np.linalg.norm(corrected.force) > np.linalg.norm(term.force):
+        return term
+    return replace(corrected, how=f"{term.how}, on larger cells as well")
+
+
+def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of a mean flow, of velocities on centrelines, or of laminar separation: by runs on two coarser meshes.
+
+    Past a grain in 3-D that is resolved to the walls loads scatter from mesh to mesh, and a component may change little
+    by chance: each errs by as much as force or torque do, unless it vanishes by symmetry; so do both u*.
+
+    Raises:
+        ConvergenceError: a coarser mesh has as few rows or columns of cells, or does not resolve the walls in 3-D.
+    """
+    _require_coarser(scene)
+    if not scene.is_averaged:
+        return _by_two_meshes(scene, computed, solve, AT_CORNERS, AT_CORNERS)
+    over_forms = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
+    fastest = SCATTERING if over_forms or scene.resolves_uneven_walls else FASTEST
+    term = _by_two_meshes(scene, computed, solve, UPWINDED, fastest)
+    scatters = scene.resolves_walls and scene.gdim == 3
+    return term.with_components_alike() if scatters else term
+
+
+def _by_two_meshes(
+    scene: Scene, computed: Loads, solve: Solve, order: float, fastest: float
+) -> Term:
+    """The term by two coarser meshes: errors fall at `order`, what the two differ by at most at `fastest`."""
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {order:g}"
+    share, coarser = 1.0 / (COARSER_MESH**order - 1.0), on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    near = Term.of_difference("discretisation", computed, in_coarser, share, how)
+    where, share = in_coarser.where_separates(computed), share / COARSER_MESH**fastest
+    return near.at_least(Term.of_difference("discretisation", where, in_coarsest, share, how))
+
+
+def _require_coarser(scene: Scene) -> None:
+    """Raise ConvergenceError where the mesh for comparison would not be coarser. Not collective."""
+    if scene.is_averaged or scene.time is None:
+        setup = Setup(scene)
+        by_grid = setup.far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
+        most = coarsest(setup) / COARSER_MESH if scene.is_averaged else by_grid
+        if scene.numerics.mesh_size > most:
+            raise ConvergenceError(NOT_COARSER.format(math.floor(100.0 * most) / 100.0))
+    most = COARSEST_IN_SPACE / COARSER_MESH**2 * (1.0 + 1e-9)
+    if scene.resolves_uneven_walls and scene.numerics.mesh_size > most:
+        raise ConvergenceError(NOT_RESOLVED.format(most))
+
+
+def by_coarser_runs(
+    scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
+) -> Term:
+    """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
+
+    The error of the mesh hardly depends on the steps: it is seen in the longer ones, and `of_mesh` spares that run.
+    """
+    _require_coarser(scene)
+    longer, beside = comparisons(scene)
+    in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
+    if not _resolve_waves(computed, in_longer):
+        to_step = max(to_step, 1.0)  # their order says nothing
+    how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
+    of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
+    of_step = of_step.with_elevations_times(SAFETY)
+    if of_mesh is None:
+        how = f"these on a mesh for elements of order {order_of(beside).number}"
+        if on_another_mesh(scene):
+            how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {_order_of_mesh(scene):g}"
+        of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
+        of_mesh = of_mesh.with_elevations_times(SAFETY)
+    both = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    both = both.with_elevations_times(_of_large(both, computed))
+    return replace(both, doubt=doubt_of_stream(scene))
+
+
+def shares(scene: Scene) -> tuple[float, float]:
+    """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
+
+    All that elements of one order more change is an error of the mesh. Not collective.
+    """
+    to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
+    by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
+    return to_step, by_cells if on_another_mesh(scene) else 1.0
+
+
+def _order_of_mesh(scene: Scene) -> float:
+    """The order at which errors of a flow in time fall on finer meshes: one less in unresolved boundary layers."""
+    if scene.is_averaged:
+        return UPWINDED
+    order = order_of(scene).number
+    return order_in_space(order) if is_resolved(Setup(scene)) else order
+
+
+def order_in_space(velocity: int) -> int:
+    """The order of loads in `numerics.mesh_size`, from that of the velocity's elements. Not collective.
+
+    It is between that of the energy norm and its double, which a load read off the residual has on cells that all
+    shrink alike: how fast cells grow with the distance from the grain does not change with their size.
+    """
+    return velocity + 1
+
+
+def _resolve_waves(computed: Loads, in_longer: Loads) -> bool:
+    """Whether longer steps resolve the waves, if there are any, and have them in phase. Not collective."""
+    here, there = computed.elevations, in_longer.elevations
+    if here is None or there is None:
+        return True
+    # Longer steps damp what they do not resolve: their second differences are better seen in those of the run.
+    ratio = there.step / here.step if here.step > 0.0 else 1.0
+    sharpness = max(there.sharpness, ratio**2 * here.sharpness)
+    apart = float(here.apart(there).max(initial=0.0))
+    return sharpness <= COARSE and apart <= OUT_OF_PHASE * here.largest
+
+
+def _of_large(term: Term, computed: Loads) -> float:
+    """What errors of elevations come to if what an estimate leaves out is in proportion to the error. Not collective.
+
+    The rest is the geometric series of the relative error.
+    """
+    if term.elevation is None or computed.elevations is None or not computed.elevations.largest:
+        return 1.0
+    relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
+    return 1.0 / (1.0 - min(relative, 0.5))
+
+
+def is_stream(scene: Scene) -> bool:
+    """Whether a flow enters below a free surface. Not collective."""
+    return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
+
+
+def doubt_of_stream(scene: Scene) -> str:
+    """Why the estimated errors of a channel's level may be too small, or "". Not collective.
+
+    The zone at the inflow is a cell long at least, which no comparison of meshes shows.
+    """
+    if not is_stream(scene):
+        return ""
+    order, cells = order_of(scene).number, Setup(scene).far_cells
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
+    most = LEVEL * scene.domain.height / largest
+    if scene.numerics.mesh_size <= most:
+        return ""
+    return (
+        "the zone at the inflow that levels the surface is one cell long where cells are larger than "
+        f"{LEVEL:g} of the depth; use numerics.mesh_size = {math.floor(100.0 * most) / 100.0:g} or less"
+    )
+
+
+# -- geometry and flow that stand for the true ones ---------------------------------------------------------
+
+
+def of_gap(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """What closing the gap between grain and bed would change, from coarse runs with larger gaps.
+
+    If the gap is already wide they have smaller gaps. Loads are corrected by the change that a parabola through the
+    three gives; a power of the gap is the other way to estimate it. Where the space next to contacts is closed, it is
+    closed four times as widely: the pressure in a wedge is that of its mouth, so that less of it cannot change as much.
+    """
+    contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
+    wide = LARGER[-1] * contact.gap > WIDEST_GAP
+    gaps: tuple[float, ...] = SMALLER if wide else LARGER
+    if scene.closes_contacts:
+        gaps = (1.0, gaps[0] if wide else gaps[-1])
+    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in gaps]
+    loads = [solve(coarse(scene, contact=section)) for section in sections]
+    if scene.closes_contacts:
+        how = f"a coarse run with the contacts closed {'1/4' if wide else '4'} times as widely"
+        return Term.of_difference("gap", loads[0], loads[1], 1.0, how)
+    values = [np.concatenate([each.force, each.couple]) for each in loads]
+    # The change is that from the smallest gap: the way there from the scene's is added.
+    here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
+    by_power = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
+    how = f"coarse runs with {'1/4, 1/2 and 1' if wide else '1, 2 and 4'} times the gap, extrapolated to none"
+    near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
+    errors, order = np.abs(by_power) + np.abs(way), _order_in_gap(near, far)
+    # What the runs themselves still change by is extrapolated with them.
+    errors += (loads[0].unsteady + loads[1].unsteady) / (2.0**order - 1.0)
+    errors += (loads[0].unsteady + loads[2].unsteady) * wide
+    term = Term("gap", errors[:3], errors[3:], how, power=order)
+    if not is_corrected(scene):
+        return term
+    by_parabola = np.asarray(PARABOLA) @ values - values[0]
+    left = np.abs(by_parabola - by_power) + _noise(loads[here], computed)
+    return term.corrected(by_parabola + way, left)
+
+
+def _noise(coarse: Loads, computed: Loads) -> Floats:
+    """(6,) what coarse runs on meshes of their own differ by for that alone; on one mesh, moved, nothing."""
+    if coarse.moved:
+        return np.zeros(6)
+    return np.abs(np.concatenate([coarse.force - computed.force, coarse.couple - computed.couple]))
+
+
+def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
+    """Value without gap - value at the gap, for a value that goes as a power of the gap."""
+    near, far = at_two - at_one, at_four - at_two
+    if abs(near) <= ROUND_OFF * max(abs(at_one), abs(at_two), abs(at_four)):
+        return -near
+    return -near / (2.0 ** _order_in_gap(near, far) - 1.0)
+
+
+def _order_in_gap(near: float, far: float) -> float:
+    """The power of the gap from what two doublings of it change."""
+    return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
+
+
+def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
+    """What sides that stand for an unbounded flow change, from a coarse run with all of them farther away.
+
+    Their influence falls as their distance to the power `decay`; None: as is known of the bed. The loads on a held
+    grain are corrected, with sides farther away still: these are the other way to estimate it.
+    """
+    if decay is None:
+        decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
+    share = 1.0 / (1.0 - FARTHER**-decay)
+    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
+    here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
+    term = Term.of_difference("domain", far, here, share, how)
+    if not (is_corrected(scene) and len(here.force)):
+        return term
+    try:
+        farthest = solve(coarse(farther(scene, FARTHER**2)))
+    except IncipientError as error:
+        return replace(
+            term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}"
+        )
+    values = [np.concatenate([each.force, each.couple]) for each in (here, far, farthest)]
+    noise = _noise(here, computed)
+    change, left = _to_unbounded(values, decay, float(np.linalg.norm(noise[:3])))
+    times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
+    how = f"coarse runs with sides {times}, decay with distance to the power {decay:.2g} or slower"
+    return replace(term, how=how).corrected(change, left + noise)
+
+
+def _to_unbounded(values: list[Floats], decay: float, noise: float) -> tuple[Floats, Floats]:
+    """The change of loads (6,) to unbounded flow, from those with three distances, and its doubt.
+
+    The power is that seen in the forces, between a part of the expected one and that. Doubt is the largest of what the
+    expected power, a slower one that is seen, and the two nearer distances give otherwise; what sides change in their
+    own influence is added, as much as in the load.
+
+    Raises:
+        ConvergenceError: the second enlargement changes the force by more than the first one, and by more than `noise`.
+    """
+    near, far = (float(np.linalg.norm((after - before)[:3])) for before, after in pairwise(values))
+    if far > max(near, noise):
+        raise ConvergenceError(NO_LIMIT.format(near, far))
+    seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
+    slowest = SLOWEST_PART * decay, decay, SLOWEST_DECAY
+    by_seen, by_decay, by_slower = (
+        1.0 / (1.0 - FARTHER ** -min(max(seen, least), decay)) for least in slowest
+    )
+    change = values[1] + by_seen * (values[2] - values[1]) - values[0]
+    others = (
+        values[1] + by_decay * (values[2] - values[1]) - values[0],
+        by_seen * (values[1] - values[0]),
+        values[1] + by_slower * (values[2] - values[1]) - values[0],
+    )
+    share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
+    left = np.max([np.abs(other - change) for other in others], axis=0)
+    return change, left + share * np.abs(change)
+
+
+def of_datum(scene: Scene, other: Scene, computed: Loads, solve: Solve) -> Term:
+    """The error of the datum, from a coarse run of a scene whose base flow starts at another height."""
+    del computed
+    height = Setup(other).base_flow.datum - other.domain.bottom
+    how = f"a coarse run with flow.datum = {height:.4g}, which may suit the bed as well"
+    return Term.of_difference("datum", solve(coarse(other)), solve(coarse(scene)), 1.0, how)
+
+
+def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
+    """What a bed that is meshed as it is everywhere would change, from a run with more of it, or all, meshed so."""
+    how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
+    share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
+    if not _has_level_ground(Setup(wider)):
+        how, share = "a run with the bed meshed as it is everywhere", 1.0
+    return Term.of_difference(GROUND, solve(wider), computed, share, how)
+
+
+# -- which scene has which ----------------------------------------------------------------------------------
+
+
+def by_coarse_runs(scene: Scene, of_mesh: Term | None = None) -> Estimate | None:
+    """How coarse runs tell the error of the discretisation; None where the dual solution does. Not collective."""
+    if scene.time is not None:
+        return partial(by_coarser_runs, scene, of_mesh=of_mesh)
+    if scene.is_averaged or scene.has_centrelines or scene.has_separation:
+        return partial(by_coarser_mesh, scene)
+    return None
+
+
+def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
+    """How the errors are estimated, by name, that no finer mesh reduces; the flow may be faster. Not collective."""
+    estimates: dict[str, Estimate] = {}
+    other, wider = with_other_datum(scene, speed), on_more_bed(scene)
+    if not no_gap(scene):
+        estimates["gap"] = partial(of_gap, scene)
+    if not has_no_far_sides(scene):
+        # Far sides otherwise tell of how slowly a stream adapts that does not suit its bed.
+        suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
+        estimates["domain"] = partial(of_domain, scene if suits else other or scene)
+    if other is not None:
+        estimates["datum"] = partial(of_datum, scene, other)
+    if wider is not None:
+        estimates[GROUND] = partial(of_level_ground, wider)
+    return estimates
+
+
+def not_there(scene: Scene) -> dict[str, str]:
+    """Why a scene has no term of gap, domain, level ground or turbulence model, by name. Not collective."""
+    reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
+    if scene.is_averaged:
+        seen = "vary constants and wall_distance of [turbulence] to see it"
+        reasons[MODEL] = (
+            f"not estimated: {'no other one reaches the walls' if scene.resolves_walls else seen}"
+        )
+    if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
+        reasons[GROUND] = NO_MORE_BED
+    return {name: reason for name, reason in reasons.items() if reason}
+
+
+def is_corrected(scene: Scene) -> bool:
+    """Whether loads are corrected by what is known of their errors: of a grain that is held. Not collective.
+
+    In turbulent flow, and below a free surface, estimates have not shown what they are worth.
+    """
+    held = scene.body is not None and not scene.body.moves
+    return scene.numerics.correction and held and not (scene.is_averaged or scene.has_surface)
+
+
+def no_gap(scene: Scene) -> str:
+    """Why there is no term of the gap, or ""."""
+    if scene.body is not None and scene.body.moves:
+        return MOVES
+    return "" if scene.rests else NO_CONTACT
+
+
+def has_no_far_sides(scene: Scene) -> str:
+    """Why there is no term of the domain, or ""."""
+    if (scene.is_averaged and scene.body is None) or scene.has_separation:
+        return "does not apply: how long the channel is, and what enters, belong to the scene"
+    if scene.domain.kind == "box":
+        return "does not apply: the domain is closed by walls"
+    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
+        return "not estimated: the bed is known only as far as its points reach"
+    if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
+        return "does not apply: the channel is closed by a wall"
+    return ""
+
+
+def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
+    """The scene with a datum as far beyond the bed's effective height as that may be off, seen from its own datum.
+
+    None where there is no such height, or the scene's is that for certain, or a turbulent inflow is at the bed's own
+    height. At `speed` the flow is faster by a factor.
+    """
+    base_flow = Setup(scene).base_flow_at(speed)
+    if scene.is_averaged or has_no_far_sides(scene) or not base_flow.over_forms:
+        return None
+    level, datum = base_flow.effective_height, base_flow.datum
+    bottom, crest = scene.domain.bottom, scene.bed_shape.crest
+    off = bottom + level.height - datum
+    other = min(datum + off + math.copysign(level.uncertainty, off), crest)
+    if abs(other - datum) < ROUND_OFF * (crest - bottom):
+        return None
+    return changed(scene, flow={"datum": other - bottom})
+
+
+def on_more_bed(scene: Scene) -> Scene | None:
+    """The scene with more of its bed meshed as it is; None where there is no more, or an accuracy chooses the mesh."""
+    if scene.numerics.accuracy is not None or not _has_level_ground(Setup(scene)):
+        return None
+    return changed(
+        scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False}
+    )
+
+
+def _has_level_ground(setup: Setup) -> bool:
+    """Whether the bed of a steady flow in 3-D goes over to flat ground away from the grain."""
+    if setup.scene.gdim != 3 or setup.scene.time is not None:
+        return False
+    return resolved_bed(setup.geometry, setup.scene.placement, setup.base_flow.datum) is not None

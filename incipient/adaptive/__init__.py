@@ -1,1 +1,0 @@
-"""Runs to an accuracy: meshes, orders and steps of the program's choice."""

@@ -1,0 +1,1 @@
+"""Verdicts on forces and contacts from measurements and other programs."""

@@ -1,0 +1,228 @@
+"""Tables of cases, one a row, judged together.
+
+Columns, in 3-D with `_z` and a couple of three components: force_x, force_y, couple, weight_x, weight_y, centre_x,
+centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
+has fewer; optional are about_x, about_y (the point of the couple), mass and inertia (in 3-D inertia_x, inertia_y,
+inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats, decimal, spatial, unwarned
+from ..contact.batch import CHUNK, Batch, Cases, judge_many
+from ..errors import Interrupted, SceneError, shortened
+from ..files import make_directory, part_of, replaced, write_json, write_text_atomically
+from ..parquet import pyarrow
+from ..progress import Silent
+from .case import ROUNDING
+from .table import Table, read_table, require_columns
+
+SUMMARY = "batch.json"
+REMEDY = "give it, or --set {name}=VALUE for all rows"
+MOST_REASONS = 5  # printed
+_CONTACT = re.compile(r"(?:contact|normal)_([1-9][0-9]{0,2})_[xyz]")
+_PRODUCTS = ("xy", "xz", "yz")  # of inertia
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Outcome of a table: numbers of cases and of failures, cases by mode, the least safety factor, first reasons."""
+
+    cases: int
+    failed: int
+    modes: dict[str, int]
+    least_safety_factor: float
+    reasons: dict[int, str]
+
+    def text(self) -> str:
+        """The outcome in a few lines."""
+        lines = [f"{'cases':<20}{self.cases}"]
+        for mode, count in self.modes.items():
+            lines.append(f"{mode:<19} {count} ({count / self.cases:.2%})")
+        if self.modes:
+            lines.append(f"{'safety factor':<20}{self.least_safety_factor:.4g} at the least")
+        if self.failed:
+            lines.append(f"{'not judged':<20}{self.failed}, the first:")
+            lines += [f"  row {row}: {reason}" for row, reason in self.reasons.items()]
+        return "\n".join(lines)
+
+
+def verdicts_name(path: Path) -> str:
+    """Name of the file of verdicts on a table."""
+    return "verdicts.parquet" if path.suffix == ".parquet" else "verdicts.csv"
+
+
+def judge_table(
+    path: Path, settings: Sequence[str], directory: Path, jobs: int, progress: Silent
+) -> Verdicts:
+    """Judge the cases of a table; write their verdicts, in the format of the table, and batch.json. Not collective.
+
+    Args:
+        settings: values of columns for all rows, such as "friction=0.5".
+        jobs: number of threads.
+
+    Raises:
+        SceneError: the table cannot be read, has no row or wrong columns, or a setting is not a number.
+        MissingError: it is a Parquet file, and pyarrow is not installed.
+        OutputError: a file cannot be written.
+        Interrupted: by Ctrl-C; verdicts so far are written.
+    """
+    table = read_table(path)
+    cases, faults = _cases(table, dict(map(_setting, settings)))
+    if not len(cases):
+        raise SceneError(f"{path}: has no row of a case; give one a line below the names")
+    make_directory(directory)
+    progress.begin("verdicts")
+    batches = list[Batch]()
+    with suppress(KeyboardInterrupt):
+        for number, batch in enumerate(_judged(cases, jobs)):
+            batches.append(batch)
+            faults = {place + number * CHUNK: why for place, why in batch.reasons.items()} | faults
+            progress.count("verdicts", min((number + 1) * CHUNK, len(cases)), len(cases))
+    judged = sum(len(batch.factors) for batch in batches)
+    left = len(cases) - judged
+    faults |= dict.fromkeys(range(judged, len(cases)), "not judged: interrupted; call again")
+    answers: dict[str, list[Any]] = {
+        "row": list(range(1, len(cases) + 1)),
+        "name": table.labels or [""] * len(cases),
+        "safety_factor": [one for batch in batches for one in batch.factors.tolist()]
+        + [None] * left,
+        "held": [held for batch in batches for held in batch.held.tolist()] + [None] * left,
+        "mode": [mode for batch in batches for mode in batch.mode_names] + [""] * left,
+        "reason": [""] * len(cases),
+    }
+    for place, why in faults.items():
+        answers["safety_factor"][place] = answers["held"][place] = None
+        answers["mode"][place], answers["reason"][place] = "", why
+    _write(directory / verdicts_name(path), answers)
+    reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
+    modes = Counter(filter(None, answers["mode"]))
+    least = min((one for one in answers["safety_factor"] if one is not None), default=np.inf)
+    verdicts = Verdicts(len(cases), len(faults), dict(modes.most_common()), least, reasons)
+    write_json(directory / SUMMARY, asdict(verdicts))
+    if left:
+        raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
+    return verdicts
+
+
+def _judged(cases: Cases, jobs: int) -> Iterator[Batch]:
+    """Verdicts on chunks of the cases, in their order."""
+    parts = (cases.part(slice(start, start + CHUNK)) for start in range(0, len(cases), CHUNK))
+    # Compiled kernels let other threads compute; filters of warnings are common to all threads.
+    with unwarned(), ThreadPoolExecutor(jobs) as pool:
+        try:
+            yield from pool.map(judge_many, parts)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    with suppress(ValueError):
+        if np.isfinite(number := decimal(value.strip())):
+            return name.strip(), number
+    why = "is no finite number"
+    raise SceneError(f"--set {shortened(text)}: {why}; with --batch give COLUMN=NUMBER")
+
+
+def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[int, str]]:
+    """The cases of a table, and why some rows have none, by their places; raises SceneError for wrong columns."""
+    if twice := table.columns.keys() & constants.keys():
+        raise SceneError(f"batch: there are two columns {min(twice)}; leave one of them out")
+    value = {**table.columns, **{key: np.full(len(table), one) for key, one in constants.items()}}
+    axes = "xyz" if {"force_z", "contact_1_z"} & value.keys() else "xy"
+    contacts = max((int(name[1]) for name in map(_CONTACT.fullmatch, value) if name), default=1)
+
+    def of(name: str) -> list[str]:
+        return [f"{name}_{axis}" for axis in axes]
+
+    couple, inertia = (["couple"], ["inertia"]) if axes == "xy" else (of("couple"), of("inertia"))
+    points, normals = (
+        [of(f"{kind}_{number}") for number in range(1, contacts + 1)]
+        for kind in ("contact", "normal")
+    )
+    numbers = [*of("force"), *couple, *of("weight"), *of("centre"), "friction"]
+    needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
+    products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
+    optional = ["name", *of("about"), "mass", *inertia, *products]
+    require_columns("batch", value, needed, optional, REMEDY)
+
+    def vector(names: Sequence[str]) -> Floats:
+        return np.stack([value[name] for name in names], axis=1)
+
+    faults = dict(table.faults)
+    for name in numbers:
+        for place in np.flatnonzero(~np.isfinite(value[name])).tolist():
+            faults.setdefault(place, f"{name} is empty or not finite; give a number")
+    outward = np.stack([_third(vector(names)) for names in normals], axis=1)
+    lengths = np.linalg.norm(outward, axis=2, keepdims=True)
+    force, centre = spatial(vector(of("force"))), spatial(vector(of("centre")))
+    torque = np.pad(vector(couple), ((0, 0), (3 - len(couple), 0)))
+    if "about_x" in value:  # tau_c = tau_a + (a - c) ^ F
+        torque += np.cross(spatial(vector(of("about"))) - centre, force)
+    cases = Cases(
+        np.stack([_third(vector(names)) for names in points], axis=1),
+        np.where(np.abs(lengths - 1.0) <= ROUNDING, outward / lengths, outward),
+        force,
+        torque,
+        spatial(vector(of("weight"))),
+        centre,
+        value["friction"],
+        value.get("mass", np.full(len(table), np.nan)),
+        _inertia(value, inertia),
+    )
+    return cases, faults
+
+
+def _third(vectors: Floats) -> Floats:
+    """Vectors (n, 3) of vectors (n, 2) or (n, 3); a vector without any component has none."""
+    return np.where(np.isnan(vectors).all(axis=1)[:, None], np.nan, spatial(vectors))
+
+
+def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
+    """Matrices (n, 3, 3), NaN in rows that have neither mass nor moments."""
+    if "mass" not in value:
+        return np.full((len(value["friction"]), 3, 3), np.nan)
+    diagonal = np.stack([value[name] for name in moments], axis=1)
+    matrices = np.zeros((len(diagonal), 3, 3))
+    matrices[:, range(3), range(3)] = diagonal
+    for axes in _PRODUCTS:
+        one, other = ("xyz".index(axis) for axis in axes)
+        product = np.nan_to_num(value.get(f"inertia_{axes}", np.zeros(len(diagonal))), nan=0.0)
+        matrices[:, one, other] = matrices[:, other, one] = product
+    matrices[np.isnan(value["mass"]) & np.isnan(diagonal).all(axis=1)] = np.nan
+    return matrices
+
+
+def _write(path: Path, answers: Mapping[str, list[Any]]) -> None:
+    if path.suffix == ".csv":
+        columns = {
+            **answers,
+            "held": [held if held is None else int(held) for held in answers["held"]],
+        }
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(
+            [columns, *zip(*columns.values(), strict=True)]
+        )
+        write_text_atomically(path, text.getvalue())
+        return
+    arrow = pyarrow()
+    text, number = arrow.string(), arrow.float64()
+    kinds = (arrow.int64(), text, number, arrow.bool_(), text, text)
+    table = arrow.table(dict(answers), schema=arrow.schema(zip(answers, kinds, strict=True)))
+    with replaced(path, part_of(path), (arrow.ArrowException,)) as part:
+        arrow.parquet.write_table(table, part)

@@ -1,0 +1,350 @@
+"""Cases: a grain, its contacts and its load as numbers in a TOML file.
+
+Any consistent units. In 2-D vectors have two components, and couples and the moment of inertia are numbers, couples
+positive counter-clockwise; in 3-D all have three, and the inertia is three moments or a matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, Field, PlainValidator, model_validator
+
+from ..arrays import Floats, spatial
+from ..contact import Contacts, Load
+from ..contact.robustness import StandardErrors, probabilities
+from ..contact.verdict import judge
+from ..evaluation.contact_verdict import mass_and_inertia
+from ..files import make_directory, plain, write_json
+from ..geometry.placement import Placement
+from ..input_files import read_text
+from ..scene.file import parse, read
+from ..scene.kinds import Body
+from ..scene.messages import Key, Problem, counted, refusal
+from ..scene.section import NotNegative, Positive, Section, contradiction, key
+
+ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
+
+
+def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
+    """The validator of a number or of nested lists of numbers, of one of these shapes."""
+
+    def check(value: Any) -> Any:
+        try:
+            array = np.array(value)
+        except ValueError:  # rows of different lengths
+            array = np.array(None)
+        if array.dtype.kind not in "iuf" or array.shape not in shapes:
+            raise contradiction(f"is not {what}", f"give {remedy}")
+        if not np.isfinite(array).all():
+            raise contradiction("is not finite", "give finite numbers")
+        return _tuples(array.astype(float).tolist())
+
+    return PlainValidator(check)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _unit(normal: tuple[float, ...]) -> tuple[float, ...]:
+    if abs((length := np.linalg.norm(normal)) - 1.0) > ROUNDING:
+        raise contradiction(f"has length {length:g}", "give a unit vector out of the grain")
+    return normal
+
+
+def _inert(inertia: Any) -> Any:
+    matrix = _matrix(inertia)
+    moments = np.linalg.eigvalsh(matrix)
+    if not np.allclose(matrix, matrix.T, rtol=1e-6) or moments[0] <= 0.0:
+        raise contradiction(
+            "is not a symmetric positive matrix", "give moments of inertia greater than zero"
+        )
+    if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
+        remedy = "no principal moment of a body exceeds the sum of the other two"
+        raise contradiction(f"has principal moments {moments.round(6).tolist()}", remedy)
+    return inertia
+
+
+def _not_negative(value: Any) -> Any:
+    if np.min(value) < 0.0:
+        raise contradiction(f"is {np.min(value):g}", "a standard error is not negative")
+    return value
+
+
+Vector = Annotated[tuple[float, ...], _array("a vector", "[x, y], or [x, y, z] in 3-D", (2,), (3,))]
+Couple = Annotated[Any, _array("a couple", "a number, or [x, y, z] in 3-D", (), (3,))]
+Inertia = Annotated[
+    Any,
+    _array("a moment of inertia", "a number, in 3-D three or a 3 x 3 matrix", (), (3,), (3, 3)),
+    AfterValidator(_inert),
+]
+Points = Annotated[tuple[Vector, ...], Field(strict=False, min_length=1)]
+Normals = Annotated[tuple[Annotated[Vector, AfterValidator(_unit)], ...], Field(strict=False)]
+Areas = Annotated[tuple[NotNegative, ...], Field(strict=False)]
+VectorError = Annotated[Vector, AfterValidator(_not_negative)]
+CoupleError = Annotated[Couple, AfterValidator(_not_negative)]
+
+
+class CaseLoad(Section):
+    """The load on the grain without the forces of the bed."""
+
+    weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
+    flow_force: Vector = key("force of the flow on the grain")
+    flow_couple: Couple = key("couple of the flow about the point `about`")
+    centre: Vector | None = key("centre of mass; left out where [body] has it", None)
+    about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
+
+
+class CaseContacts(Section):
+    """Contacts of the grain and the bed."""
+
+    points: Points = key("points of contact")
+    normals: Normals = key("unit normals there, OUT of the grain")
+    friction: NotNegative = key("coefficient of static friction")
+    areas: Areas | None = key("area of the contact at each point; default: points only", None)
+    convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
+
+    @model_validator(mode="after")
+    def _as_many(self) -> CaseContacts:
+        for name in ("normals", "areas"):
+            given = getattr(self, name)
+            if given is not None and len(given) != len(self.points):
+                why = f"{len(given)} given for {counted(len(self.points), 'point')}"
+                raise self.refused(name, why, "give one for each point")
+        return self
+
+
+class CaseGrain(Section):
+    """Inertia of the grain."""
+
+    mass: Positive = key("mass of the grain")
+    inertia: Inertia = key("moment of inertia about the centre of mass")
+
+
+class CaseErrors(Section):
+    """Standard errors of the load and of friction."""
+
+    flow_force: VectorError | None = key(
+        "standard error of each component of the flow's force", None
+    )
+    flow_couple: CoupleError | None = key("standard error of the flow's couple", None)
+    friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
+    samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
+    seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
+
+
+class Case(Section):
+    """A grain in contact with its bed and the load on it."""
+
+    title: str = key("title of the case", "")
+    source: str = key("where the numbers come from", "")
+    load: CaseLoad = key("load on the grain without the forces of the bed")
+    contacts: CaseContacts = key("contacts of the grain and the bed")
+    grain: CaseGrain | None = key("mass and inertia, for how it begins to move", None)
+    body: Body | None = key("the grain's shape as in a scene, instead of [grain]", None)
+    errors: CaseErrors | None = key("standard errors, for the probability of each mode", None)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Case:
+        for check in (_centre_and_shape, _dimension, _outward, _on_surface):
+            if problem := next(check(self), None):
+                raise refusal("Case", [problem], between=True)
+        return self
+
+    @property
+    def gdim(self) -> int:
+        """2 or 3."""
+        return len(self.load.weight)
+
+    @property
+    def centre(self) -> Floats:
+        """The centre of mass, (3,)."""
+        own = None if self.body is None else self.body.centre
+        return spatial(self.load.centre or own or ())
+
+    @property
+    def about(self) -> Floats:
+        """The point of the flow's couple, (3,)."""
+        return self.centre if self.load.about is None else spatial(self.load.about)
+
+    @property
+    def placement(self) -> Placement:
+        """Position and orientation of the body; for a case that has one."""
+        assert self.body is not None
+        return self.body.placed(self.centre[: self.gdim].tolist())
+
+    def to_load(self) -> Load:
+        """The load; the couple about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
+        force = spatial(self.load.flow_force)
+        couple = spatial_couple(self.load.flow_couple) + np.cross(self.about - self.centre, force)
+        return Load(force, couple, spatial(self.load.weight), self.centre)
+
+    def to_contacts(self) -> Contacts:
+        """The contacts, with rounded normals made unit vectors."""
+        normals, areas = spatial(self.contacts.normals), self.contacts.areas
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        points = spatial(self.contacts.points)
+        return Contacts(points, normals, None if areas is None else np.array(areas))
+
+    def standard_errors(self) -> StandardErrors:
+        """The standard errors, zero where the case gives none."""
+        errors = self.errors or CaseErrors()
+        force, couple = errors.flow_force or (0.0, 0.0, 0.0), errors.flow_couple or 0.0
+        return StandardErrors(spatial(force), spatial_couple(couple), errors.friction, self.about)
+
+    def mass_and_inertia(self) -> tuple[float, Floats] | None:
+        """Mass and inertia (3, 3) about the centre of mass, if the case has them."""
+        if self.grain is not None:
+            return self.grain.mass, _matrix(self.grain.inertia)
+        return None if self.body is None else mass_and_inertia(self.body, self.placement)
+
+
+class _CaseWithoutFlow(Case):
+    """A case whose force and couple of the flow are zero unless they are given."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _still(cls, data: Any) -> Any:
+        load = data.get("load")
+        if not isinstance(load, dict):
+            return data
+        weight = load.get("weight")
+        in_3d = isinstance(weight, list) and len(weight) == 3
+        zero = {
+            "flow_force": [0.0] * (3 if in_3d else 2),
+            "flow_couple": [0.0] * 3 if in_3d else 0.0,
+        }
+        return {**data, "load": {**zero, **load}}
+
+
+def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
+    """The case in a TOML file, changed by overrides such as ``"contacts.friction=0.4"``. Not collective.
+
+    Raises:
+        SceneError: one line that names the file, the key, why and the remedy.
+    """
+    return read(Case, path, overrides)
+
+
+def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
+    """The case in a file whose force and couple of the flow come from elsewhere; raises as `load_case`."""
+    text = read_text(path, "give the name of a case file")
+    return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
+
+
+def judge_case(case: Case) -> dict[str, Any]:
+    """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
+    load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
+    inert = case.mass_and_inertia()
+    said = None
+    if case.errors is not None:
+        drawn = case.errors.samples, case.errors.seed
+        chances = probabilities(load, contacts, friction, case.standard_errors(), *drawn, inert)
+        said = {"sentence": chances.sentence, **plain(chances)}
+    return {
+        "title": case.title,
+        "source": case.source,
+        "verdict": judge(load, contacts, friction, inert).to_dict(),
+        "probabilities": said,
+        "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
+    }
+
+
+def save(judgement: dict[str, Any], directory: Path) -> None:
+    """Write judgement.json into a directory, which is made if need be; raises OutputError. Not collective."""
+    path = directory / "judgement.json"
+    make_directory(directory, path)
+    write_json(path, judgement)
+
+
+def text(case: Case, judgement: dict[str, Any]) -> str:
+    """The judgement of a case in a few sentences."""
+    chances = judgement["probabilities"]
+    sentences = judgement["verdict"]["sentence"].split("; ", 1)
+    if chances is not None:
+        sentences += [chances["sentence"], chances["within"]["sentence"]]
+    lines = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences]
+    return "\n".join([case.title, *lines] if case.title else lines)
+
+
+def spatial_couple(couple: float | Sequence[float]) -> Floats:
+    """A couple (3,); one of 2-D is about the third axis."""
+    return np.array([0.0, 0.0, couple] if isinstance(couple, float) else couple, dtype=float)
+
+
+def _matrix(inertia: Any) -> Floats:
+    array = np.array(inertia, dtype=float)
+    return np.asarray(array * np.eye(3) if array.ndim < 2 else array)
+
+
+def _centre_and_shape(case: Case) -> Iterator[Problem]:
+    body, centre = case.body, case.load.centre
+    if body is not None and case.grain is not None:
+        yield Problem(("body",), "both [body] and [grain] are given", "leave one out")
+    if body is not None and body.centre is None:
+        yield Problem(("body", "x"), "a case has no bed to rest the grain on", "give body.centre")
+    if body is None and centre is None:
+        yield Problem(
+            ("load", "centre"), "is missing", "add the centre of mass, at which the weight acts"
+        )
+    own = None if body is None else body.centre
+    if own is not None and centre is not None and not np.allclose(spatial(own), spatial(centre)):
+        yield Problem(("load", "centre"), "is not body.centre", "leave one out")
+
+
+def _dimension(case: Case) -> Iterator[Problem]:
+    """In 2-D vectors have two components, and couples and the inertia are numbers."""
+    load, errors = case.load, case.errors or CaseErrors()
+    values: dict[Key, Any] = {
+        ("load", "flow_force"): load.flow_force,
+        ("load", "flow_couple"): load.flow_couple,
+        ("load", "centre"): load.centre,
+        ("load", "about"): load.about,
+        ("errors", "flow_force"): errors.flow_force,
+        ("errors", "flow_couple"): errors.flow_couple,
+        ("grain", "inertia"): case.grain and case.grain.inertia,
+    }
+    for name in ("points", "normals"):
+        listed = enumerate(getattr(case.contacts, name))
+        values |= {("contacts", name, index): vector for index, vector in listed}
+    dimensions = {
+        where: 2 if isinstance(value, float) or len(value) == 2 else 3
+        for where, value in values.items()
+        if value is not None
+    }
+    if case.body is not None:
+        dimensions["body", "shape"] = case.body.gdim
+    for where, dimension in dimensions.items():
+        if dimension != case.gdim:
+            why = f"is for {dimension}-D, load.weight has {case.gdim} components"
+            yield Problem(where, why, "give all for 2-D, or all for 3-D")
+
+
+def _outward(case: Case) -> Iterator[Problem]:
+    contacts = case.to_contacts()
+    arms = contacts.points - case.centre
+    lengths = np.linalg.norm(arms, axis=1)
+    cosines = (arms * contacts.normals).sum(axis=1) / np.maximum(lengths, 1e-300)
+    for index in range(len(arms)):
+        if lengths[index] <= 1e-12 * lengths.max():
+            where, why = ("contacts", "points", index), "lies at the centre of mass"
+            yield Problem(where, why, "give points on the grain's surface")
+        inward = cosines[index] < -ROUNDING
+        if inward and (case.contacts.convex or (cosines < 0.0).all()):
+            remedy = "give it pointing out of the grain; if the grain is not convex, convex = false"
+            yield Problem(("contacts", "normals", index), "points into the grain", remedy)
+
+
+def _on_surface(case: Case) -> Iterator[Problem]:
+    if case.body is None:
+        return
+    shape, contacts = case.body.grain(), case.to_contacts()
+    points = case.placement.to_body(contacts.points[:, : case.gdim])
+    for index, level in enumerate(shape.level(points)):
+        if abs(level) > ROUNDING * shape.size:
+            why = f"lies {abs(level):.3g} {'inside' if level < 0 else 'off'} the grain"
+            yield Problem(("contacts", "points", index), why, "give points on its surface")

@@ -1,0 +1,228 @@
+"""Cases of a grain and a bed in another program's coordinates, from files of triangles or simple shapes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+from scipy.spatial import QhullError
+from scipy.spatial.transform import Rotation
+from trimesh.bounds import oriented_bounds_2D
+from trimesh.geometry import align_vectors
+
+from ..arrays import Floats, unit
+from ..errors import SceneError
+from ..evaluation.contact_verdict import mass_and_inertia
+from ..geometry import HeightMap, Placement, Plane, clearance
+from ..geometry.closest import touching
+from ..geometry.space.files import triangles_in
+from ..geometry.space.grains import Solid, Triangulated
+from ..scene.file import parse
+from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
+from ..scene.solids import SolidBody
+from .case import Case, CaseErrors
+
+FLAT = "flat"  # instead of a file: a plane below the grain
+SOURCE = "--forces without a case (give keys by --set)"
+BORDER = 1e-6  # relative, of the bed of a file, which is left out: files hold single precision
+
+
+def _not_zero(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(direction):
+        raise contradiction("is zero", "give the components of a direction, as in [0, -1, 0]")
+    return direction
+
+
+Direction = Annotated[Triple, AfterValidator(_not_zero)]
+
+
+class ForcesFluid(Section):
+    """The fluid of the other program."""
+
+    density: Positive = key(
+        "Density of the fluid in the units of the forces after --density: 1 if rhoInf is 1"
+    )
+
+
+class ForcesGravity(Section):
+    """Gravity in the coordinates of the other program."""
+
+    acceleration: NotNegative = key("Gravitational acceleration, in the units of the forces")
+    direction: Direction = key("Direction of gravity", (0.0, 0.0, -1.0))
+
+
+class ForcesBed(Section):
+    """The bed in the coordinates of the other program."""
+
+    file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
+    up: Direction | None = key(
+        "Direction in which the bed is seen from above; default: against gravity", None
+    )
+    height: float | None = key(
+        "Height of a plane along `up`; default: that of the grain's lowest point", None
+    )
+    cell: PositivePair | None = key(
+        "Distance between heights taken from a file, as of a scene's bed", None
+    )
+
+    @model_validator(mode="after")
+    def _fits(self) -> ForcesBed:
+        if self.height is not None and self.file != FLAT:
+            raise self.refused("height", "is that of a plane, and a file is given", "leave it out")
+        return self
+
+
+class ForcesContact(Section):
+    """The contact of grain and bed."""
+
+    friction: NotNegative = key("Coefficient of static friction")
+    tolerance: Positive = key("Distance that counts as touching, over the grain's size", 1e-6)
+
+
+class GrainInPlace(Section):
+    """Keys of --set that go with --grain and --bed."""
+
+    body: Annotated[SolidBody, Field(discriminator="shape")]
+    bed: ForcesBed
+    fluid: ForcesFluid
+    gravity: ForcesGravity
+    contact: ForcesContact
+    errors: CaseErrors | None = None
+
+    @model_validator(mode="after")
+    def _is_placed(self) -> GrainInPlace:
+        if self.body.centre is None:
+            remedy = "give body.centre, where the other program has the grain"
+            raise self.refused("body", "has no centre", remedy)
+        if mass_and_inertia(self.body) is None:
+            raise self.refused("body", "has no mass", "give body.density, over the fluid's")
+        return self
+
+    def case(self) -> Case:
+        """The case: contacts, weight less buoyancy, mass and inertia, without a load of the flow.
+
+        Raises SceneError unless the grain touches the bed.
+        """
+        down, centre = unit(np.array(self.gravity.direction)), np.array(self.body.centre)
+        grain, placement = self.body.grain(), self.body.placed(tuple(centre.tolist()))
+        frame = align_vectors(
+            -down if self.bed.up is None else unit(np.array(self.bed.up)), [0, 0, 1]
+        )[:3, :3]
+        triangles = None
+        if self.bed.file != FLAT:
+            points, numbers = triangles_in(self.bed.file)
+            frame = _narrowest(points @ frame.T) @ frame
+            triangles = (points @ frame.T)[numbers]
+        turn = Rotation.from_matrix(frame).as_rotvec()
+        above = placement.moved(frame @ centre - centre, turn)
+        bed = self._bed(triangles, grain, above)
+        _require_touching(grain, above, bed, self.contact.tolerance)
+        contacts = touching(grain, above, bed, self.contact.tolerance * grain.size)
+        inert = mass_and_inertia(self.body, placement)
+        assert inert is not None
+        mass, inertia = self.fluid.density * inert[0], self.fluid.density * inert[1]
+        submerged = mass - self.fluid.density * grain.volume
+        zero = (0.0, 0.0, 0.0)
+        return Case.model_validate(
+            {
+                "title": f"Grain of volume {grain.volume:.6g} in place",
+                "load": {
+                    "weight": submerged * self.gravity.acceleration * down,
+                    "flow_force": zero,
+                    "flow_couple": zero,
+                    "centre": centre,
+                },
+                "contacts": {
+                    "points": list(contacts.points @ frame),
+                    "normals": list(contacts.normals @ frame),
+                    "areas": None if contacts.areas is None else contacts.areas.tolist(),
+                    "friction": self.contact.friction,
+                    "convex": False,
+                },
+                "grain": {"mass": mass, "inertia": inertia},
+                "errors": self.errors,
+            }
+        )
+
+    def _bed(self, triangles: Floats | None, grain: Solid, above: Placement) -> HeightMap | Plane:
+        """The bed, upright: a plane, or the part of a file about the grain."""
+        if triangles is None:
+            height = self.bed.height
+            return Plane(origin_z=clearance(grain, above, Plane())[0] if height is None else height)
+        low, high = triangles.min(axis=(0, 1))[:2], triangles.max(axis=(0, 1))[:2]
+        margin, middle = BORDER * (high - low).max(), np.array(above.centre[:2])
+        low = np.maximum(low + margin, middle - grain.size)
+        high = np.minimum(high - margin, middle + grain.size)
+        x, y = zip(low.tolist(), high.tolist(), strict=True)
+        try:
+            bed = HeightMap.of_triangles(triangles, self.bed.cell, Path(self.bed.file), (x, y))
+        except SceneError as error:
+            remedy = "upwards is against gravity.direction, or bed.up"
+            raise SceneError(f"--bed: {error}; {remedy}") from None
+        return _plane(bed, BORDER * grain.size) or bed
+
+
+def grain_in_place(grain: Path | None, bed: Path | None, overrides: Sequence[str]) -> Case:
+    """The case of a grain on its bed.
+
+    Args:
+        grain: file of its surface, in the coordinates of the other program; None: overrides such as
+            "body.shape=sphere" give it.
+        bed: file of its surface, or "flat".
+
+    Raises:
+        SceneError: something is missing or wrong, or the grain does not touch its bed.
+    """
+    given = [f"bed.file={json.dumps(str(bed))}"]
+    if grain is not None:
+        centre = Triangulated.from_file(grain).centre.tolist()  # after its triangles are repaired
+        given += ["body.shape=mesh", f"body.file={json.dumps(str(grain))}", f"body.centre={centre}"]
+    elif not any(one.startswith("body.shape") for one in overrides):
+        remedy = "give the file of its surface, or body.shape"
+        raise SceneError(f"--forces without a case: --grain is missing; {remedy}")
+    if bed is None:
+        remedy = "give the file of its surface, or flat"
+        raise SceneError(f"--forces without a case: --bed is missing; {remedy}")
+    sections = "[fluid]\n[gravity]\n[contact]"  # so that their keys are reported as missing
+    return parse(GrainInPlace, sections, ".", [*given, *overrides], SOURCE).case()
+
+
+def _require_touching(
+    grain: Solid, placement: Placement, bed: HeightMap | Plane, tolerance: float
+) -> None:
+    """Refuse a grain that is above or in the bed by more than a tolerance, in grain sizes."""
+    gap = clearance(grain, placement, bed)[0] / grain.size
+    if abs(gap) <= tolerance:
+        return
+    remedy = "give a larger contact.tolerance, in grain sizes, or another gravity.direction"
+    why = f"{gap:.3g} of its size above the bed"
+    if gap < 0.0:
+        why = f"in the bed, by {-gap:.3g} of its size"
+        if float(bed.height([placement.centre[:2]])[0]) > placement.centre[2]:
+            why = "below the bed"
+            remedy = "turn gravity.direction round, or give bed.up, from where the bed is seen"
+    raise SceneError(f"--bed: the grain is {why}; {remedy}")
+
+
+def _narrowest(points: Floats) -> Floats:
+    """The rotation (3, 3) about z that aligns the smallest rectangle around points (n, 3), seen from above."""
+    turn = np.eye(3)
+    with suppress(QhullError):  # all are on one line
+        turn[:2, :2] = oriented_bounds_2D(points[:, :2])[0][:2, :2]
+    return turn
+
+
+def _plane(bed: HeightMap, tolerance: float) -> Plane | None:
+    """The plane of all heights of a bed, to a tolerance, if there is one."""
+    across, along = np.indices(bed.heights.shape).reshape(2, -1)
+    x, y = bed.origin[0] + bed.cell[0] * along, bed.origin[1] + bed.cell[1] * across
+    table, heights = np.column_stack([x, y, np.ones(len(x))]), bed.heights.ravel() + bed.origin[2]
+    plane = np.linalg.lstsq(table, heights, rcond=None)[0]
+    if np.abs(table @ plane - heights).max() > tolerance:
+        return None
+    return Plane((float(plane[0]), float(plane[1])), float(plane[2]))

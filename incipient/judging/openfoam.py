@@ -1,0 +1,202 @@
+"""Forces and moments on a grain in time, as OpenFOAM's function object `forces` writes them.
+
+Formats differ in header and number of columns: `force.dat` and `moment.dat` of openfoam.com (total, pressure, viscous,
+and porous if there is any), `forces.dat` of openfoam.org and foam-extend (pressure and viscous force, then moments,
+with porous ones in between). A folder holds a folder for each start, named by its time; a run that finds a file in its
+folder adds its start to the name (`force_5.dat`). A later start replaces what an earlier one has from that time on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Booleans, Floats
+from ..errors import SceneError
+from ..input_files import LARGEST_TABLE, reading
+
+DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
+CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)\n]*)\)?", re.IGNORECASE)
+ROUNDING = 1e-5  # of a total that is written beside its parts, relative to the largest part
+FORMATS = "force.dat and moment.dat (openfoam.com) or forces.dat (openfoam.org, foam-extend)"
+
+
+@dataclass(frozen=True, eq=False)
+class ForcesInTime:
+    """Force and moment on the grain, in the units of the other program.
+
+    times: (n,); forces, moments: (n, 3), the latter about `centre` (3,); sources: files, each with its times
+    """
+
+    times: Floats
+    forces: Floats
+    moments: Floats
+    centre: Floats
+    sources: tuple[str, ...] = ()
+
+    def only(self, which: Booleans) -> ForcesInTime:
+        """The samples of a mask (n,)."""
+        chosen = {name: getattr(self, name)[which] for name in ("times", "forces", "moments")}
+        return replace(self, **chosen)
+
+
+def read_forces(path: Path) -> ForcesInTime:
+    """The forces in a file or folder of OpenFOAM.
+
+    Raises:
+        SceneError: there are none, a file is of no known format, moments or their centre are missing, or the files of
+            a folder can be joined in more than one way.
+    """
+    if path.is_dir():
+        return _joined(path, sorted(_runs(path), key=lambda run: (run.start, run.again)))
+    if path.name.startswith("moment"):
+        raise _refusal(f"{path} has moments alone; give the force.dat next to it, or their folder")
+    return _of_file(path)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A file of forces; again: its name has the start, since an earlier run's file was in the folder."""
+
+    start: float
+    again: bool
+    path: Path
+
+    def is_older(self, later: _Run, overlap: bool) -> bool:
+        """Whether the names tell that this run, of an earlier start, is the older."""
+        if self.again:
+            return not overlap
+        if self.path.parent == later.path.parent:
+            return later.again
+        return -np.inf < self.start < later.start
+
+
+def _runs(path: Path) -> Iterator[_Run]:
+    """The files in a folder, and in its folders that are named by times."""
+    for folder in [path, *sorted(path.iterdir())]:
+        if folder != path and not (folder.is_dir() and re.fullmatch(DECIMAL, folder.name)):
+            continue
+        start = -np.inf if folder == path else float(folder.name)
+        names = [name for file in sorted(folder.iterdir()) if (name := RUN.fullmatch(file.name))]
+        forces = [name for name in names if name["kind"] != "moment"]
+        known = {_moments_beside(folder / name.string) for name in forces}
+        for name in names:
+            file = folder / name.string
+            if name["kind"] == "moment" and file not in known:
+                raise _refusal(f"{file} has no file of forces beside it; move it away")
+        for name in forces:
+            again = name["start"] is not None
+            yield _Run(float(name["start"] or start), again, folder / name.string)
+
+
+def _moments_beside(path: Path) -> Path:
+    return path.with_name(re.sub("^forces?", "moment", path.name))
+
+
+def _of_file(path: Path) -> ForcesInTime:
+    table, header = _table(path)
+    if "moment" in header:  # both in one file
+        _require_columns(path, table, "forces.dat", (13, 19))
+        halves = table[:, 1:].reshape(len(table), 2, -1, 3).sum(axis=2)
+        return ForcesInTime(table[:, 0], halves[:, 0], halves[:, 1], _centre(path, header))
+    _require_columns(path, table, "force.dat", (10, 13))
+    beside = _moments_beside(path)
+    if not beside.is_file():
+        raise _refusal(f"{beside} is missing; write moments also, with CofR in the function object")
+    moments, header = _table(beside)
+    if moments.shape != table.shape or not np.array_equal(moments[:, 0], table[:, 0]):
+        raise _refusal(f"{beside} has other times than {path.name}; give files of one run")
+    for values, name in ((table, path), (moments, beside)):
+        parts = values[:, 4:].reshape(len(values), -1, 3)
+        wrong = np.abs(values[:, 1:4] - parts.sum(axis=1)) > ROUNDING * np.abs(parts).max()
+        if wrong.any():
+            why = (
+                f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
+            )
+            raise _refusal(f"{name}: {why}; write it anew")
+    return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
+
+
+def _require_columns(path: Path, table: Floats, name: str, counts: tuple[int, int]) -> None:
+    if table.shape[1] not in counts:
+        needs = f"{name} has {counts[0]}, or {counts[1]} with porous ones"
+        raise _refusal(f"{path} has {table.shape[1]} numbers a line; {needs}")
+
+
+def _table(path: Path) -> tuple[Floats, str]:
+    """The numbers of a file (n, columns), and its heading in small letters."""
+    with reading(path, f"give {FORMATS}", LARGEST_TABLE, name=f"--forces: {path}"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        header = "\n".join(line for line in lines if line.startswith("#"))
+        rows = [re.sub("[()]", " ", line).split() for line in lines if line[:1] not in ("#", "")]
+        if len(rows) > 1 and len(rows[-1]) != len(rows[0]):  # of a run that was stopped, or goes on
+            rows.pop()
+        table = np.array(rows, dtype=float)
+    if not len(table):
+        raise _refusal(f"{path} has no samples yet; let the run go on, or move it away")
+    if len(times := table[~np.isfinite(table).all(axis=1), 0]):
+        raise _refusal(f"{path} is not finite at time {times[0]:g}; take such lines out")
+    if len(times := table[1:, 0][np.diff(table[:, 0]) <= 0.0]):
+        why = f"has time {times[0]:g} twice or out of order"
+        raise _refusal(f"{path} {why}; leave one line for each time")
+    return table, header.lower()
+
+
+def _centre(path: Path, header: str) -> Floats:
+    """The point (3,) of the moments."""
+    centres = {tuple(map(float, re.findall(DECIMAL, text))) for text in CENTRE.findall(header)}
+    if len(centres) > 1:
+        raise _refusal(
+            f"{path} has moments about {len(centres)} points (CofR); give one run's file"
+        )
+    centre = np.array(list(*centres))
+    if len(centre) != 3 or not np.isfinite(centre).all():
+        remedy = "add a line '# CofR : (x y z)' on top, or write it with a newer version"
+        raise _refusal(f"{path} does not say what point its moments are about; {remedy}")
+    return centre
+
+
+def _joined(folder: Path, runs: Sequence[_Run]) -> ForcesInTime:
+    """All runs one after the other; the later start wins where they overlap."""
+    if not runs:
+        remedy = f"give a folder with {FORMATS}, or with folders by time"
+        raise _refusal(f"{folder} holds no forces; {remedy}")
+    parts = [_of_file(run.path) for run in runs]
+    names = [str(run.path.relative_to(folder)) for run in runs]
+    joined: dict[str, ForcesInTime] = {}
+    for k, (run, part) in enumerate(zip(runs, parts, strict=True)):
+        before = np.ones(len(part.times), dtype=bool)
+        for n in range(k + 1, len(runs)):
+            if not run.is_older(runs[n], bool(part.times[-1] > parts[n].times[0])):
+                why = "have the same times, and which is the newer is not known"
+                raise _conflict(folder, names[k], names[n], why)
+            before &= (part.times <= runs[n].start) & (part.times < parts[n].times[0])
+        if before.any():
+            joined[names[k]] = part.only(before)
+    first, *others = joined
+    centre = joined[first].centre
+    for name in others:
+        if (joined[name].centre != centre).any():
+            why = f"have moments about {centre} and {joined[name].centre}"
+            raise _conflict(folder, first, name, why)
+    sources = [f"{name} {part.times[0]:g} to {part.times[-1]:g}" for name, part in joined.items()]
+    sources += [f"{name} superseded" for name in names if name not in joined]
+    times, forces, moments = (
+        np.concatenate([getattr(part, name) for part in joined.values()])
+        for name in ("times", "forces", "moments")
+    )
+    return ForcesInTime(times, forces, moments, centre, tuple(sources))
+
+
+def _conflict(folder: Path, first: str, second: str, why: str) -> SceneError:
+    remedy = "give one of them, or move away what no longer counts"
+    return _refusal(f"{first} and {second} in {folder} {why}; {remedy}")
+
+
+def _refusal(message: str) -> SceneError:
+    return SceneError(f"--forces: {message}")

@@ -1,0 +1,169 @@
+"""Series of loads in time on the grain and contacts of a case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..contact.batch import Batch, Loads, judge_batch
+from ..errors import SceneError
+from ..files import make_directory, write_json, write_text_atomically
+from .case import Case
+from .motion import MotionInTime, samples_from, steps_of
+from .table import read_table, require_columns
+
+SAMPLES, SUMMARY = "series.csv", "series.json"
+MOST_EVENTS = 10  # printed, the longest first
+
+
+@dataclass(frozen=True)
+class UnheldTime:
+    """A time in which the grain is not held.
+
+    impulse: integral of the excess of the flow's force over that which could be held; least: the smallest safety
+    factor; mode: the one that lasts longest
+    """
+
+    start: float
+    length: float
+    impulse: float
+    least: float
+    mode: str
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Verdicts on a series: times (n,), the criterion's answers, fractions of the time by mode, events, motion."""
+
+    times: Floats
+    batch: Batch
+    shares: dict[str, float]
+    events: tuple[UnheldTime, ...]
+    motion: MotionInTime
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the samples as plain data."""
+        return {
+            "samples": len(self.times),
+            "start": float(self.times[0]),
+            "end": float(self.times[-1]),
+            "least_safety_factor": float(self.batch.factors.min()),
+            "shares": self.shares,
+            "events": [asdict(event) for event in self.events],
+            "judged_alone": self.batch.alone,
+            "motion": asdict(self.motion),
+        }
+
+    def text(self) -> str:
+        """The outcome in a few lines."""
+        lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
+        lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
+        lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
+        lines.append(self.motion.text())
+        longest = sorted(self.events, key=lambda event: -event.length)[:MOST_EVENTS]
+        lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
+        lines += [
+            f"  at {event.start:<15.6g}for {event.length:.4g}, {event.mode}, impulse {event.impulse:.4g}, "
+            f"safety factor down to {event.least:.4g}"
+            for event in longest
+        ]
+        return "\n".join(lines)
+
+
+def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None = None) -> Series:
+    """Judge the loads of a series on a case, from which all else is taken.
+
+    Args:
+        columns: arrays (n,) by name: time, force_x, force_y, couple, in 3-D force_z and couple_x, couple_y, couple_z
+            for couple; couples are about the case's point; weight_x ... and friction if they vary.
+        since: start of the part whose probability of motion is given; None: the first time.
+
+    Raises:
+        SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
+    """
+    loads, times = _loads(case, columns), columns["time"]
+    friction = columns.get("friction", case.contacts.friction)
+    batch = judge_batch(loads, case.to_contacts(), friction, case.mass_and_inertia())
+    steps = steps_of(times)
+    shares = {
+        batch.labels[mode]: float(steps[batch.modes == mode].sum() / steps.sum())
+        for mode in np.unique(batch.modes)
+    }
+    motion = MotionInTime.of(times, batch.held, float(times[0]) if since is None else since)
+    return Series(times, batch, shares, tuple(_events(times, loads, batch)), motion)
+
+
+def read_series(path: Path, since: float | None = None) -> dict[str, Floats]:
+    """The columns of a CSV or Parquet file, from a time on; raises as `read_table`, and SceneError for a wrong row."""
+    table = read_table(path)
+    for place, why in table.faults.items():
+        raise SceneError(f"{path}: row {place + 1}: {why}")
+    if since is None or "time" not in table.columns:
+        return table.columns
+    kept = samples_from(table.columns["time"], since)
+    return {name: values[kept] for name, values in table.columns.items()}
+
+
+def save_series(series: Series, directory: Path) -> None:
+    """Write series.csv (time, safety factor, mode) and series.json into a directory; raises OutputError."""
+    factors = series.batch.factors.tolist()
+    rows = zip(series.times.tolist(), factors, series.batch.mode_names, strict=True)
+    lines = (f"{time!r},{factor!r},{mode}\n" for time, factor, mode in rows)
+    make_directory(directory)
+    write_text_atomically(directory / SAMPLES, "".join(["time,safety_factor,mode\n", *lines]))
+    write_json(directory / SUMMARY, series.to_dict())
+
+
+def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
+    axes = "xyz"[: case.gdim]
+    force, weight, couple = (
+        [f"{name}_{axis}" for axis in axes] for name in ("force", "weight", "couple")
+    )
+    couple = ["couple"] if case.gdim == 2 else couple
+    needed = ["time", *force, *couple]
+    if varies := any(name in columns for name in weight):
+        needed += weight
+    remedy = f"give {', '.join(needed)}"
+    require_columns("series", columns, needed, [*weight, "friction"], remedy)
+    _check(columns)
+
+    def vectors(names: list[str]) -> Floats:
+        table = np.stack([columns[name] for name in names], axis=1)
+        return np.pad(table, ((0, 0), (2, 0) if names == ["couple"] else (0, 3 - len(names))))
+
+    acting = vectors(force)
+    heavy = vectors(weight) if varies else np.tile(case.to_load().weight, (len(acting), 1))
+    # tau_c = tau_a + (a - c) ^ F
+    torque = vectors(couple) + np.cross(case.about - case.centre, acting)
+    return Loads(acting, torque, heavy, case.centre)
+
+
+def _check(columns: Mapping[str, Floats]) -> None:
+    for name, values in columns.items():
+        if len(bad := np.flatnonzero(~np.isfinite(values))):
+            raise SceneError(
+                f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out"
+            )
+    if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
+        why = "time does not grow from sample to sample"
+        raise SceneError(f"series: {why}; sort the samples and leave none twice")
+    if np.min(columns.get("friction", 0.0)) < 0.0:
+        raise SceneError("series: friction is negative; give numbers of at least 0")
+
+
+def _events(times: Floats, loads: Loads, batch: Batch) -> list[UnheldTime]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~batch.held, [False]]).astype(np.int8)))
+    steps, factors = steps_of(times), batch.factors
+    excess = np.linalg.norm(loads.force, axis=1) * (1.0 - np.minimum(factors, 1.0)) * steps
+    events = []
+    for rows in (slice(first, last) for first, last in edges.reshape(-1, 2)):
+        mode = batch.labels[int(np.bincount(batch.modes[rows], steps[rows]).argmax())]
+        length, impulse = float(steps[rows].sum()), float(excess[rows].sum())
+        least = float(factors[rows].min())
+        events.append(UnheldTime(float(times[rows.start]), length, impulse, least, mode))
+    return events

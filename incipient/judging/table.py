@@ -1,0 +1,137 @@
+"""Tables of numbers: CSV files with a row of names, and Parquet files."""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats, number
+from ..errors import SceneError, shortened
+from ..input_files import LARGEST_TABLE, reading
+from ..parquet import pyarrow
+
+NAME = "name"  # the only column of text
+KINDS = (
+    "give the name of a CSV file of numbers with a row of names, or of a Parquet file of numbers"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The rows of a file.
+
+    columns: numbers (n,) by name, NaN where a cell is empty; labels: (n,) cells of the column `name`, if there is one;
+    faults: why rows cannot be read, by their places
+    """
+
+    columns: dict[str, Floats]
+    labels: list[str]
+    faults: dict[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+
+def read_table(path: Path) -> Table:
+    """The rows of a CSV file, or of a Parquet file (.parquet).
+
+    Raises:
+        SceneError: the file cannot be read, a column is there twice, or one of a Parquet file is not of numbers.
+        MissingError: it is a Parquet file, and pyarrow is not installed.
+    """
+    return _parquet(path) if path.suffix == ".parquet" else _csv(path)
+
+
+def _csv(path: Path) -> Table:
+    flat, labels, faults = array("d"), list[str](), dict[int, str]()
+    with (
+        reading(path, KINDS, LARGEST_TABLE),
+        path.open(encoding="utf-8-sig", errors="replace") as stream,
+    ):
+        lines = filter(str.strip, stream)
+        # Each line by itself: a quote that nobody closes ends with it.
+        names = [name.strip() for name in next(csv.reader([next(lines, "")]), [])]
+        _require_different(path, names)
+        label = names.index(NAME) if NAME in names else len(names)
+        for place, line in enumerate(lines):
+            cells = list[str]()
+            try:
+                cells = next(csv.reader([line]), [])
+                flat.extend(_numbers(names, cells))
+            except csv.Error as error:
+                faults[place] = f"is no line of CSV ({error}); shorten or correct it"
+            except ValueError as error:
+                faults[place] = str(error)
+            if place in faults:
+                flat.extend([np.nan] * len(names))
+            if label < len(names):
+                labels.append(cells[label] if label < len(cells) else "")
+    table = np.array(flat).reshape(-1, len(names) or 1)
+    columns = dict(zip(names, table.T, strict=False))
+    columns.pop(NAME, None)
+    return Table(columns, labels, faults)
+
+
+def _numbers(names: Sequence[str], row: Sequence[str]) -> list[float]:
+    """The numbers in the cells of a row; ValueError says what is wrong with it."""
+    if len(row) != len(names):
+        raise ValueError(f"has {len(row)} cells for {len(names)} columns; give one for each")
+    cells = ["" if name == NAME else cell for name, cell in zip(names, row, strict=True)]
+    letters = "".join(cells)
+    if "_" not in letters and letters.isascii():  # Python's float takes 1_2 and other digits
+        with suppress(ValueError):
+            return [float(cell) if cell else np.nan for cell in cells]
+    numbers = []
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            numbers.append(number(cell))
+        except ValueError:
+            raise ValueError(f'{name} is "{shortened(cell, 30)}"; give a number') from None
+    return numbers
+
+
+def _parquet(path: Path) -> Table:
+    arrow = pyarrow()
+    kinds = arrow.types
+    of_numbers = (kinds.is_integer, kinds.is_floating, kinds.is_decimal, kinds.is_null)
+    columns, labels = dict[str, Floats](), list[str]()
+    with reading(path, KINDS):
+        file = arrow.parquet.ParquetFile(path).read()
+        _require_different(path, file.column_names)
+        for name, column in zip(file.column_names, file.columns, strict=True):
+            if name == NAME:
+                cells = column.cast(arrow.string()).cast(arrow.binary()).to_pylist()
+                labels = [(cell or b"").decode("utf-8", "replace") for cell in cells]
+                continue
+            # Times and truth values are not converted: their units are not known here.
+            if not any(known(column.type) for known in of_numbers):
+                what = f"column {shortened(name)} is of type {shortened(column.type)}"
+                raise SceneError(f"{path}: {what}; save it as floating-point numbers")
+            columns[name] = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy())
+    return Table(columns, labels)
+
+
+def _require_different(path: Path, names: Sequence[str]) -> None:
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
+
+
+def require_columns(
+    kind: str, names: Collection[str], needed: Sequence[str], optional: Sequence[str], remedy: str
+) -> None:
+    """Refuse a table of a kind without a column that is needed, or with one that is not known; raises SceneError."""
+    for name in needed:
+        if name not in names:
+            raise SceneError(f"{kind}: there is no column {name}; {remedy.format(name=name)}")
+    known = [*needed, *optional]
+    unknown = next((name for name in names if name not in known), None)
+    if unknown is not None:
+        why = f"column {shortened(unknown)} is not known"
+        raise SceneError(f"{kind}: {why}; known are {', '.join(known)}")
