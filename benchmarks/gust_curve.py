@@ -32,10 +32,10 @@ from tables import publish
 
 import incipient
 from incipient.arrays import Floats
-from incipient.critical.gusts import GustSearch
 from incipient.parallel import world
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, load
+from incipient.threshold.gusts import GustSearch
 
 ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "demos/scenes/leaving_pocket.toml"

@@ -18,14 +18,14 @@ import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.contact.batch import Cases, judge_many
-from incipient.entrainment.laws import Gaussian
-from incipient.entrainment.stream import near_wall
 from incipient.planning.mean_profile import LAYER, MeanProfile
 from incipient.survey.deposition import DOWN, Spheres, rolled
 from incipient.survey.emulator import FEWEST, FOLDS, Emulator
 from incipient.survey.full_runs import COMPONENTS
 from incipient.survey.pockets import Pocket
 from incipient.survey.thresholds import SUBMERGED_WEIGHT
+from incipient.threshold.laws import Gaussian
+from incipient.threshold.mean_flow import near_wall
 
 EVEN, ODD = [0, 2, 4], [1, 3, 5]  # force along the flow and up, couple about y; the others
 DISC, AHEAD, REACH = (

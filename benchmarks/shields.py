@@ -40,13 +40,13 @@ from scipy.optimize import brentq
 from tables import publish
 
 from incipient.arrays import Floats
-from incipient.entrainment.laws import Gaussian
-from incipient.entrainment.stream import near_wall
 from incipient.files import csv_text
 from incipient.pictures import style
 from incipient.planning.mean_profile import MeanProfile
 from incipient.survey.deposition import Spheres
 from incipient.survey.emulator import FOLDS
+from incipient.threshold.laws import Gaussian
+from incipient.threshold.mean_flow import near_wall
 
 ROOT = Path(__file__).resolve().parents[1]
 BEADS, FLUMES, ZANKE = (

@@ -64,7 +64,7 @@ NOT_QUICK = (
     ),
     *(
         "incipient.accuracy",
-        "incipient.critical",
+        "incipient.threshold",
         "incipient.simulation",
         "incipient.restart",
     ),

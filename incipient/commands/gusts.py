@@ -7,10 +7,9 @@ from pathlib import Path
 
 import incipient
 
-from ..critical.gust_bracket import runs_expected
-from ..critical.gusts import GustSearch
 from ..parallel import Comm
 from ..progress import telling
+from ..threshold.gusts import GustSearch, runs_expected
 from .drawing import tell_of_pictures
 
 

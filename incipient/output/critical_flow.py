@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..critical.outcome import Threshold
-from ..critical.threshold import find_threshold
 from ..files import make_directory, write_json
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import dumps
+from ..threshold.critical import find_threshold
+from ..threshold.outcome import Threshold
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

@@ -11,9 +11,6 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..arrays import Point
-from ..entrainment.find import find_entrainment
-from ..entrainment.lasting import WeakestGusts
-from ..entrainment.outcome import Entrainment, OfStrength
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
 from ..input_files import reading
@@ -26,6 +23,8 @@ from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
+from ..threshold.entrainment import Entrainment, OfStrength, find_entrainment
+from ..threshold.lasting import WeakestGusts
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

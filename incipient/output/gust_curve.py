@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..critical.gusts import CriticalGust, GustSearch, require_durations
 from ..files import csv_text, write_json, write_text_atomically
 from ..interrupt import one_at_a_time
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import dumps
+from ..threshold.gusts import CriticalGust, GustSearch, require_durations
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

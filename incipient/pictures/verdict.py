@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..contact import Contacts, Load, incipient_motion
-from ..critical.outcome import with_error
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry.placement import Placement
 from ..judging.case import Case
 from ..scene import Body, Scene, load
+from ..threshold.outcome import with_error
 from . import style
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence

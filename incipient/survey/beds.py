@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from pydantic import ValidationError
+from scipy.ndimage import center_of_mass, maximum
 
 from ..arrays import Floats, decimal
 from ..errors import SceneError
@@ -48,10 +49,9 @@ def _radii(bed: Deposited) -> Floats:
 
 @spheres_of.register
 def _(bed: MeasuredSpheres, base: Path) -> Spheres:
+    columns = "x, y, z, diameter"
     try:
-        rows = np.array(
-            read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", "x, y, z, diameter", 3)
-        )
+        rows = np.array(read_numbers(base / bed.file, 4, MOST_GRAINS, "bed", columns, 3))
     except ValidationError as error:
         raise SceneError(one_line("bed", problems_of(error, MeasuredSpheres))) from None
     return _measured(rows[:, :3], 0.5 * rows[:, 3], bed.file)
@@ -85,15 +85,12 @@ def _(bed: LabelledHeights, base: Path) -> Spheres:
         why = f"has {labels.shape} labels, {bed.heights} has {heights.shape} heights"
         raise SceneError(f"bed.labels: {bed.labels} {why}; give as many of both")
     names, pixels = np.unique(labels[labels > 0], return_counts=True)
-    centres, radii = [], []
-    for name in names[pixels >= FEWEST_PIXELS]:
-        row, column = np.nonzero(labels == name)
-        radius = np.sqrt(len(row) * bed.cell[0] * bed.cell[1] / np.pi)
-        top = heights[row, column].max()
-        x, y = np.array([column.mean(), row.mean()]) * bed.cell + bed.offset
-        centres.append([x, y, top - radius])
-        radii.append(radius)
-    return _measured(np.array(centres).reshape(-1, 3), np.array(radii), bed.labels)
+    names, pixels = names[pixels >= FEWEST_PIXELS], pixels[pixels >= FEWEST_PIXELS]
+    radii = np.sqrt(pixels * bed.cell[0] * bed.cell[1] / np.pi)
+    middles = np.array(center_of_mass(np.ones_like(heights), labels, names)).reshape(-1, 2)
+    places = middles[:, ::-1] * bed.cell + bed.offset
+    centres = np.column_stack([places, maximum(heights, labels, names) - radii])
+    return _measured(centres, radii, bed.labels)
 
 
 def _labels(path: Path) -> np.ndarray:
@@ -101,16 +98,16 @@ def _labels(path: Path) -> np.ndarray:
     remedy = "give a PNG, TIFF or .npy file"
     with reading(path, remedy, LARGEST_FILE, name=f"bed.labels: {path}"):
         if path.suffix == ".npy":
-            found = array_in(path)
+            labels = array_in(path)
         else:
             with Image.open(path) as image:
                 require_few(path, *image.size)
-                found = np.asarray(image)[::-1]  # the first row of an image is at the far side
-    if found.ndim != 2 or not np.issubdtype(found.dtype, np.integer):
+                labels = np.asarray(image)[::-1]  # the first row of an image is at the far side
+    if labels.ndim != 2 or not np.issubdtype(labels.dtype, np.integer):
         raise SceneError(
             f"bed.labels: {path} is no table of whole numbers; give one number a height, 0 for no grain"
         )
-    return found
+    return labels
 
 
 def _measured(centres: Floats, radii: Floats, name: str) -> Spheres:

@@ -71,15 +71,15 @@ def deposited(radii: Floats, period: Floats, seed: int, tries: int = 1) -> Spher
         raise SceneError(
             f"bed: a box of {min(period):g} is less than four of its grains; enlarge length and width"
         )
-    random, found = np.random.default_rng([seed, 0]), np.empty((0, 3))
+    random, centres = np.random.default_rng([seed, 0]), np.empty((0, 3))
     for number, radius in enumerate(radii.tolist()):
-        lying = Spheres(found, radii[:number], period)
+        lying = Spheres(centres, radii[:number], period)
         places = random.random((tries, 2)) * period
         rests = [rolled(lying, np.array([*place, np.inf]), radius, floor=0.0) for place in places]
         lowest = min(rests, key=lambda rest: float(rest[2]))
         lowest[:2] %= period
-        found = np.vstack([found, lowest])
-    return Spheres(found, radii, period)
+        centres = np.vstack([centres, lowest])
+    return Spheres(centres, radii, period)
 
 
 def rolled(others: Spheres, start: Floats, radius: float, floor: float | None = None) -> Floats:

@@ -52,7 +52,7 @@ class FullRun:
 def scene_of(
     pocket: Pocket,
     level: float,
-    asked: SurveyRequest,
+    request: SurveyRequest,
     reynolds: float,
     error_bars: bool = False,
     wide: bool = False,
@@ -64,7 +64,7 @@ def scene_of(
     level: mean height of the bed's surface above the grain's centre, in its diameters: there the shear begins, and
     there the ground is that takes the place of the bed farther away.
     """
-    radius, gap = 0.5, asked.runs.gap * (2.0 if wide else 1.0)
+    radius, gap = 0.5, request.runs.gap * (2.0 if wide else 1.0)
     near, radii = pocket.neighbours / pocket.diameter, pocket.radii / pocket.diameter
     apart = np.linalg.norm(near, axis=1)
     base = min(
@@ -76,7 +76,7 @@ def scene_of(
     aside = np.linalg.norm(near[:, :2], axis=1)
     # The post of a neighbour that is higher and overhangs the grain would cut into it.
     over = (near[:, 2] > 0.0) & (aside < radius + radii + BELOW)
-    length = asked.runs.domain
+    length = request.runs.domain
     places = near + np.array([0.5 * length, 0.5 * length, -base])
     slim = aside - radius - BELOW
     slender = over & (slim > SLENDER)
@@ -85,7 +85,7 @@ def scene_of(
     )
     fillers, thick = _fillers(near, radii, base)
     posts += _rows(fillers + np.array([0.5 * length, 0.5 * length, -base]), thick)
-    with_inertia = asked.flow.galileo is not None
+    with_inertia = request.flow.galileo is not None
     return Scene(
         title=f"grain {pocket.number}{WIDE if wide else ''}",
         domain=Domain(length=length, width=length, height=0.5 * length),
@@ -95,10 +95,10 @@ def scene_of(
         bed=HeapBed(spheres=tuple(_rows(places[over], radii[over])), posts=tuple(posts)),
         effects=Effects(inertia=with_inertia),
         numerics=Numerics(
-            mesh_size=asked.runs.mesh_size,
-            order=3 if asked.runs.order == 3 else 2,
+            mesh_size=request.runs.mesh_size,
+            order=3 if request.runs.order == 3 else 2,
             error_bars=error_bars,
-            meshed_bed=asked.runs.meshed_bed,
+            meshed_bed=request.runs.meshed_bed,
         ),
         output=Output(fields=False),
     )
@@ -143,37 +143,32 @@ def reynolds_of(run: int, galileo: float | None) -> float:
 def coefficients_of(
     runs: Sequence[FullRun], rows: Mapping[str, Mapping[str, Any]]
 ) -> list[LoadCoefficients]:
-    """Load coefficients of the runs that are done, by rows of a sweep's table under their identities.
+    """Load coefficients of the finished runs, from rows of a sweep's table by identity.
 
-    Errors are those of the run and by how much twice the gap changes it, where both are known.
+    Errors are those of the run and the change by twice the gap, where both are known.
     """
     done = {identity: row for identity, row in rows.items() if row["status"] == "done"}
-    found = []
+    coefficients = []
     for run in runs:
         row = done.get(identity_of(run.scene, "run"))
+        wide = None if run.wide is None else done.get(identity_of(run.wide, "run"))
         if row is None:
             continue
         reynolds, values, errors = run.scene.fluid.reynolds, _values(row), None
-        wide = None if run.wide is None else done.get(identity_of(run.wide, "run"))
         if wide is not None and any(f"{name}_high" in row for name in COMPONENTS):
-            high = np.array(
-                [float(row.get(f"{name}_high", row.get(name, 0.0))) for name in COMPONENTS]
-            )
-            errors = reynolds * (high - values + np.abs(_values(wide) - values))
-        found.append(LoadCoefficients(run.number, reynolds, reynolds * values, errors))
-    return found
+            ends = {name: row.get(f"{name}_high", row.get(name, 0.0)) for name in COMPONENTS}
+            errors = reynolds * (_values(ends) - values + np.abs(_values(wide) - values))
+        coefficients.append(LoadCoefficients(run.number, reynolds, reynolds * values, errors))
+    return coefficients
 
 
 def _values(row: Mapping[str, Any]) -> Floats:
     return np.array([float(row.get(name, 0.0)) for name in COMPONENTS])
 
 
-def share_of_error(found: Sequence[LoadCoefficients]) -> Floats:
-    """Errors (6,) of load coefficients: the median over runs that have estimated them, as a share of the drag.
-
-    Zero where none has.
-    """
-    shares = [
-        one.errors / abs(one.values[0]) for one in found if one.errors is not None and one.values[0]
+def relative_error(runs: Sequence[LoadCoefficients]) -> Floats:
+    """Errors (6,) of load coefficients over the drag: the median over runs with estimates, zero without any."""
+    relative = [
+        run.errors / abs(run.values[0]) for run in runs if run.errors is not None and run.values[0]
     ]
-    return np.median(shares, axis=0) if shares else np.zeros(6)
+    return np.median(relative, axis=0) if relative else np.zeros(6)

@@ -1,19 +1,20 @@
-"""One grain in many orientations, and on beds of many seeds: its thresholds as a distribution."""
+"""A grain in many orientations, and on beds of many seeds: the distribution of its thresholds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, known_percentiles, percentile
+from ..arrays import known_percentiles, percentile
 from ..errors import SceneError
 from ..files import csv_text, write_json, write_text_atomically
-from ..geometry.placement import Placement, Quaternion
+from ..geometry.placement import Placement
 from ..output.lock import locked
 from ..parallel import Comm, collectively
 from ..progress import Silent
@@ -24,7 +25,7 @@ from ..sweep import run as run_sweep
 from ..sweep.cases import Source, identity_of
 from ..sweep.table import columns, rows
 from .outcome import SHARES, TOO_FEW, few
-from .procedure import RUNS, RunMeans
+from .procedure import ONE_OF_MANY, RUNS
 
 POSES, SUMMARY = "poses.csv", "poses.json"
 
@@ -52,16 +53,27 @@ class PoseOutcome:
     reason: str
     failed: int
 
+    @classmethod
+    def of(
+        cls, table: Sequence[dict[str, Any]], poses: int, refused: int, reason: str
+    ) -> PoseOutcome:
+        """The outcome of the rows of a sweep."""
+        done = [row for row in table if row["status"] == "done"]
+        shields = sorted(float(row["shields_nominal"]) for row in done)
+        known = tuple(number for number in shields if not math.isnan(number))
+        failed = sum(row["status"] == "failed" for row in table)
+        modes = dict(Counter(row["mode"] for row in done))
+        return cls(known, modes, poses, refused, reason, failed)
+
     def text(self) -> str:
         """The outcome in a few lines."""
-        lines = [
-            f"poses               {self.poses}: {len(self.shields)} thresholds, {self.failed} failed"
-        ]
+        known = len(self.shields)
+        lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
         if self.refused:
             lines.append(f"without a rest      {self.refused}, the first: {self.reason}")
-        if 0 < len(self.shields) <= TOO_FEW:
+        if 0 < known <= TOO_FEW:
             lines.append(few(self.shields))
-        for share in known_percentiles(SHARES, len(self.shields)):
+        for share in known_percentiles(SHARES, known):
             value = float(percentile(self.shields, share))
             lines.append(f"Shields number      {share:>3g}% below {value:.4g}")
         lines += [f"begins {mode:<12} {count}" for mode, count in self.modes.items()]
@@ -71,42 +83,49 @@ class PoseOutcome:
 def survey_poses(
     path: Path,
     overrides: Sequence[str],
-    asked: Poses,
+    request: Poses,
     directory: Path,
     comm: Comm,
-    means: RunMeans,
+    sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> PoseOutcome:
     """Find the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
 
-    Poses in which it does not come to rest are left out and counted. Raises IncipientError on all ranks.
+    Poses in which it does not come to rest are left out and counted. `sweep`: as of `survey`.
+    Raises IncipientError on all ranks.
     """
     source, voice = Source.of(path), voice or Silent()
-    first = parse(Scene, source.text, source.base, overrides, source.name)
-    if not (isinstance(first.body, SolidSection) and first.body.x is not None):
-        raise SceneError(
-            f"{path}: --orientations and --seeds need a grain in space that rests on a bed; give body.x"
-        )
-    found, reason, refused, total = [], "", 0, asked.orientations * asked.seeds
-    for number, settings in enumerate(_settings(asked, first.body.orientation)):
+
+    def posed(*settings: str) -> Scene:
+        return parse(Scene, source.text, source.base, (*overrides, *settings), source.name)
+
+    own = posed()
+    if not (isinstance(own.body, SolidSection) and own.body.x is not None):
+        need = "a grain in space that rests on a bed; give body.x"
+        raise SceneError(f"{path}: --orientations and --seeds need {need}")
+    scenes, reason, refused, total = [], "", 0, request.orientations * request.seeds
+    for number, settings in enumerate(_settings(request, own.body.orientation)):
         voice.count("poses", number, total)
         try:
-            one = parse(Scene, source.text, source.base, (*overrides, *settings), source.name)
-            found.append(one.model_copy(update={"title": f"pose {number}"}))
+            scenes.append(posed(*settings).model_copy(update={"title": f"pose {number}"}))
         except SceneError as error:
             if "bed.seed" in str(error):
                 raise SceneError(f"--seeds: {error}") from None
             reason, refused = reason or str(error), refused + 1
-    if not found:
+    if not scenes:
         raise SceneError(f"{path}: the grain rests in none of {total} poses: {reason}")
     with locked(directory, comm, make=True):
-        file = directory / RUNS
-        kept = {"fluid.inertia": [first.fluid.inertia]}
-        run_sweep(found, file, kept, do="threshold", voice=voice, **means.of_sweep())
-        by_identity = {row["id"]: row for row in rows(file)}
-        own = [(one.title, by_identity.get(identity_of(one, "threshold"))) for one in found]
-        table = [row | {"source": title} for title, row in own if row is not None]
-        outcome = replace(_outcome(table), poses=total, refused=refused, reason=reason)
+        file, inertia = directory / RUNS, {"fluid.inertia": [own.fluid.inertia]}
+        arguments = {**ONE_OF_MANY, **sweep}
+        run_sweep(scenes, file, inertia, do="threshold", voice=voice, **arguments)
+        stored = {row["id"]: row for row in rows(file)}
+        identities = {identity_of(scene, "threshold"): scene.title for scene in scenes}
+        table = [
+            stored[identity] | {"source": title}
+            for identity, title in identities.items()
+            if identity in stored
+        ]
+        outcome = PoseOutcome.of(table, total, refused, reason)
         with collectively(comm):
             if comm.rank == 0:
                 write_text_atomically(directory / POSES, csv_text(columns(table), table))
@@ -114,31 +133,19 @@ def survey_poses(
     return outcome
 
 
-def _settings(asked: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
+def _settings(request: Poses, own: tuple[float, float, float]) -> list[tuple[str, ...]]:
     """Overrides of each pose: the first orientation is the scene's own."""
-    random = np.random.default_rng(asked.first)
-    turned = [own, *(random_orientation(random) for _ in range(asked.orientations - 1))]
-    found = []
-    for seed in range(asked.seeds):
-        for angles in turned:
-            settings = [f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]"]
-            found.append((*settings, *([f"bed.seed={seed}"] if asked.seeds > 1 else [])))
-    return found
+    random = np.random.default_rng(request.first)
+    turned = [own, *(random_orientation(random) for _ in range(request.orientations - 1))]
+    orientations = [
+        f"body.orientation=[{', '.join(f'{angle:.10g}' for angle in angles)}]" for angles in turned
+    ]
+    seeds = [(f"bed.seed={seed}",) if request.seeds > 1 else () for seed in range(request.seeds)]
+    return [(orientation, *seed) for seed in seeds for orientation in orientations]
 
 
 def random_orientation(random: np.random.Generator) -> tuple[float, float, float]:
     """Angles about x, y and z [degrees] of a rotation, all rotations being equally likely (Shoemake 1992)."""
-    numbers: Floats = random.standard_normal(4)
+    numbers = random.standard_normal(4)
     w, x, y, z = (numbers / np.linalg.norm(numbers)).tolist()
-    turned: Quaternion = (w, x, y, z)
-    return orientation_of(Placement((0.0, 0.0, 0.0), quaternion=turned))
-
-
-def _outcome(table: Sequence[dict[str, Any]]) -> PoseOutcome:
-    done = [row for row in table if row["status"] == "done"]
-    shields = sorted(float(row["shields_nominal"]) for row in done)
-    modes: dict[str, int] = {}
-    for row in done:
-        modes[row["mode"]] = modes.get(row["mode"], 0) + 1
-    known = tuple(one for one in shields if not math.isnan(one))
-    return PoseOutcome(known, modes, 0, 0, "", sum(row["status"] == "failed" for row in table))
+    return orientation_of(Placement((0.0, 0.0, 0.0), quaternion=(w, x, y, z)))

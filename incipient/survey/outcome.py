@@ -1,4 +1,4 @@
-"""What a survey has found, as data: the grains, their thresholds, and the bed as a whole."""
+"""The results of a survey as data: the grains, their thresholds, and the bed as a whole."""
 
 from __future__ import annotations
 
@@ -11,53 +11,37 @@ import numpy as np
 
 from ..arrays import Floats, known_percentiles, percentile
 from .deposition import Spheres
-from .emulator import FOR_LEVEL, LEVEL
+from .emulator import FOR_LEVEL, LEVEL, NINETY_FIVE, Emulator
+from .full_runs import LoadCoefficients
 from .laws import kirchner, with_constant_drag
 from .pockets import Pocket, Surface
 from .request import SurveyRequest
-from .thresholds import PERCENTILES, Threshold
+from .thresholds import Threshold, range_of
 
 SHARES = (5, 16, 50, 84, 95)  # percentiles of distributions
-TOO_FEW = 2  # values, of which not even a median is told
+TOO_FEW = 2  # values that have not even a median
 CURVE = 60  # Shields numbers of the curve of mobile grains
 FIRST = 10  # grains named in the text
+OF_POCKET = (
+    *("number", "diameter", "visible", "carries", "protrusion", "exposure", "sheltered"),
+    *("backed", "skew", "shifted", "pivot", "critical_force"),
+)
 COLUMNS = (
-    *(
-        "number",
-        "x",
-        "y",
-        "z",
-        "diameter",
-        "visible",
-        "carries",
-        "contacts",
-        "protrusion",
-        "exposure",
-        "sheltered",
-    ),
-    *(
-        "backed",
-        "skew",
-        "shifted",
-        "pivot",
-        "critical_force",
-        "shields_constant_drag",
-        "loads",
-        "mode",
-        "shields",
-    ),
-    *("shields_low", "shields_high", "stress", "stress_low", "stress_high", "rank"),
+    *("number", "x", "y", "z", "diameter", "visible", "carries", "contacts", "protrusion"),
+    *("exposure", "sheltered", "backed", "skew", "shifted", "pivot", "critical_force"),
+    *("shields_constant_drag", "loads", "mode", "shields", "shields_low", "shields_high"),
+    *("stress", "stress_low", "stress_high", "rank"),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class EmulatorRecord:
-    """How good the emulator is.
+    """The quality of the emulator.
 
-    error, bar: root mean square over runs of the drag's error, each foretold without the fifth of them that it is in,
-        over the mean drag; and of the bars of one standard deviation
-    within: share of the six coefficients of these that were within 1.96 bars; mean_bar: of the critical Shields number
-        over grains without a run, as a share of it
+    error, bar: root mean square over runs of the drag's error, each predicted without its fifth of them, over the mean
+        drag; and of the bars of one standard deviation
+    within: fraction of the six coefficients of these within 1.96 bars; mean_bar: relative, of the critical Shields
+        number over grains without a run
     to_halve: runs that would halve the mean bar of the drag; flow: error of the runs' drag, None where none has it
     level: probability with which bars hold
     """
@@ -72,6 +56,51 @@ class EmulatorRecord:
     flow: float | None
     level: float
 
+    @classmethod
+    def of(
+        cls,
+        emulator: Emulator,
+        runs: Sequence[LoadCoefficients],
+        failed: int,
+        thresholds: Sequence[Threshold],
+        to_halve: int,
+        of_flow: Floats,
+    ) -> EmulatorRecord:
+        """The record from runs, thresholds and the relative error (6,) of the flow."""
+        wrong, bars = emulator.errors, emulator.bars
+        drag = float(np.mean([abs(run.values[0]) for run in runs]))
+        ranges = [(*one.bar, one.shields) for one in thresholds if not one.is_computed]
+        relative = [
+            0.5 * (high - low) / shields
+            for low, high, shields in ranges
+            if np.isfinite([shields, high]).all() and shields > 0.0
+        ]
+        return cls(
+            runs=len(runs),
+            failed=failed,
+            error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
+            bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
+            within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
+            mean_bar=float(np.mean(relative)) if relative else float("nan"),
+            to_halve=to_halve,
+            flow=float(of_flow[0]) if of_flow.any() else None,
+            level=emulator.level,
+        )
+
+    def lines(self) -> list[str]:
+        """The record for a reader."""
+        flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
+        failed = f", {self.failed} failed" if self.failed else ""
+        least = "" if self.level >= LEVEL else f": so few runs tell no more; {FOR_LEVEL} tell 95%"
+        halve = f"{self.to_halve} more runs would halve the mean bar of the drag"
+        return [
+            f"runs                {self.runs}{failed}; error of the flow {flow}",
+            f"bars                hold with a probability of {self.level:.0%}{least}",
+            f"emulator            drag of runs foretold without their fifth: error {self.error:.1%}, "
+            f"bar {self.bar:.1%} (one standard deviation); {self.within:.0%} of all coefficients within 1.96 bars",
+            f"                    {halve} (--runs {self.to_halve})",
+        ]
+
 
 @dataclass(frozen=True, eq=False)
 class SurveyOutcome:
@@ -80,7 +109,7 @@ class SurveyOutcome:
     runs: grains with a full run, in their order; mark: of the bed and the flow that these belong to
     """
 
-    asked: SurveyRequest
+    request: SurveyRequest
     spheres: Spheres
     surface: Surface
     exposed: int
@@ -93,55 +122,58 @@ class SurveyOutcome:
     @property
     def free(self) -> list[Pocket]:
         """Exposed grains that carry no other one."""
-        return [one for one in self.pockets if not one.carries]
+        return [grain for grain in self.pockets if not grain.carries]
 
     @property
     def _stress(self) -> tuple[Floats, Floats]:
         """Critical stresses (n,) and draws of them (n, k), over the submerged specific weight of the median grain."""
-        sizes = np.array([one.pocket.diameter for one in self.thresholds]) / self.surface.median
+        ratios = np.array([self._ratio(one.pocket) for one in self.thresholds])
         own = np.array([one.shields for one in self.thresholds])
-        return own * sizes, np.array([one.draws for one in self.thresholds]) * sizes[:, None]
+        draws = np.array([one.draws for one in self.thresholds])
+        return own * ratios, draws * ratios[:, None]
+
+    def _ratio(self, grain: Pocket) -> float:
+        """Diameter over the median one."""
+        return grain.diameter / self.surface.median
 
     def distribution(self) -> list[dict[str, float]]:
         """Percentiles of the critical Shields number by the median grain, with bars of each."""
         own, draws = self._stress
-        rows = []
-        for share in known_percentiles(SHARES, len(own)):
-            rows.append({"percentile": share, "shields": float(percentile(own, share))})
-            rows[-1] |= _range_of(percentile(draws, share))
-        return rows
+        return [
+            row | range_of(percentile(draws, row["percentile"]))
+            for row in _percentiles("shields", own)
+        ]
 
     def curve(self) -> list[dict[str, float]]:
-        """Share of the free grains that is mobile, against the Shields number, with bars."""
+        """Fraction of the free grains that is mobile, against the Shields number, with bars."""
         own, draws = self._stress
         finite = own[np.isfinite(own) & (own > 0.0)]
         if not len(finite):
             return []
-        rows = []
-        for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), CURVE).tolist():
-            shares = (draws <= shields).mean(axis=0)
-            rows.append({"shields": shields, "mobile": float((own <= shields).mean())})
-            rows[-1] |= _range_of(shares)
-        return rows
-
-    def pivots(self) -> list[dict[str, float]]:
-        """Percentiles of the pivot angle, reduced to grains of the median size, beside Kirchner's law."""
-        # The law's own power of the size: (D/K50)^-0.3.
-        reduced = [one.pivot * (one.diameter / self.surface.median) ** 0.3 for one in self.free]
-        known = np.array([one for one in reduced if math.isfinite(one)])
         return [
-            {
-                "percentile": share,
-                "pivot": float(percentile(known, share)),
-                "kirchner": float(kirchner(share)),
-            }
-            for share in known_percentiles(SHARES, len(known))
+            {"shields": shields, "mobile": float((own <= shields).mean())}
+            | range_of((draws <= shields).mean(axis=0))
+            for shields in np.geomspace(0.7 * finite.min(), 1.4 * finite.max(), CURVE).tolist()
         ]
 
+    def pivots(self) -> list[dict[str, float]]:
+        """Percentiles of the pivot angle, reduced to the median size by Kirchner's power, beside his law."""
+        reduced = np.array([grain.pivot * self._ratio(grain) ** 0.3 for grain in self.free])
+        rows = _percentiles("pivot", reduced[np.isfinite(reduced)])
+        return [row | {"kirchner": float(kirchner(row["percentile"]))} for row in rows]
+
+    def constant_drag(self) -> list[dict[str, float]]:
+        """Percentiles of the critical Shields number by one drag coefficient for all and a log law."""
+        shields = [self._ratio(grain) * self._by_constant_drag(grain) for grain in self.free]
+        return _percentiles("shields", np.array(shields))
+
+    def _by_constant_drag(self, grain: Pocket) -> float:
+        return with_constant_drag(grain.pivot, grain.protrusion, self._ratio(grain))
+
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each surveyed grain, those that go first at the front."""
+        """A row for each surveyed grain, in the order in which they move."""
         known = {one.pocket.number: one for one in self.thresholds}
-        rows = [self._row(one, known.get(one.number)) for one in self.pockets]
+        rows = [self._row(grain, known.get(grain.number)) for grain in self.pockets]
         rows.sort(key=lambda row: (row.get("stress", math.inf), row["number"]))
         for rank, row in enumerate(rows, 1):
             if math.isfinite(row.get("stress", math.inf)):
@@ -149,40 +181,23 @@ class SurveyOutcome:
         return rows
 
     def _row(self, grain: Pocket, threshold: Threshold | None) -> dict[str, Any]:
-        ratio = grain.diameter / self.surface.median
-        names = (
-            "number",
-            "diameter",
-            "visible",
-            "carries",
-            "protrusion",
-            "exposure",
-            "sheltered",
-            "backed",
-            "skew",
-        )
-        row: dict[str, Any] = {
-            name: getattr(grain, name) for name in (*names, "shifted", "pivot", "critical_force")
-        }
+        row: dict[str, Any] = {name: getattr(grain, name) for name in OF_POCKET}
         row |= dict(zip("xyz", grain.centre.tolist(), strict=True))
         row["contacts"] = len(grain.contacts)
-        row["shields_constant_drag"] = with_constant_drag(grain.pivot, grain.protrusion, ratio)
+        row["shields_constant_drag"] = self._by_constant_drag(grain)
         if threshold is None:
             return row
-        low, high = threshold.bar
-        row |= {"loads": "run" if threshold.is_computed else "emulator", "mode": threshold.mode}
-        row |= {"shields": threshold.shields, "shields_low": low, "shields_high": high}
-        return row | {
-            "stress": ratio * threshold.shields,
-            "stress_low": ratio * low,
-            "stress_high": ratio * high,
-        }
+        values = dict(zip(("", "_low", "_high"), (threshold.shields, *threshold.bar), strict=True))
+        row |= {f"shields{end}": value for end, value in values.items()}
+        row |= {f"stress{end}": self._ratio(grain) * value for end, value in values.items()}
+        loads = "run" if threshold.is_computed else "emulator"
+        return row | {"loads": loads, "mode": threshold.mode}
 
     def to_dict(self) -> dict[str, Any]:
         """All of it but the grains as plain data for survey.json."""
         return {
-            "title": self.asked.title,
-            "request": self.asked.model_dump(mode="json"),
+            "title": self.request.title,
+            "request": self.request.model_dump(mode="json"),
             "bed": {
                 "grains": len(self.spheres),
                 "median_diameter": self.surface.median,
@@ -201,17 +216,6 @@ class SurveyOutcome:
             "runs": {"of": self.mark, "grains": self.runs},
         }
 
-    def constant_drag(self) -> list[dict[str, float]]:
-        """Percentiles of the critical Shields number by one drag coefficient for all and a log law."""
-        found = []
-        for one in self.free:
-            ratio = one.diameter / self.surface.median
-            found.append(ratio * with_constant_drag(one.pivot, one.protrusion, ratio))
-        return [
-            {"percentile": share, "shields": float(percentile(found, share))}
-            for share in known_percentiles(SHARES, len(found))
-        ]
-
     def text(self) -> str:
         """The survey in a few lines."""
         median, bed = self.surface.median, self.surface
@@ -222,53 +226,36 @@ class SurveyOutcome:
             f"{len(self.free)} of these carry no other",
         ]
         for row in self.pivots():
-            lines.append(
-                _line(
-                    "pivot angle",
-                    row,
-                    f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}",
-                )
-            )
+            angles = f"{row['pivot']:.1f} degrees; Kirchner et al. {row['kirchner']:.1f}"
+            lines.append(f"pivot angle         {row['percentile']:>3g}% below {angles}")
         if not self.thresholds:
-            return "\n".join(
-                [*lines, "loads               none computed: give runs.number, or --runs N"]
-            )
+            lines.append("loads               none computed: give runs.number, or --runs N")
+        lines += self._threshold_lines() if self.thresholds else []
+        return "\n".join(lines + (self.emulator.lines() if self.emulator else []))
+
+    def _threshold_lines(self) -> list[str]:
         others = {row["percentile"]: row["shields"] for row in self.constant_drag()}
-        for row in self.distribution():
-            said = f"{row['shields']:.4g} ({row['low']:.4g} to {row['high']:.4g}); one drag coefficient and a log law "
-            lines.append(_line("Shields number", row, f"{said}{others[row['percentile']]:.3g}"))
+        lines = [
+            f"Shields number      {row['percentile']:>3g}% below {row['shields']:.4g} "
+            f"({row['low']:.4g} to {row['high']:.4g}); one drag coefficient and a log law "
+            f"{others[row['percentile']]:.3g}"
+            for row in self.distribution()
+        ]
         if len(self.thresholds) <= TOO_FEW:
             lines.append(few([one.shields for one in self.thresholds]))
         first = [str(row["number"]) for row in self.rows() if "rank" in row][:FIRST]
-        lines.append(f"first to go         grains {', '.join(first)}")
-        return "\n".join(lines + (self._emulator_lines() if self.emulator else []))
-
-    def _emulator_lines(self) -> list[str]:
-        record = self.emulator
-        assert record is not None
-        flow = "not estimated" if record.flow is None else f"{record.flow:.1%} of the drag"
-        failed = f", {record.failed} failed" if record.failed else ""
-        least = "" if record.level >= LEVEL else f": so few runs tell no more; {FOR_LEVEL} tell 95%"
-        return [
-            f"runs                {record.runs}{failed}; error of the flow {flow}",
-            f"bars                hold with a probability of {record.level:.0%}{least}",
-            f"emulator            drag of runs foretold without their fifth: error {record.error:.1%}, "
-            f"bar {record.bar:.1%} (one standard deviation); {record.within:.0%} of all coefficients within 1.96 bars",
-            f"                    {record.to_halve} more runs would halve the mean bar of the drag (--runs "
-            f"{record.to_halve})",
-        ]
+        return [*lines, f"first to go         grains {', '.join(first)}"]
 
 
-def _range_of(drawn: Floats) -> dict[str, float]:
-    low, high = (float(percentile(drawn, share)) for share in PERCENTILES)
-    return {"low": low, "high": high}
+def _percentiles(name: str, values: Floats) -> list[dict[str, float]]:
+    """Rows of those percentiles that the values tell."""
+    return [
+        {"percentile": share, name: float(percentile(values, share))}
+        for share in known_percentiles(SHARES, len(values))
+    ]
 
 
 def few(values: Sequence[float]) -> str:
     """The line on Shields numbers that are too few for percentiles."""
-    told = ", ".join(f"{value:.4g}" for value in sorted(values))
-    return f"Shields number      {told}: too few for percentiles"
-
-
-def _line(name: str, row: dict[str, float], said: str) -> str:
-    return f"{name:<19} {row['percentile']:>3g}% below {said}"
+    shown = ", ".join(f"{value:.4g}" for value in sorted(values))
+    return f"Shields number      {shown}: too few for percentiles"

@@ -1,11 +1,11 @@
-"""A survey from start to end: the bed, its exposed grains, full runs of some by a sweep, thresholds of all."""
+"""A survey from start to end: the bed, its exposed grains, full runs of some in a sweep, thresholds of all."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,42 +26,23 @@ from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
 from .deposition import Spheres
-from .emulator import FEWEST, NINETY_FIVE, Emulator, designed, runs_to_halve
+from .emulator import FEWEST, Emulator, designed, runs_to_halve
 from .full_runs import (
     FullRun,
     LoadCoefficients,
     coefficients_of,
+    relative_error,
     reynolds_of,
     scene_of,
-    share_of_error,
 )
 from .outcome import COLUMNS, EmulatorRecord, SurveyOutcome
-from .pockets import Pocket, Surface, exposed, pockets
+from .pockets import Surface, exposed, pockets
 from .request import SurveyRequest
-from .thresholds import LoadErrors, Threshold, features_of, thresholds
+from .thresholds import LoadErrors, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
+ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
 FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
-
-
-@dataclass(frozen=True)
-class RunMeans:
-    """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again.
-
-    scheduler, limit: as of a sweep
-    """
-
-    more: int = 0
-    jobs: int | None = None
-    wall: str | None = None
-    retry: bool = False
-    scheduler: Any = None
-    limit: str | None = None
-
-    def of_sweep(self) -> dict[str, Any]:
-        """Arguments of a sweep. A run that dies or takes too long is one of many, and not begun again by itself."""
-        given = {"jobs": self.jobs, "wall": self.wall, "retry": self.retry, "limit": self.limit}
-        return {**given, "scheduler": self.scheduler, "tries": 1}
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -71,183 +52,154 @@ def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
 
 
 def survey(
-    asked: SurveyRequest,
+    request: SurveyRequest,
     base: Path,
     directory: Path,
     comm: Comm,
-    means: RunMeans = RunMeans(),
+    more: int = 0,
+    sweep: Mapping[str, Any] = {},
     voice: Silent | None = None,
 ) -> SurveyOutcome:
-    """Survey a bed; leaves its numbers in a directory, where runs that are known are not computed again. Collective.
+    """Survey a bed; its numbers are written to a directory, whose finished runs are not repeated. Collective.
 
     Args:
         base: directory that files of the bed are relative to.
+        more: full runs beyond those of the request.
+        sweep: arguments of the sweep of full runs, such as jobs, wall, retry, scheduler, limit.
 
     Raises:
-        IncipientError: on all ranks; runs that are finished are in the directory.
+        IncipientError: on all ranks; finished runs are in the directory.
     """
+    voice = voice or Silent()
     with locked(directory, comm, make=True):
-        return _Survey(asked, base, directory, comm, means, voice or Silent()).outcome()
+        voice.begin("bed")
+        spheres = spheres_of(request.bed, base)
+        surface = Surface.of(spheres)
+        numbers, grains = exposed(spheres, surface, request.grains), []
+        for count, grain in enumerate(pockets(spheres, surface, numbers, request.flow)):
+            grains.append(grain)
+            voice.count("grains", count, len(numbers))
+        mark = _mark(request, spheres)
+        begun = from_first(comm, lambda: _begun(directory / RECORD, mark))
+        bed = spheres, surface, len(numbers), grains
+        outcome = SurveyOutcome(request, *bed, runs=begun, mark=mark)
+        if not outcome.free:
+            why = "no exposed grain is free to move; enlarge the bed or lower grains.visible"
+            raise SceneError(f"bed: {why}")
+        _write(outcome, directory, comm)
+        if request.runs.number or more:
+            Emulator.require()
+            outcome = _Loads(outcome, directory, comm, more, sweep, voice).computed()
+            _write(outcome, directory, comm)
+        return outcome
+
+
+def _mark(request: SurveyRequest, spheres: Spheres) -> str:
+    """A mark of the runs of this bed, in this flow, among those of others in one directory."""
+    table = np.round(np.column_stack([spheres.centres, spheres.radii]), 9)
+    runs = request.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
+    key = json.dumps([table.tolist(), request.flow.model_dump(), runs])
+    return hashlib.sha256(key.encode()).hexdigest()[:8]
+
+
+def _begun(record: Path, mark: str) -> tuple[int, ...]:
+    """Grains with a full run of an earlier call for this bed and flow, in their order."""
+    try:
+        runs = json.loads(record.read_text(encoding="utf-8"))["runs"]
+        return tuple(map(int, runs["grains"])) if runs["of"] == mark else ()
+    except (OSError, ValueError, LookupError, TypeError):
+        return ()
+
+
+def _write(outcome: SurveyOutcome, directory: Path, comm: Comm) -> None:
+    with collectively(comm):
+        if comm.rank:
+            return
+        make_directory(directory)
+        write_text_atomically(directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
+        names = ("x", "y", "z", "diameter")
+        places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
+        rows = (dict(zip(names, row, strict=True)) for row in places.tolist())
+        write_text_atomically(directory / SPHERES, csv_text(names, rows))
+        write_json(directory / RECORD, outcome.to_dict())
 
 
 @dataclass(frozen=True, eq=False)
-class _Survey:
-    asked: SurveyRequest
-    base: Path
+class _Loads:
+    """Full runs of some of the free grains, and thresholds of all of them."""
+
+    outcome: SurveyOutcome
     directory: Path
     comm: Comm
-    means: RunMeans
+    more: int
+    sweep: Mapping[str, Any]
     voice: Silent
+    _scenes: dict[tuple[int, int], FullRun] = field(default_factory=dict)
 
-    @cached_property
-    def spheres(self) -> Spheres:
-        """The grains of the bed."""
-        return spheres_of(self.asked.bed, self.base)
-
-    @cached_property
-    def mark(self) -> str:
-        """What tells runs of this bed, in this flow, from those of others in one directory."""
-        table = np.round(np.column_stack([self.spheres.centres, self.spheres.radii]), 9)
-        runs = self.asked.runs.model_dump(exclude={"number", "with_error_bars", "seed"})
-        said = json.dumps([table.tolist(), self.asked.flow.model_dump(), runs])
-        return hashlib.sha256(said.encode()).hexdigest()[:8]
-
-    def outcome(self) -> SurveyOutcome:
-        """Everything in turn. All ranks know the bed; the first writes."""
-        asked = self.asked
-        self.voice.begin("bed")
-        spheres = self.spheres
-        surface = Surface.of(spheres)
-        numbers = exposed(spheres, surface, asked.grains)
-        found = []
-        for count, one in enumerate(pockets(spheres, surface, numbers, asked.flow)):
-            found.append(one)
-            self.voice.count("grains", count, len(numbers))
-        begun = from_first(self.comm, self._begun)
-        outcome = SurveyOutcome(
-            asked, spheres, surface, len(numbers), found, runs=begun, mark=self.mark
-        )
-        if not outcome.free:
-            raise SceneError(
-                "bed: no exposed grain is free to move; enlarge the bed or lower grains.visible"
-            )
-        self._write(outcome)
-        if asked.runs.number or self.means.more:
-            Emulator.require()
-            outcome = self._with_loads(outcome)
-            self._write(outcome)
-        return outcome
-
-    def _write(self, outcome: SurveyOutcome) -> None:
-        with collectively(self.comm):
-            if self.comm.rank:
-                return
-            make_directory(self.directory)
-            write_text_atomically(self.directory / GRAINS, csv_text(COLUMNS, outcome.rows()))
-            places = np.column_stack([outcome.spheres.centres, 2.0 * outcome.spheres.radii])
-            named = ({"x": x, "y": y, "z": z, "diameter": d} for x, y, z, d in places.tolist())
-            write_text_atomically(
-                self.directory / SPHERES, csv_text(("x", "y", "z", "diameter"), named)
-            )
-            write_json(self.directory / RECORD, outcome.to_dict())
-
-    # Full runs.
-
-    def _with_loads(self, outcome: SurveyOutcome) -> SurveyOutcome:
-        grains, surface = outcome.free, outcome.surface
-        features = np.array([features_of(one, surface.median, 1.0) for one in grains])
-        order = designed(features, min(self.asked.runs.number, len(grains))).tolist()
-        first = [grains[place].number for place in order]
-        # Those of an earlier call first: the place of a run decides its Reynolds number.
-        chosen = list(dict.fromkeys([*outcome.runs, *first]))
-        begun = sum(row["status"] not in (DONE, FAILED) for row in self._rows(outcome, chosen))
-        if (more := self.means.more - begun) > 0:
-            chosen += self._further(outcome, features, chosen, more)
+    def computed(self) -> SurveyOutcome:
+        """The outcome with runs, thresholds and the record of the emulator. Collective."""
+        grains, number = self.outcome.free, self.outcome.request.runs.number
+        order = designed(self._features, min(number, len(grains)))
+        # Runs of an earlier call come first: the place of a run decides its Reynolds number.
+        first = [grains[place].number for place in order.tolist()]
+        chosen = list(dict.fromkeys([*self.outcome.runs, *first]))
+        begun = sum(status not in (DONE, FAILED) for status in self._statuses(chosen))
+        if (more := self.more - begun) > 0:
+            chosen += self._further(chosen, more)
         if len(chosen) < FEWEST:
             remedy = "enlarge the bed" if len(grains) < FEWEST else f"give {FEWEST} or more"
-            raise SceneError(
-                f"runs.number: {len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
-            )
-        outcome = replace(outcome, runs=tuple(chosen))
-        self._write(outcome)
-        self._run(outcome)
-        runs, failed = self._computed(outcome, chosen)
+            why = f"{len(chosen)} grains have a full run, the emulator needs {FEWEST}; {remedy}"
+            raise SceneError(f"runs.number: {why}")
+        outcome = replace(self.outcome, runs=tuple(chosen))
+        _write(outcome, self.directory, self.comm)
+        scenes = [(run.scene, run.wide) for run in self._full_runs(chosen)]
+        run_sweep(
+            [scene for pair in scenes for scene in pair if scene is not None],
+            self.directory / RUNS,
+            {"fluid.inertia": [outcome.request.flow.galileo is not None]},
+            do="run",
+            voice=self.voice,
+            **{**ONE_OF_MANY, **self.sweep},
+        )
+        runs = coefficients_of(self._full_runs(chosen), self._table)
+        failed = self._statuses(chosen).count(FAILED)
         if len(runs) < FEWEST:
             why = f"{len(runs)} runs are finished and {failed} failed, the emulator needs {FEWEST}"
             raise SceneError(f"runs.number: {why}; give more, or --runs {FEWEST - len(runs)}")
-        found, record = self._thresholds(outcome, runs, failed)
-        return replace(outcome, thresholds=found, emulator=record)
-
-    def _begun(self) -> tuple[int, ...]:
-        """Grains with a full run of an earlier call for this bed and flow, in their order."""
-        if not (file := self.directory / RECORD).is_file():
-            return ()
-        try:
-            runs = json.loads(file.read_text(encoding="utf-8"))["runs"]
-            return tuple(map(int, runs["grains"])) if runs["of"] == self.mark else ()
-        except (OSError, ValueError, LookupError, TypeError):
-            return ()
-
-    def _further(
-        self, outcome: SurveyOutcome, features: Floats, chosen: list[int], more: int
-    ) -> list[int]:
-        """Grains to compute besides those chosen: where the emulator is least sure, without one far from others."""
-        grains = outcome.free
-        places = [place for place, one in enumerate(grains) if one.number not in chosen]
-        runs = self._computed(outcome, chosen)[0]
-        if len(runs) >= FEWEST:
-            emulator = self._emulator(grains, runs, outcome.surface)
-            order = emulator.most_wanted(features[places], more)
-        else:
-            order = designed(features[places], more)
-        return [grains[places[place]].number for place in order.tolist()]
-
-    def _run(self, outcome: SurveyOutcome) -> None:
-        runs = self._full_runs(outcome, outcome.runs)
-        run_sweep(
-            [scene for run in runs for scene in (run.scene, run.wide) if scene is not None],
-            self.directory / RUNS,
-            {"fluid.inertia": [self.asked.flow.galileo is not None]},
-            do="run",
-            **self.means.of_sweep(),
-            voice=self.voice,
-        )
-
-    def _full_runs(self, outcome: SurveyOutcome, chosen: Sequence[int]) -> list[FullRun]:
-        """The runs of grains; the first ones with error bars, and once more with a wider gap."""
-        by_number = {one.number: one for one in outcome.free}
-        for place, number in enumerate(chosen):
-            if number in by_number and (number, place) not in self._scenes:
-                run = self._full_run(by_number[number], outcome.surface, place)
-                self._scenes[number, place] = run
-        keys = ((number, place) for place, number in enumerate(chosen))
-        return [self._scenes[key] for key in keys if key in self._scenes]
+        return self._with_thresholds(outcome, runs, failed)
 
     @cached_property
-    def _scenes(self) -> dict[tuple[int, int], FullRun]:
-        """Runs by grain and place, each of whose scenes takes a tenth of a second."""
-        return {}
+    def _features(self) -> Floats:
+        """(n, 7) of the free grains at the Reynolds number one."""
+        median = self.outcome.surface.median
+        return np.array([features_of(grain, median, 1.0) for grain in self.outcome.free])
 
-    def _full_run(self, grain: Pocket, surface: Surface, place: int) -> FullRun:
-        level = (surface.level - float(grain.centre[2])) / grain.diameter
-        given = grain, level, self.asked, reynolds_of(place, self._galileo(grain, surface))
-        with_bars = place < self.asked.runs.with_error_bars
-        wide = scene_of(*given, wide=True) if with_bars else None
-        return FullRun(grain.number, scene_of(*given, error_bars=with_bars), wide)
+    def _further(self, chosen: list[int], more: int) -> list[int]:
+        """Grains to compute besides those chosen: where the emulator is least certain, or far from others."""
+        numbers = np.array([grain.number for grain in self.outcome.free])
+        left = np.flatnonzero(~np.isin(numbers, chosen))
+        runs = coefficients_of(self._full_runs(chosen), self._table)
+        wanted = self._emulator(runs).most_wanted if len(runs) >= FEWEST else designed
+        return list(map(int, numbers[left[wanted(self._features[left], more)]]))
 
-    def _galileo(self, grain: Pocket, surface: Surface) -> float | None:
-        galileo = self.asked.flow.galileo
-        return (
-            None if galileo is None else galileo * float((grain.diameter / surface.median) ** 1.5)
-        )
-
-    def _rows(self, outcome: SurveyOutcome, chosen: Sequence[int]) -> list[dict[str, Any]]:
-        """Rows of the sweep of the runs of grains, those with a wider gap left out."""
-        rows = self._table
-        found = (
-            rows.get(identity_of(run.scene, "run")) for run in self._full_runs(outcome, chosen)
-        )
-        return [row for row in found if row is not None]
+    def _full_runs(self, chosen: Sequence[int]) -> list[FullRun]:
+        """The runs of grains; the first ones with error bars, and once more with a wider gap."""
+        outcome, runs = self.outcome, []
+        free = {grain.number: grain for grain in outcome.free}
+        median, galileo = outcome.surface.median, outcome.request.flow.galileo
+        for place, number in enumerate(chosen):
+            if (grain := free.get(number)) is None:
+                continue
+            if (number, place) not in self._scenes:  # a scene takes a tenth of a second
+                level = (outcome.surface.level - float(grain.centre[2])) / grain.diameter
+                own = None if galileo is None else galileo * (grain.diameter / median) ** 1.5
+                given = grain, level, outcome.request, reynolds_of(place, own)
+                with_bars = place < outcome.request.runs.with_error_bars
+                wide = scene_of(*given, wide=True) if with_bars else None
+                run = FullRun(number, scene_of(*given, error_bars=with_bars), wide)
+                self._scenes[number, place] = run
+            runs.append(self._scenes[number, place])
+        return runs
 
     @property
     def _table(self) -> dict[str, dict[str, Any]]:
@@ -255,57 +207,29 @@ class _Survey:
         file = self.directory / RUNS
         return {row["id"]: row for row in rows_of(file)} if file.is_file() else {}
 
-    def _computed(
-        self, outcome: SurveyOutcome, chosen: Sequence[int]
-    ) -> tuple[list[LoadCoefficients], int]:
-        """Load coefficients of runs that are done, and how many grains' runs have failed."""
-        found = coefficients_of(self._full_runs(outcome, chosen), self._table)
-        return found, sum(row["status"] == FAILED for row in self._rows(outcome, chosen))
+    def _statuses(self, chosen: Sequence[int]) -> list[str]:
+        """Statuses of the runs of grains in the directory, without those with a wider gap."""
+        table = self._table
+        identities = [identity_of(run.scene, "run") for run in self._full_runs(chosen)]
+        return [table[identity]["status"] for identity in identities if identity in table]
 
-    # Thresholds.
+    def _emulator(self, runs: list[LoadCoefficients]) -> Emulator:
+        free = {grain.number: grain for grain in self.outcome.free}
+        median = self.outcome.surface.median
+        features = [features_of(free[run.number], median, run.reynolds) for run in runs]
+        return Emulator.of(np.array(features), np.array([run.values for run in runs]))
 
-    def _emulator(
-        self, grains: list[Pocket], runs: list[LoadCoefficients], surface: Surface
-    ) -> Emulator:
-        by_number = {one.number: one for one in grains}
-        known = [one for one in runs if one.number in by_number]
-        features = [
-            features_of(by_number[one.number], surface.median, one.reynolds) for one in known
-        ]
-        return Emulator.of(np.array(features), np.array([one.values for one in known]))
-
-    def _thresholds(
+    def _with_thresholds(
         self, outcome: SurveyOutcome, runs: list[LoadCoefficients], failed: int
-    ) -> tuple[list[Threshold], EmulatorRecord]:
-        flow, grains, median = self.asked.flow, outcome.free, outcome.surface.median
+    ) -> SurveyOutcome:
+        flow, grains, median = outcome.request.flow, outcome.free, outcome.surface.median
         self.voice.begin("thresholds")
-        emulator, of_flow = self._emulator(grains, runs, outcome.surface), share_of_error(runs)
-        errors = LoadErrors(emulator.correlation, of_flow, self.asked.runs.seed)
-        found = thresholds(grains, median, flow.friction, flow.galileo, runs, emulator, errors)
-        wrong, bars = emulator.errors, emulator.bars
-        drag = float(np.mean([abs(one.values[0]) for one in runs]))
-        features = np.array([features_of(one, median, runs[0].reynolds) for one in grains])
-        computed = {one.number for one in runs}
-        unknown = [place for place, one in enumerate(grains) if one.number not in computed]
-        record = EmulatorRecord(
-            runs=len(runs),
-            failed=failed,
-            error=float(np.sqrt((wrong[:, 0] ** 2).mean())) / drag,
-            bar=float(np.sqrt((bars[:, 0] ** 2).mean())) / drag,
-            within=float((np.abs(wrong) <= NINETY_FIVE * bars).mean()),
-            mean_bar=_mean_bar(found),
-            to_halve=runs_to_halve(emulator, features, unknown),
-            flow=float(of_flow[0]) if of_flow.any() else None,
-            level=emulator.level,
-        )
-        return found, record
-
-
-def _mean_bar(found: Sequence[Threshold]) -> float:
-    """Half of the 95% bar of the critical Shields number over it, the mean over emulated grains with a finite one."""
-    shares = []
-    for one in found:
-        low, high = one.bar
-        if not one.is_computed and np.isfinite([one.shields, high]).all() and one.shields > 0.0:
-            shares.append(0.5 * (high - low) / one.shields)
-    return float(np.mean(shares)) if shares else float("nan")
+        emulator, of_flow = self._emulator(runs), relative_error(runs)
+        errors = LoadErrors(emulator.correlation, of_flow, outcome.request.runs.seed)
+        critical = thresholds(grains, median, flow.friction, flow.galileo, runs, emulator, errors)
+        features, computed = self._features.copy(), {run.number for run in runs}
+        features[:, -1] = np.log10(runs[0].reynolds)
+        unknown = [place for place, grain in enumerate(grains) if grain.number not in computed]
+        to_halve = runs_to_halve(emulator, features, unknown)
+        record = EmulatorRecord.of(emulator, runs, failed, critical, to_halve, of_flow)
+        return replace(outcome, thresholds=critical, emulator=record)

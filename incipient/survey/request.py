@@ -1,4 +1,4 @@
-"""What is asked of a survey: the bed, the flow past it, which grains, and how many full runs."""
+"""The request of a survey: the bed, the flow past it, which grains, and how many full runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Critical Shields numbers of the grains of a bed, by their load coefficients and the exact judge, with their bars.
+"""Critical Shields numbers of the grains of a bed, from their load coefficients and the exact judge, with their bars.
 
 The Shields number is the bed stress over submerged specific weight and the grain's own diameter. Grains are compared by
 `stress`, the same with the bed's median diameter.
@@ -14,19 +14,22 @@ import numpy as np
 
 from ..arrays import Floats, percentile
 from ..contact import Contacts
-from ..contact.batch import Loads, judge_batch
+from ..contact.batch import Batch, Loads, judge_batch
 from .deposition import DOWN
 from .emulator import Emulator
 from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
 from .pockets import Pocket
 
 DRAWS = 40  # of the errors of all loads
-STRENGTHS = (
-    16  # Shields numbers, with inertia, at which a grain is judged; the threshold is interpolated
-)
-BEYOND = 1e-3  # how much more than critical a load is that shows the motion
+STRENGTHS = 16  # Shields numbers, with inertia, between which the threshold is interpolated
+BEYOND = 1e-3  # relative excess over the critical load of the load that shows the motion
 SUBMERGED_WEIGHT = math.pi / 6.0  # of a sphere of diameter and submerged specific weight 1
-PERCENTILES = (2.5, 97.5)
+PERCENTILES = {"low": 2.5, "high": 97.5}
+
+
+def range_of(drawn: Floats) -> dict[str, float]:
+    """The range of 95% of draws (k,)."""
+    return {end: float(percentile(drawn, share)) for end, share in PERCENTILES.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +44,16 @@ class Threshold:
 
     @property
     def bar(self) -> tuple[float, float]:
-        """Between these are 95% of the draws; infinite where the grain may stay in any flow."""
-        low, high = (float(percentile(self.draws, share)) for share in PERCENTILES)
+        """The range of 95% of the draws; infinite where the grain may stay in any flow."""
+        low, high = range_of(self.draws).values()
         return low, high
 
 
 @dataclass(frozen=True, eq=False)
 class LoadErrors:
-    """What is drawn: for each grain on its own the emulator's errors, for all alike those of the flow.
+    """Random errors of the emulator for each grain on its own, and of the flow for all alike.
 
-    correlation: of the emulator's errors; flow: errors (6,) of the runs as shares of the drag
+    correlation: of the emulator's errors; flow: errors (6,) of the runs over the drag
     """
 
     correlation: Floats
@@ -58,13 +61,12 @@ class LoadErrors:
     seed: int
 
     def of_emulator(self, number: int) -> Floats:
-        """Standard deviations (DRAWS, 6) of a grain's errors, correlated."""
+        """Errors (DRAWS, 6) of a grain in standard deviations, correlated."""
         drawn = np.random.default_rng([self.seed, 3, number]).standard_normal((DRAWS, 6))
         return np.asarray(drawn @ np.linalg.cholesky(self.correlation).T)
 
     def of_flow(self) -> Floats:
-        """Errors (DRAWS, 6) as shares of the drag; those of all grains are the same."""
-        # An error bar is taken as two standard deviations of what is drawn.
+        """Errors (DRAWS, 6) over the drag; an error bar is two standard deviations."""
         drawn = np.random.default_rng([self.seed, 4]).standard_normal((DRAWS, 6))
         return np.asarray(0.5 * self.flow * drawn)
 
@@ -78,34 +80,34 @@ def thresholds(
     emulator: Emulator,
     errors: LoadErrors,
 ) -> list[Threshold]:
-    """Thresholds of grains: by their own run in creeping flow, else by the emulator."""
-    computed = {one.number: one for one in runs} if galileo is None else {}
+    """Thresholds of grains: by their own run in creeping flow, otherwise by the emulator."""
+    computed = {run.number: run for run in runs} if galileo is None else {}
     strengths = np.geomspace(*SHIELDS_RANGE, STRENGTHS)
     features = []
     for grain in grains:
         # G d^2/nu = Shields number times the square of the grain's own Galileo number, which goes as d^1.5.
         squared = None if galileo is None else galileo**2 * (grain.diameter / median) ** 3
         numbers = [CREEPING] if squared is None else (strengths * squared).tolist()
-        features += [features_of(grain, median, one) for one in numbers]
+        features += [features_of(grain, median, number) for number in numbers]
     shape = len(grains), -1, 6
     means, deviations = (part.reshape(shape) for part in emulator.predicted(np.array(features)))
-    found = []
+    critical = []
     for place, grain in enumerate(grains):
         own, ranges = means[place], deviations[place][:, None] * errors.of_emulator(grain.number)
         if grain.number in computed:
             own, ranges = computed[grain.number].values[None], np.zeros_like(ranges)
         flow = np.abs(own[:, :1])[:, None] * errors.of_flow()
-        coefficients = np.concatenate([own[:, None], own[:, None] + ranges + flow], axis=1)
-        shields = _critical(grain, coefficients, friction, None if galileo is None else strengths)
-        mode = _mode(grain, own, float(shields[0]), friction, strengths)
-        found.append(
-            Threshold(grain, float(shields[0]), shields[1:], mode, grain.number in computed)
-        )
-    return found
+        drawn = np.concatenate([own[:, None], own[:, None] + ranges + flow], axis=1)
+        shields = _critical(grain, drawn, friction, None if galileo is None else strengths)
+        nearest = int(np.abs(strengths - shields[0]).argmin()) if len(own) > 1 else 0
+        mode = _mode(grain, own[nearest], float(shields[0]), friction)
+        is_computed = grain.number in computed
+        critical.append(Threshold(grain, float(shields[0]), shields[1:], mode, is_computed))
+    return critical
 
 
 def features_of(grain: Pocket, median: float, reynolds: float) -> Floats:
-    """Features (7,) of a grain for the emulator."""
+    """Features (7,) of a grain for the emulator: its pocket, its size, and the logarithm of the Reynolds number."""
     return np.array([*grain.features, grain.diameter / median, math.log10(reynolds)])
 
 
@@ -114,50 +116,40 @@ def _critical(
 ) -> Floats:
     """Critical Shields numbers (m,) by load coefficients (strengths or 1, m, 6)."""
     if strengths is None:
-        return _factors(grain, coefficients[0], friction)
+        return np.asarray(_judged(grain, coefficients[0], friction).factors)
     loads = strengths[:, None, None] * coefficients
-    factors = _factors(grain, loads.reshape(-1, 6), friction).reshape(loads.shape[:2])
-    return np.array([_first_loss(strengths, column) for column in factors.T])
+    factors = np.asarray(_judged(grain, loads.reshape(-1, 6), friction).factors)
+    return np.array(
+        [_first_loss(strengths, column) for column in factors.reshape(loads.shape[:2]).T]
+    )
 
 
 def _first_loss(strengths: Floats, factors: Floats) -> float:
-    """The strength from which on the safety factor is below one; outside of those judged by proportion to the load."""
+    """The strength from which on the safety factor is below one; beyond both ends in proportion to the load."""
     lost = np.flatnonzero(factors < 1.0)
-    if len(lost) == 0:
-        return float(strengths[-1] * factors[-1])
-    if lost[0] == 0:
-        return float(strengths[0] * factors[0])
-    first, second = (int(lost[0]) - 1, int(lost[0]))
+    if len(lost) == 0 or lost[0] == 0:
+        end = 0 if len(lost) else -1
+        return float(strengths[end] * factors[end])
+    first, second = int(lost[0]) - 1, int(lost[0])
     if not np.isfinite(factors[first]) or factors[second] <= 0.0:
         return float(strengths[second])
     above, below = math.log(factors[first]), math.log(factors[second])
-    share = above / (above - below)
-    return float(strengths[first] ** (1.0 - share) * strengths[second] ** share)
+    fraction = above / (above - below)
+    return float(strengths[first] ** (1.0 - fraction) * strengths[second] ** fraction)
 
 
-def _factors(grain: Pocket, loads: Floats, friction: float) -> Floats:
-    """Safety factors (m,) of loads (m, 6), in units of diameter and submerged specific weight."""
-    given = Loads(loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3))
-    return np.asarray(judge_batch(given, _contacts(grain), friction).factors)
-
-
-def _contacts(grain: Pocket) -> Contacts:
-    return Contacts(0.5 * grain.contacts.normals, grain.contacts.normals)
-
-
-def _mode(
-    grain: Pocket, coefficients: Floats, shields: float, friction: float, strengths: Floats
-) -> str:
+def _mode(grain: Pocket, coefficients: Floats, shields: float, friction: float) -> str:
     """How the grain begins to move when the flow is a little faster than critical."""
     if not (math.isfinite(shields) and shields > 0.0):
         return "rest" if shields > 0.0 else "moves"
-    own = (
-        coefficients[0]
-        if len(coefficients) == 1
-        else coefficients[int(np.abs(strengths - shields).argmin())]
-    )
-    force = (1.0 + BEYOND) * shields * own
-    load = Loads(force[None, :3], force[None, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3))
+    load = (1.0 + BEYOND) * shields * coefficients[None]
+    verdicts = _judged(grain, load, friction, with_mode=True)
+    return verdicts.labels[int(verdicts.modes[0])]
+
+
+def _judged(grain: Pocket, loads: Floats, friction: float, with_mode: bool = False) -> Batch:
+    """Verdicts on loads (m, 6), in units of diameter and submerged specific weight."""
+    contacts = Contacts(0.5 * grain.contacts.normals, grain.contacts.normals)
+    batch = Loads(loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3))
     inertia = SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)
-    found = judge_batch(load, _contacts(grain), friction, inertia)
-    return found.labels[int(found.modes[0])]
+    return judge_batch(batch, contacts, friction, inertia if with_mode else None)

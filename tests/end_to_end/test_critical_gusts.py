@@ -8,17 +8,17 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from test_released import POCKET
 
 import incipient
-from incipient.critical.gust_bracket import WITHIN
-from incipient.critical.gusts import CriticalGust, GustSearch
 from incipient.errors import SceneError
 from incipient.output.gust_curve import GustCurve
 from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads
 from incipient.sweep.table import rows
+from incipient.threshold.gusts import WITHIN, CriticalGust, GustSearch
 
 
 def scene(**changes: dict[str, object]) -> Scene:
@@ -102,7 +102,13 @@ def test_what_is_found_is_drawn_and_reported(tmp_path: Path) -> None:
     )
     curve = GustCurve(scene(), 1.6, points)
     (tmp_path / "gusts.json").write_text(json.dumps(curve.to_dict()))
-    assert gusts.draw(tmp_path)[0].stat().st_size > 10_000
+    (axes,) = gusts._figure(curve.to_dict()).axes
+    durations, strengths = axes.lines[0].get_data()
+    assert durations.tolist() == [1.0, 4.0]
+    assert strengths == pytest.approx([(4.8 * 4.9) ** 0.5, (2.5 * 2.55) ** 0.5])
+    assert any(list(line.get_ydata()) == [1.6, 1.6] for line in axes.lines)
+    with Image.open(gusts.draw(tmp_path)[0]) as image:
+        assert image.format == "PNG"
     page = incipient.report(tmp_path).read_text()
     assert "1.6 times its strength" in page and "leaves at" in page
     assert "gust of 1          strength 4.85 +- not known in 7 runs" in curve.text()

@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 import incipient
 from incipient import compat
-from incipient.critical.threshold import NOT_ONE
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
@@ -35,6 +34,7 @@ from incipient.scene import (
 from incipient.scene.file import dumps
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
+from incipient.threshold.critical import NOT_ONE
 
 
 def stone(mesh_size=7.0, **changes):

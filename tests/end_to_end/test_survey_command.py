@@ -12,8 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista
+from PIL import Image
 
 import incipient
+from incipient.pictures.charts import survey as chart
 from incipient.scene.file import parse
 from incipient.survey.deposition import Spheres
 from incipient.survey.full_runs import scene_of
@@ -67,9 +70,18 @@ def test_a_bed_without_runs(command, bed: Path) -> None:
     assert len(free) == stored["free"] > 3 and all(
         0.0 < float(one["pivot"]) <= 90.0 for one in free
     )
-    assert (out / "survey.png").stat().st_size > 10_000 and (
-        out / "survey.vtp"
-    ).stat().st_size > 10_000
+    with Image.open(out / "survey.png") as image:
+        assert image.format == "PNG"
+    columns = [chart._table(out / name) for name in ("grains.csv", "spheres.csv")]
+    drawn = chart._figure(stored, *columns).axes[1].lines[0].get_xdata()
+    # All grains are of the median size, to which pivot angles are reduced.
+    assert drawn == pytest.approx(sorted(float(one["pivot"]) for one in free))
+    balls = pyvista.read(out / "survey.vtp")
+    spheres = table(out / "spheres.csv")
+    for number in (0, 69):
+        points = balls.points[balls["number"] == number]
+        middle = [float(spheres[number][name]) for name in "xyz"]
+        assert np.linalg.norm(points - middle, axis=1) == pytest.approx(0.5, rel=1e-5)
     done = command("report", "out")
     assert done.returncode == 0, done.stderr
     page = (out / "report.html").read_text()
@@ -156,9 +168,9 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
 
 @pytest.mark.slow
 def test_the_bead_of_another_page_by_a_full_run() -> None:
-    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01 (docs/beads.csv).
+    """An equal bead on a triangular layer that touches, in creeping shear from the crests: drag 7.01.
 
-    There the layer is of half-spheres on a plane, and the bead is lifted by its gap.
+    That is of docs/validation/beads.csv, where the layer is of half-spheres on a plane and the bead lifted by its gap.
     """
     centres = np.array(
         [(np.sqrt(0.75) * i, j + 0.5 * (i % 2), 0.0) for i in range(12) for j in range(12)]

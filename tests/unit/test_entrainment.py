@@ -14,15 +14,14 @@ from mpi4py import MPI
 from incipient import make_plan
 from incipient.contact import Contacts, Load
 from incipient.contact.safety import safety_factor
-from incipient.entrainment.find import Motion, find_entrainment
-from incipient.entrainment.laws import Gaussian
-from incipient.entrainment.outcome import Entrainment
-from incipient.entrainment.stream import Stream, near_wall
-from incipient.entrainment.sudden import CriticalStrength, load_of_growth
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import load
 from incipient.scene.file import loads
+from incipient.threshold.acceleration import CriticalStrength, load_of_growth
+from incipient.threshold.entrainment import Entrainment, Motion, find_entrainment
+from incipient.threshold.laws import Gaussian
+from incipient.threshold.mean_flow import MeanFlow, near_wall
 
 POCKET = """
 title = "disc between half-discs, Stokes flow"
@@ -56,42 +55,59 @@ intensity = 0.3
 """
 
 
-class TestScene:
-    @pytest.mark.parametrize(
-        ("keys", "said"),
-        [
-            ("", r"gusts\.intensity: is missing; give a number"),
-            ("intensity = -0.1", r"gusts\.intensity"),
-            (
-                "intensity = 0.3\nintegral_time = 1.0",
-                r"integral_time: is given without microscale.*infinitely many",
-            ),
-            ("intensity = 0.3\nmicroscale = 1.0\nintegral_time = 1.2", "square root of two"),
-            ("intensity = 0.3\ndepth = 3.0", r"gusts\.depth: is read only with"),
-            ("intensity = 0.3\npoints = [[0.0, 1.0]]", r"are not read with law"),
-            ('law = "measured"', "neither file nor points is given"),
-            ('law = "measured"\npoints = [[0.0, 1.0], [1.0, 2.0]]', "are 2; give 100 or more"),
-        ],
-    )
-    def test_wrong_keys_in_one_line(self, keys: str, said: str) -> None:
-        with pytest.raises(SceneError, match=said) as error:
-            loads(POCKET.replace("intensity = 0.3", keys))
-        assert "\n" not in str(error.value)
+POINTS = ", ".join(["[1.5, 1.0]"] * 20)
+EVENTS = f'law = "events"\nrecord = 100.0\npoints = [{POINTS}'
+REFUSED = [
+    ("", "gusts.intensity: is missing; give a number"),
+    ("intensity = -0.1", "gusts.intensity"),
+    ("intensity = 0", 'is 0; give a number above zero, or "near-wall" or "model"'),
+    (
+        'intensity = "nearwall"',
+        'is "nearwall"; give a number above zero, or "near-wall" or "model"',
+    ),
+    (
+        'intensity = 0.3\nmicroscale = "modell"',
+        'is "modell"; give a number above zero, or "model"',
+    ),
+    ("intensity = 0.3\nintegral_time = 1.0", "integral_time: is given without microscale"),
+    ("intensity = 0.3\nmicroscale = 1.0\nintegral_time = 1.2", "square root of two"),
+    ("intensity = 0.3\ndepth = 3.0", "gusts.depth: is read only with"),
+    ("intensity = 0.3\npoints = [[0.0, 1.0]]", "are not read with law"),
+    ("intensity = 0.3\nrecord = 100.0", "gusts.record: is read only with"),
+    ('law = "measured"', "neither file nor points is given"),
+    ('law = "measured"\npoints = [[0.0, 1.0], [1.0, 2.0]]', "are 2; give 100 or more"),
+    ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
+    (EVENTS.replace("record = 100.0\n", "") + "]", "gusts.record: is missing"),
+    (EVENTS.replace("100.0", "10.0") + "]", "gusts.record: is 10, less than the 20"),
+    (EVENTS + "]\nintensity = 0.3", "gusts.intensity"),
+    (EVENTS + ", [1.5, 0.0]]", "gusts.points: have a strength or duration"),
+]
 
-    def test_a_series_from_a_file(self, tmp_path: Path) -> None:
-        times = np.arange(200) * 0.5
-        rows = "\n".join(f"{t},{1.0 + 0.3 * math.sin(t)}" for t in times)
-        (tmp_path / "velocity.csv").write_text(f"time,velocity\n{rows}\n")
-        text = POCKET.replace("intensity = 0.3", 'law = "measured"\nfile = "velocity.csv"')
-        (tmp_path / "scene.toml").write_text(text)
-        gusts = load(tmp_path / "scene.toml").gusts
-        assert gusts is not None and len(gusts.points) == 200 and gusts.file is None
 
-    def test_model_without_a_model_is_refused(self) -> None:
-        setup = Setup(loads(POCKET.replace("intensity = 0.3", 'intensity = "model"')))
-        assert setup.scene.gusts is not None
-        with pytest.raises(SceneError, match=r'gusts\.intensity: "model" needs a turbulence model'):
-            Stream(setup, setup.scene.gusts)
+@pytest.mark.parametrize(("keys", "said"), REFUSED)
+def test_wrong_keys_in_one_line(keys: str, said: str) -> None:
+    with pytest.raises(SceneError) as error:
+        loads(POCKET.replace("intensity = 0.3", keys))
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "count"), [('law = "measured"', 200), ('law = "events"\nrecord = 100.0', 20)]
+)
+def test_data_from_a_file(tmp_path: Path, keys: str, count: int) -> None:
+    rows = "\n".join(f"{0.1 + 0.5 * k},{1.0 + 0.3 * math.sin(k)}" for k in range(count))
+    (tmp_path / "data.csv").write_text(f"first,second\n{rows}\n")
+    text = POCKET.replace("intensity = 0.3", f'{keys}\nfile = "data.csv"')
+    (tmp_path / "scene.toml").write_text(text)
+    gusts = load(tmp_path / "scene.toml").gusts
+    assert gusts is not None and len(gusts.points) == count and gusts.file is None
+
+
+def test_model_without_a_model_is_refused() -> None:
+    setup = Setup(loads(POCKET.replace("intensity = 0.3", 'intensity = "model"')))
+    assert setup.scene.gusts is not None
+    with pytest.raises(SceneError, match=r'gusts\.intensity: "model" needs a turbulence model'):
+        MeanFlow(setup, setup.scene.gusts)
 
 
 def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> None:
@@ -100,7 +116,7 @@ def test_intensity_near_walls_is_that_of_the_viscous_layer_in_a_slow_shear() -> 
     gusts, placement = setup.scene.gusts, setup.scene.placement
     assert gusts is not None and placement is not None
     top = placement.centre[1] + 0.5 - setup.base_flow.datum
-    assert Stream(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
+    assert MeanFlow(setup, gusts).intensity(1e-8) == pytest.approx(0.49 / top, rel=0.02)
 
 
 def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
@@ -109,7 +125,7 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     words = [f'gusts.{name}="model"' for name in ("intensity", "microscale", "integral_time")]
     setup = Setup(load(stone, words))
     assert setup.scene.gusts is not None
-    stream = Stream(setup, setup.scene.gusts)
+    stream = MeanFlow(setup, setup.scene.gusts)
     intensity, lasts = stream.intensity(1.0), stream.microscale(1.0)
     length = stream.integral_time(1.0)
     assert lasts is not None and length is not None
@@ -117,14 +133,6 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     epsilon = 0.43 * (1.5 * fluctuation) ** 1.5 / (length * stream.speed)
     slope = epsilon / (15.0 * setup.scene.viscosity)
     assert (lasts * stream.speed) ** 2 == pytest.approx(2.0 * fluctuation / slope, rel=1e-9)
-    # Twice the flow at the same viscosity is the scene at twice the Reynolds number, whose times are halved.
-    twice = Setup(load(stone, [*words, f"fluid.reynolds={2.0 * setup.scene.fluid.reynolds}"]))
-    assert twice.scene.gusts is not None
-    itself = Stream(twice, twice.scene.gusts)
-    for name in ("microscale", "integral_time"):
-        assert getattr(stream, name)(2.0) == pytest.approx(
-            0.5 * getattr(itself, name)(1.0), rel=1e-9
-        )
 
 
 @pytest.mark.parametrize("intensity", ["model", "near-wall"])
@@ -134,10 +142,10 @@ def test_a_stronger_flow_has_the_turbulence_of_its_own_profile(intensity: str) -
     words = ["bed={kind='flat'}", f'gusts.intensity="{intensity}"']
     words += ['gusts.microscale="model"', 'gusts.integral_time="model"']
 
-    def stream(*more: str) -> Stream:
+    def stream(*more: str) -> MeanFlow:
         setup = Setup(load(sand, [*words, *more]))
         assert setup.scene.gusts is not None
-        return Stream(setup, setup.scene.gusts)
+        return MeanFlow(setup, setup.scene.gusts)
 
     scene = stream()
     third = stream(f"fluid.reynolds={0.3 * scene.setup.scene.fluid.reynolds}")
@@ -154,7 +162,7 @@ def test_a_base_flow_at_rest_at_the_grain_has_no_intensity_near_the_wall() -> No
     )
     setup = Setup(loads(small))
     assert setup.scene.gusts is not None
-    stream = Stream(setup, setup.scene.gusts)
+    stream = MeanFlow(setup, setup.scene.gusts)
     with pytest.raises(SceneError, match="the base flow is at rest at the grain"):
         stream.require_intensity()
 
@@ -180,7 +188,7 @@ def test_intensity_by_a_model_to_the_wall_is_that_of_its_developed_flow() -> Non
         np.exp(np.interp(np.log(np.maximum(at, 1e-6)), np.log(flow.heights[1:]), flow.log_k[1:])),
         weights=weights,
     )
-    stream = Stream(setup, gusts)
+    stream = MeanFlow(setup, gusts)
     assert stream.speed == pytest.approx(speed, rel=0.01)
     assert stream.intensity(1.0) == pytest.approx(
         np.sqrt(2.0 / 3.0 * energy) * unit / speed, rel=0.02
@@ -273,57 +281,6 @@ class TestAcceleration:
         )
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ('law = "events"\nrecord = 100.0\npoints = [[1.5, 1.0]]', "gusts.points: are 1"),
-        ('law = "events"\npoints = [POINTS]', "gusts.record: is missing"),
-        (
-            'law = "events"\nrecord = 10.0\npoints = [POINTS]',
-            "gusts.record: is 10, less than the 20",
-        ),
-        ('law = "events"\nrecord = 100.0\nintensity = 0.3\npoints = [POINTS]', "gusts.intensity"),
-        ("intensity = 0.3\nrecord = 100.0", "gusts.record: is read only with"),
-        (
-            'law = "events"\nrecord = 100.0\npoints = [POINTS, [1.5, 0.0]]',
-            "gusts.points: have a strength or duration",
-        ),
-    ],
-)
-def test_events_that_are_wrong_are_refused_by_name(words: str, said: str) -> None:
-    given = words.replace("POINTS", ", ".join(["[1.5, 1.0]"] * 20))
-    with pytest.raises(SceneError, match=said.replace(".", r"\.")):
-        loads(POCKET.replace("intensity = 0.3", given))
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (
-            'intensity = "nearwall"',
-            'is "nearwall"; give a number above zero, or "near-wall" or "model"',
-        ),
-        ("intensity = 0", 'is 0; give a number above zero, or "near-wall" or "model"'),
-        (
-            'intensity = 0.3\nmicroscale = "modell"',
-            'is "modell"; give a number above zero, or "model"',
-        ),
-    ],
-)
-def test_words_that_are_not_known_are_told_with_those_that_are(words: str, said: str) -> None:
-    with pytest.raises(SceneError) as refused:
-        loads(POCKET.replace("intensity = 0.3", words))
-    assert str(refused.value).endswith(f": {said}") and "error" not in str(refused.value)
-
-
-def test_twenty_events_in_a_file_are_enough(tmp_path: Path) -> None:
-    (tmp_path / "gusts.csv").write_text("\n".join(f"{1.0 + 0.05 * k},0.5" for k in range(1, 21)))
-    given = 'law = "events"\nrecord = 100.0\nfile = "gusts.csv"'
-    (tmp_path / "scene.toml").write_text(POCKET.replace("intensity = 0.3", given))
-    gusts = load(tmp_path / "scene.toml").gusts
-    assert gusts is not None and len(gusts.points) == 20
-
-
 @pytest.fixture(scope="module")
 def found() -> Entrainment:
     return find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD)
@@ -375,13 +332,9 @@ class TestEntrainment:
         """The motion of the disc by other gusts about the threshold that was found, or one that is changed."""
         scene = loads(POCKET.replace("intensity = 0.3", words))
         assert scene.gusts is not None
-        return Motion(
-            scene.gusts,
-            Stream(Setup(scene), scene.gusts),
-            replace(found.threshold, **changes),
-            None,
-            0.6,
-        )
+        threshold = replace(found.threshold, **changes)
+        flow = MeanFlow(Setup(scene), scene.gusts)
+        return Motion(scene.gusts, flow, threshold, threshold.factor)
 
     def test_a_normal_law_that_does_not_reach_a_probability(self, found: Entrainment) -> None:
         """The factor is above zero with the probability of 1/I deviations: 0.977 at 0.5."""
@@ -389,8 +342,8 @@ class TestEntrainment:
         with pytest.raises(
             SceneError, match=r"probabilities: 0\.99 is not reached in any mean flow"
         ):
-            motion.strength(0.99)
-        ended = motion.strength(0.99, clipped=True)
+            motion.quantile(0.99)
+        ended = motion.strength(motion.nearest(0.99))
         assert ended == pytest.approx(10.0 * found.threshold.factor, rel=1e-6)
         # A lognormal factor reaches it; what a normal one would need is without bound.
         quantile = self.motion(found, "intensity = 0.5").quantile(0.99)
@@ -404,8 +357,8 @@ class TestEntrainment:
         with pytest.raises(
             SceneError, match=r"probabilities: 0\.8 is not reached in any mean flow"
         ):
-            motion.strength(0.8)
-        assert motion.strength(0.8, clipped=True) == pytest.approx(
+            motion.quantile(0.8)
+        assert motion.strength(motion.nearest(0.8)) == pytest.approx(
             10.0 * found.threshold.factor, rel=1e-3
         )
 
@@ -432,9 +385,9 @@ class TestEntrainment:
         scene = loads(POCKET + "microscale = 1000.0\n")
         assert scene.gusts is not None and scene.contact is not None
         growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
-        motion = Motion(
-            scene.gusts, Stream(Setup(scene), scene.gusts), found.threshold, growth, 0.6
-        )
+        growing = CriticalStrength.of(found.threshold, growth, 0.6)
+        flow = MeanFlow(Setup(scene), scene.gusts)
+        motion = Motion(scene.gusts, flow, found.threshold, found.threshold.factor, growing)
         assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)
 
     def test_scenes_that_lack_something(self) -> None:

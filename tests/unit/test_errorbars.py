@@ -32,7 +32,6 @@ from incipient.accuracy.terms import (
     on_more_bed,
     with_other_datum,
 )
-from incipient.critical.threshold import find_threshold
 from incipient.errors import ConvergenceError
 from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup, order_of
@@ -46,6 +45,7 @@ from incipient.simulation import simulate as simulation
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
+from incipient.threshold.critical import find_threshold
 
 IN_STREAM = """
 [domain]

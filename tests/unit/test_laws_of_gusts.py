@@ -1,31 +1,28 @@
-"""Laws of the velocity in a fluctuating stream: levels, rates, measured series, gusts that were counted."""
+"""Laws of the velocity at a grain: levels, rates, measured series, counted gusts, and gusts that last."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from incipient.entrainment.lasting import WeakestGusts, rate_of_lasting
-from incipient.entrainment.laws import Events, Gaussian, Measured
 from incipient.errors import SceneError
+from incipient.threshold.lasting import Series, WeakestGusts, rate_of_lasting, series_of
+from incipient.threshold.laws import Events, Gaussian, Measured
 
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 
 
 class TestLaws:
-    def test_levels_of_a_lognormal_factor(self) -> None:
-        # exp(z s - s^2/2) with s^2 = log(1.09) and z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
-        expected = (2.3728, 1.8962, 1.5524, 0.9578)
-        found = [Gaussian(0.3).level(one) for one in PROBABILITIES]
-        assert found == pytest.approx(expected, abs=5e-5)
-
-    def test_levels_of_a_normal_factor(self) -> None:
-        found = [Gaussian(0.3, lognormal=False).level(one) for one in PROBABILITIES]
-        assert found == pytest.approx(
-            [1.0 + 0.3 * z for z in (3.090232, 2.326348, 1.644854, 0.0)], abs=1e-6
-        )
+    def test_levels(self) -> None:
+        # exp(z s - s^2/2) with s^2 = log(1.09), or 1 + 0.3 z, with z of the Gaussian: 3.0902, 2.3263, 1.6449, 0.
+        levels = [Gaussian(0.3).level(one) for one in PROBABILITIES]
+        assert levels == pytest.approx((2.3728, 1.8962, 1.5524, 0.9578), abs=5e-5)
+        normal = [Gaussian(0.3, lognormal=False).level(one) for one in PROBABILITIES]
+        assert normal == pytest.approx((1.927070, 1.697904, 1.493456, 1.0), abs=1e-6)
+        assert Gaussian(0.3).upcrossings(1.5) is None  # without a microscale
 
     @pytest.mark.parametrize("lognormal", [True, False])
     def test_mean_and_intensity(self, lognormal: bool) -> None:
@@ -52,9 +49,6 @@ class TestLaws:
             assert rises == pytest.approx(
                 expected * count * step, rel=3.0 / math.sqrt(rises) + 0.01
             )
-
-    def test_without_a_microscale_rates_are_not_known(self) -> None:
-        assert Gaussian(0.3).upcrossings(1.5) is None
 
 
 class TestMeasured:
@@ -157,3 +151,76 @@ class TestEvents:
         )
         assert law.level(0.01) == pytest.approx(1.8962, rel=3.0 * 0.0025)
         assert law.upcrossings(1.8962) == pytest.approx(0.02, rel=0.1)
+
+
+class TestLasting:
+    WEAKEST = WeakestGusts(np.array([0.5, 2.0]), np.array([4.0, 2.0]), np.zeros(2), static=1.5)
+
+    def test_gusts_are_counted_that_last_as_long_as_the_weakest(self) -> None:
+        step = 0.01
+        factors = np.ones(10_000)
+        for start, duration, strength in (
+            (10.0, 0.6, 4.1),
+            (20.0, 0.4, 4.1),
+            (30.0, 2.2, 2.1),
+            (40.0, 1.0, 2.1),
+        ):
+            factors[round(start / step) : round((start + duration) / step)] = strength
+        found = rate_of_lasting(Series(factors, step), self.WEAKEST, 1.0)
+        assert found.rate * 10_000 * step == pytest.approx(2.0, rel=1e-3)
+        assert found.low < found.rate < found.high
+
+    def test_between_durations_the_logarithms_are_straight(self) -> None:
+        levels, durations = self.WEAKEST.needed()
+        assert np.interp(math.sqrt(8.0), levels, durations) == pytest.approx(1.0, rel=2e-3)
+
+    def test_made_series_has_the_correlation_that_is_stated(self) -> None:
+        microscale, integral = 0.5, 2.0
+        course = series_of(Gaussian(0.3, False, microscale), integral)
+        values = (course.factors - 1.0) / 0.3
+        root = math.sqrt(integral**2 - 2.0 * microscale**2)
+        first, second = 0.5 * (integral + root), 0.5 * (integral - root)
+        for steps in (16, 64, 128):
+            time = steps * course.step
+            expected = (first * math.exp(-time / first) - second * math.exp(-time / second)) / (
+                first - second
+            )
+            assert np.mean(values[steps:] * values[:-steps]) == pytest.approx(expected, abs=0.02)
+
+    @pytest.mark.parametrize(
+        ("integral", "said"),
+        [(None, "is missing"), (0.7, r"is 0\.7, less than the microscale 0\.5")],
+    )
+    def test_times_that_no_correlation_has_are_refused(self, integral: Any, said: str) -> None:
+        """T1 + T2 is at least the root of 4 T1 T2, the microscale times the root of two."""
+        with pytest.raises(SceneError, match=rf"gusts\.integral_time: {said}"):
+            series_of(Gaussian(0.3, True, 0.5), integral)
+
+    def test_gusts_of_another_flow_are_refused(self) -> None:
+        self.WEAKEST.require_of(1.6)
+        with pytest.raises(
+            SceneError, match=r"gusts\.json: there a steady flow .* from 1\.5 on, here from 2\.3"
+        ):
+            self.WEAKEST.require_of(2.3)
+
+    def test_errors_that_are_not_known_are_not_taken_as_known(self) -> None:
+        points = [
+            {"duration": one, "strength": 3.0, "error": error}
+            for one, error in ((1.0, 0.1), (2.0, None))
+        ]
+        found = WeakestGusts.of({"static": 1.5, "points": points})
+        assert not found.known and found.errors.tolist() == [0.1, 0.0]
+        assert WeakestGusts.of({"static": 1.5, "points": [points[0], points[0]]}).known
+
+    @pytest.mark.parametrize(
+        ("static", "points", "said"),
+        [
+            (1.5, [{"duration": 1.0, "error": 0.1}] * 2, "holds no gusts"),
+            (None, [{"duration": 1.0, "strength": 3.0, "error": 0.1}] * 2, "holds no gusts"),
+            (1.5, {"a": 1}, "holds no gusts"),
+            (1.5, [{"duration": 1.0, "strength": 3.0, "error": 4.0}] * 2, "within its error"),
+        ],
+    )
+    def test_files_that_are_damaged_are_refused(self, static: Any, points: Any, said: str) -> None:
+        with pytest.raises(SceneError, match=rf"gusts\.json: .*{said}"):
+            WeakestGusts.of({"static": static, "points": points})

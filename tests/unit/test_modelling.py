@@ -18,7 +18,6 @@ from incipient.accuracy.modelling import SMALLEST_GAP, Suited, _is_noise, remedi
 from incipient.accuracy.search import Search
 from incipient.accuracy.strategies import DualWeighted
 from incipient.accuracy.terms import of_domain, of_gap
-from incipient.critical.meshes import to_accuracy
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
@@ -27,6 +26,7 @@ from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
+from incipient.threshold.meshes import to_accuracy
 
 POCKET = """
 [domain]

@@ -11,7 +11,6 @@ from incipient.errors import SceneError
 from incipient.scene import Ellipsoid, Scene
 from incipient.scene.file import dumps, example, loads
 from incipient.survey.orientations import Poses, _settings, random_orientation, survey_poses
-from incipient.survey.procedure import RunMeans
 from incipient.sweep.cases import identity_of
 
 
@@ -45,7 +44,7 @@ def test_what_is_refused(tmp_path: Path) -> None:
         (ordered, "--seeds: "),
     ):
         with pytest.raises(SceneError) as caught:
-            survey_poses(path, (), Poses(2, 2), tmp_path / "out", MPI.COMM_WORLD, RunMeans())
+            survey_poses(path, (), Poses(2, 2), tmp_path / "out", MPI.COMM_WORLD)
         assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -68,8 +67,7 @@ def test_poses_of_an_earlier_call_in_the_same_place_are_not_counted(
     monkeypatch.setattr("incipient.survey.orientations.run_sweep", sweep)
     monkeypatch.setattr("incipient.survey.orientations.rows", lambda file: list(computed.values()))
     four, two = (
-        survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD, RunMeans())
-        for count in (4, 2)
+        survey_poses(boxes, (), Poses(count), tmp_path / "out", MPI.COMM_WORLD) for count in (4, 2)
     )
     assert four.shields == pytest.approx((0.01, 0.02, 0.03, 0.04))
     assert (two.poses, two.shields) == (2, pytest.approx((0.01, 0.02)))

@@ -15,9 +15,9 @@ from incipient.survey.beds import spheres_of
 from incipient.survey.deposition import DOWN, Spheres, _near, deposited, rolled
 from incipient.survey.emulator import Emulator
 from incipient.survey.full_runs import FullRun, coefficients_of, reynolds_of, scene_of
-from incipient.survey.laws import buffington, kirchner, on_triangular_pocket, with_constant_drag
+from incipient.survey.laws import kirchner, with_constant_drag
 from incipient.survey.pockets import Pocket, Surface, exposed, pockets
-from incipient.survey.procedure import RunMeans, survey
+from incipient.survey.procedure import survey
 from incipient.survey.request import FlowPast, Surveyed, SurveyRequest
 from incipient.sweep.cases import identity_of
 
@@ -113,17 +113,12 @@ class TestDeposition:
 
 
 class TestPockets:
-    def test_the_layer_is_one(self):
-        away = np.linalg.norm(layer()[:, None] - layer(), axis=2) + 9.0 * np.eye(144)
-        assert away.min() == pytest.approx(1.0)
-
     @pytest.mark.parametrize("size", [0.6, 1.0, 1.4, 2.0])
     def test_pivot_angle_over_two_spheres(self, size):
         """Kirchner et al. (1990): tan = (1/sqrt 3)/sqrt((D/K)^2 + 2 D/K - 1/3)."""
         found = on_pocket(size)
         exact = math.atan(1.0 / math.sqrt(3.0) / math.sqrt(size**2 + 2.0 * size - 1.0 / 3.0))
         assert found.pivot == pytest.approx(math.degrees(exact), abs=1e-5)
-        assert on_triangular_pocket(size) == pytest.approx(math.degrees(exact), abs=1e-12)
         assert len(found.contacts) == 3 and found.carries == 0
 
     def test_pivot_angle_over_one_sphere(self):
@@ -161,11 +156,6 @@ class TestLaws:
         """(30 + 0.5 n)(D/K50)^-0.3 degrees."""
         assert kirchner(50) == pytest.approx(55.0)
         assert kirchner([16, 84], 2.0) == pytest.approx([38.0 * 2.0**-0.3, 72.0 * 2.0**-0.3])
-
-    def test_buffington(self):
-        assert buffington((50.0, 0.25, 0.3), 2.0, 1.5) == pytest.approx(
-            50.0 * 2.0**-0.25 * 1.5**-0.3
-        )
 
     def test_constant_drag_by_hand(self):
         """A grain that stands out as a whole: drag 0.76/2 (integral of the log law squared over its disc)."""
@@ -300,7 +290,7 @@ class TestFullRuns:
         found = []
         for number in (8, 9):
             request = asked(DEPOSITED + more, f"runs.number={number}")
-            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF, RunMeans()).emulator
+            record = survey(request, tmp_path, tmp_path, MPI.COMM_SELF).emulator
             found.append((record.runs, record.failed, len(computed)))
         assert found == [(8, 0, 9), (9, 0, 10)]
 
@@ -340,7 +330,7 @@ class TestBadInput:
         )
         request = asked(DEPOSITED, "runs.number=6")
         with pytest.raises(SceneError) as caught:
-            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF, RunMeans())
+            survey(request, tmp_path, tmp_path / "out", MPI.COMM_SELF)
         said = "runs.number: 6 grains have a full run, the emulator needs 8; give 8 or more"
         assert str(caught.value) == said
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("sklearn")
 from incipient.contact import Contacts
 from incipient.survey.emulator import NINETY_FIVE, Emulator, designed, runs_to_halve
-from incipient.survey.full_runs import LoadCoefficients, share_of_error
+from incipient.survey.full_runs import LoadCoefficients, relative_error
 from incipient.survey.pockets import Pocket
 from incipient.survey.thresholds import LoadErrors, features_of, thresholds
 
@@ -84,22 +84,20 @@ class TestEmulator:
             > 2.0 * emulator.predicted(features)[1][:, [0, 2]].mean(axis=0)
         ).all()
 
-    def test_predictions_by_the_textbook(self):
-        """Mean and variance of a Gaussian process: Rasmussen & Williams 2006, equations 2.25 and 2.26."""
-        features = drawn(15)
-        process = Emulator.of(features, known(features)).processes[0]
-        at = process.points[:3] + 0.1
-        own = process.covariance(process.points) + process.noise * np.eye(15)
-        across = process.covariance(at, process.points)
-        means, deviations = process.predicted(at)
-        assert means == pytest.approx(
-            process.mean + process.scale * across @ np.linalg.solve(own, process.values)
-        )
-        left = (
-            np.diag(process.covariance(at) - across @ np.linalg.solve(own, across.T))
-            + process.noise
-        )
-        assert deviations == pytest.approx(process.scale * np.sqrt(left))
+    def test_bars_after_further_runs_by_the_textbook(self):
+        """Variance of a Gaussian process with noise: Rasmussen & Williams 2006, equation 2.26."""
+        features, values = drawn(15), known(drawn(15))
+        emulator = Emulator.of(features, values)
+        scaled = (np.vstack([features, far := drawn(2)]) - features.mean(axis=0))[:, :5]
+        scaled /= features.std(axis=0)[:5]
+        scaled, at = np.column_stack([scaled, np.zeros((17, 2))]), scaled[:3] + 0.1
+        at = np.column_stack([at, np.zeros((3, 2))])
+        kernel = emulator.processes[0][-1].kernel_
+        across = kernel(at, scaled)
+        left = np.diag(kernel(at) - across @ np.linalg.solve(kernel(scaled), across.T))
+        places = at[:, :5] * features.std(axis=0)[:5] + features.mean(axis=0)[:5]
+        places = np.column_stack([places, np.ones(3), np.zeros(3)])
+        assert emulator.deviations_with(places, far) == pytest.approx(np.sqrt(left), rel=1e-6)
 
     def test_design_is_spread_out(self):
         features = drawn(200)
@@ -113,14 +111,10 @@ class TestEmulator:
         emulator = Emulator.of(features[:15], known(features[:15]))
         count = runs_to_halve(emulator, features, range(15, 60))
         assert 1 <= count <= 45
-        # With noise alone, every grain that is computed takes its own bar away: half of them.
-        process = emulator.processes[0]
-        sure = features[emulator.most_wanted(features, 60)]
-        assert (
-            emulator.variances_with(features, sure).mean()
-            < emulator.variances_with(features, sure[:5]).mean()
-        )
-        assert process.noise > 0.0
+        # Every run makes the others more certain.
+        order = features[emulator.most_wanted(features, 60)]
+        few, many = (emulator.deviations_with(features, order[:runs]).mean() for runs in (5, 60))
+        assert many < few
 
     def test_the_next_run_is_the_least_sure(self):
         features = drawn(30)
@@ -138,7 +132,7 @@ class TestThresholds:
         runs = [LoadCoefficients(k, 1.0, values[k], None) for k in range(12)]
         grains = [pocket(k, features[k]) for k in range(12)]
         emulator = Emulator.of(features, values)
-        errors = LoadErrors(np.eye(6), share_of_error(runs), 0)
+        errors = LoadErrors(np.eye(6), relative_error(runs), 0)
         found = thresholds(grains, 1.0, 0.5, None, runs, emulator, errors)
         for one, value in zip(found, values, strict=True):
             assert one.shields == pytest.approx(math.pi / 6.0 / math.sqrt(8.0) / value[0], rel=1e-6)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,14 +12,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
+from turbulent import channel, grain
 
 from incipient.contact import Load
 from incipient.contact.safety import safety_factor
-from incipient.critical.bars import CriticalBars, CriticalGoal
-from incipient.critical.loadpath import LoadPath
-from incipient.critical.outcome import with_error
-from incipient.critical.search import CriticalSearch, Found
-from incipient.critical.threshold import find_threshold
 from incipient.effects.effect import SlowestFlow
 from incipient.effects.turbulence.models import BY_SWEEP
 from incipient.errors import ConvergenceError, SceneError
@@ -30,8 +28,15 @@ from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
-from incipient.scene import loads
+from incipient.scene import Disc, Flat, Fluid, Turbulence, loads
 from incipient.scene.example import commented, grain_on_bed
+from incipient.threshold import meshes
+from incipient.threshold.bars import CriticalBars
+from incipient.threshold.critical import find_threshold
+from incipient.threshold.meshes import CriticalGoal
+from incipient.threshold.outcome import with_error
+from incipient.threshold.path import LoadPath
+from incipient.threshold.search import CriticalFlow, CriticalSearch, SolvedFlow
 
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.
@@ -77,7 +82,7 @@ class Pretended:
         centre = np.array([*self.scene.placement.centre, 0.0])
         return safety_factor(Load(flow[:3], flow[3:], weight, centre), self.contacts, 0.5).value
 
-    def from_rest(self) -> Found:
+    def from_rest(self) -> CriticalFlow:
         return self.search().from_rest()
 
     def search(self) -> CriticalSearch:
@@ -94,21 +99,59 @@ class Pretended:
         return float(brentq(excess, factors[lost - 1], factors[lost], rtol=1e-12))
 
 
-@pytest.mark.parametrize("inertia", [0.0, 0.1, 1.0, 10.0])
-def test_threshold_of_a_load_that_grows(inertia: float) -> None:
-    """From a load in proportion to the flow to one that goes with its square."""
-    pretended = Pretended(lambda f: DRAG * (0.3 + inertia * f))
+@dataclass(frozen=True)
+class Known:
+    """A load by the factor, up to which factor its first loss is looked for, and what the search may take."""
+
+    load: Callable[[float], np.ndarray]
+    to: float
+    flows: int = 40
+    relative: float = 1e-5
+    limit: float = np.inf
+    reynolds: float = 20.0
+
+
+KNOWN = {
+    # From a load in proportion to the flow to one that goes with its square.
+    "Stokes": Known(lambda f: 0.3 * DRAG, 100.0, flows=5),
+    "inertia": Known(lambda f: DRAG * (0.3 + f), 100.0, flows=5, relative=1e-6),
+    "more inertia": Known(lambda f: DRAG * (0.3 + 10.0 * f), 100.0, flows=5, relative=1e-6),
+    "turns slowly": Known(
+        lambda f: DRAG * (0.3 + np.sqrt(f)) + 0.2 * PRESS * np.log1p(3 * f), 100.0, flows=8
+    ),
+    # Held in Stokes flow of any strength; with inertia it moves.
+    "slow flows press": Known(lambda f: PRESS + f * DRAG, 100.0),
+    # Held without limit in the flow of the scene, and not in slower ones: the first loss counts.
+    "a fast flow presses": Known(lambda f: 300.0 * (DRAG + 4.0 * f * PRESS), 1.0),
+    # In a window of flows the grain moves, though both flows solved first hold it.
+    "a window": Known(
+        lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, 6.0, reynolds=5.0
+    ),
+    # The next step would be far too fast; the threshold lies below the first flow that fails.
+    "a failed flow is a bound": Known(
+        lambda f: 3.0 * PRESS + DRAG * f**4 / 20.0, 3.2, relative=1e-4, limit=3.2
+    ),
+    "the first flow fails": Known(
+        lambda f: DRAG * (0.3 + 100.0 * f) + 30.0 * PRESS, 1.0, limit=1.0, reynolds=5.0
+    ),
+}
+
+
+@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
+def test_threshold_of_a_known_load(known: Known) -> None:
+    """Against the slowest of many flows whose load moves the grain."""
+    pretended = Pretended(known.load, known.limit, known.reynolds)
     found = pretended.from_rest()
-    assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-6)
+    assert found.factor == pytest.approx(pretended.first_loss(known.to), rel=known.relative)
     assert found.is_critical and found.held_to == found.factor
-    assert len(found.trials) <= 5
+    assert len(found.trials) <= known.flows
+    assert bool(found.unsolved) == (known.limit < np.inf)
 
 
-def test_threshold_of_a_load_that_turns_slowly() -> None:
-    pretended = Pretended(lambda f: DRAG * (0.3 + np.sqrt(f)) + 0.2 * PRESS * np.log1p(3 * f))
-    found = pretended.from_rest()
-    assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-5)
-    assert len(found.trials) <= 8
+def test_a_search_upwards_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("incipient.threshold.search.MOST_FLOWS", 2)
+    found = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
+    assert not found.is_critical and found.reason == "the search did not converge within 40 flows"
 
 
 @pytest.mark.parametrize(("start", "first"), [(0.2, [0.2]), (20.0, [20.0, 1e-3])])
@@ -118,7 +161,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     """Where it is not held in the flow to start with the search begins with the slowest one."""
     bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
@@ -134,7 +177,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.critical.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
     )
@@ -172,60 +215,18 @@ def test_a_grain_that_moves_in_the_slowest_mean_flow_is_to_be_heavier(
         pretended.from_rest()
 
 
-def test_any_turbulent_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No weight helps: a couple about its only contact rolls it."""
-    pretended = Pretended(lambda f: DRAG * f)
+@pytest.mark.parametrize("averaged", [False, True])
+def test_any_flow_moves_a_disc_on_a_plane(monkeypatch: pytest.MonkeyPatch, averaged: bool) -> None:
+    """It rolls under any torque about its only contact, whatever its weight; the load at the threshold is weak."""
+    pretended = Pretended(lambda f: DRAG * f if averaged else DRAG)
     pretended.scene = scene("bed.kind=flat")
     pretended.contacts = find_contacts(pretended.scene)
-    mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
+    if averaged:
+        mean_flow(monkeypatch, pretended, SlowestFlow(1e-3, "looked at", BY_SWEEP))
     found = pretended.from_rest()
     assert found.factor == 0.0 and found.reason == "any flow moves the grain"
-
-
-def test_slow_flows_that_press_are_no_proof() -> None:
-    """The grain is held in Stokes flow whatever its strength, and by its weight; with inertia it moves."""
-    pretended = Pretended(lambda f: PRESS + f * DRAG)
-    assert pretended.safety(1e-3) == np.inf
-    found = pretended.from_rest()
-    assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-6)
-
-
-def test_a_fast_flow_that_presses_is_no_proof() -> None:
-    """Held without limit in the flow of the scene, and not in slower ones: the first loss counts."""
-    pretended = Pretended(lambda f: 300.0 * (DRAG + 4.0 * f * PRESS))
-    assert pretended.safety(1.0) == np.inf
-    found = pretended.from_rest()
-    assert found.factor == pytest.approx(pretended.first_loss(1.0), rel=1e-6)
-    assert found.factor < 0.1
-
-
-def test_motion_between_flows_that_hold() -> None:
-    """In a window of flows the grain moves: the search sees it although both flows solved first hold the grain."""
-    pretended = Pretended(
-        lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, reynolds=5.0
-    )
-    assert pretended.safety(1.5) < 1.0 < min(pretended.safety(0.5), pretended.safety(6.0))
-    found = pretended.from_rest()
-    assert found.trials[1].factor == pytest.approx(6.0)
-    assert found.factor == pytest.approx(pretended.first_loss(6.0), rel=1e-5)
-
-
-def test_a_failed_flow_is_a_bound() -> None:
-    """The next step would be far too fast; the threshold lies below where no flow is found any more."""
-    pretended = Pretended(lambda f: 3.0 * PRESS + DRAG * f**4 / 20.0, limit=3.2)
-    exact = pretended.first_loss(3.2)
-    found = pretended.from_rest()
-    assert found.unsolved and min(found.unsolved) > pretended.limit > exact
-    assert found.factor == pytest.approx(exact, rel=1e-4)
-
-
-def test_a_first_flow_that_fails_lets_the_search_go_down() -> None:
-    pretended = Pretended(
-        lambda f: DRAG * (0.3 + 100.0 * f) + 30.0 * PRESS, limit=1.0, reynolds=5.0
-    )
-    found = pretended.from_rest()
-    assert found.unsolved[0] > 1.0
-    assert found.factor == pytest.approx(pretended.first_loss(1.0), rel=1e-5)
+    assert len(found.trials) == 1
+    assert np.linalg.norm(found.load.flow_force) < np.linalg.norm(found.load.weight)
 
 
 def test_held_as_far_as_flows_are_found() -> None:
@@ -241,16 +242,6 @@ def test_none_is_said_only_of_what_was_looked_at() -> None:
         100.0
     )  # grain Reynolds number 1000
     assert len(found.trials) <= 8
-
-
-def test_any_flow_moves_it_only_if_the_slowest_does() -> None:
-    """A disc on a plane rolls under any couple; the load at the threshold is a weak one."""
-    pretended = Pretended(lambda f: DRAG)
-    pretended.scene = scene()
-    pretended.contacts = find_contacts(pretended.scene)
-    found = pretended.from_rest()
-    assert found.factor == 0.0 and len(found.trials) == 1
-    assert np.linalg.norm(found.load.flow_force) < np.linalg.norm(found.load.weight)
 
 
 def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
@@ -275,8 +266,8 @@ def test_a_search_that_does_not_converge_names_no_critical_flow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A load larger by a tenth has a threshold some percent away: one flow is not enough to be near it."""
-    monkeypatch.setattr("incipient.critical.search.MOST_FLOWS", 1)
-    before = Found(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
+    monkeypatch.setattr("incipient.threshold.search.MOST_FLOWS", 1)
+    before = CriticalFlow(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
     with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
         Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
 
@@ -311,24 +302,24 @@ def test_no_more_digits_than_are_certain(value: float, error: float | None, told
     assert with_error(value, error) == told
 
 
-def test_bed_stress_of_exact_profiles() -> None:
-    """Shear: nu rate; parabola of mean V over H: 6 nu V/H; half a parabola: 3 nu V/H."""
-    shear = scene()
-    assert Setup(shear).bed_stress() == pytest.approx(shear.viscosity * 1.0, rel=1e-9)
-    for kind, factor in (("poiseuille", 6.0), ("open-channel", 3.0)):
-        channel = scene(f"flow={{kind = '{kind}', velocity = 2.0}}")
-        assert Setup(channel).bed_stress() == pytest.approx(
-            factor * channel.viscosity * 2.0 / 20.0, rel=1e-5
-        )
-
-
 @pytest.mark.parametrize(
-    ("flow", "power"),
-    [("{kind = 'shear'}", 1), ("{kind = 'poiseuille'}", 1), ("{kind = 'log-law'}", 2)],
+    ("flow", "slope", "power"),
+    [
+        ("{kind = 'shear'}", 1.0, 1),
+        ("{kind = 'poiseuille', velocity = 2.0}", 6.0 * 2.0 / 20.0, 1),
+        ("{kind = 'open-channel', velocity = 2.0}", 3.0 * 2.0 / 20.0, 1),
+        ("{kind = 'log-law'}", None, 2),
+    ],
 )
-def test_bed_stress_of_a_faster_flow(flow: str, power: int) -> None:
-    """A profile that keeps its shape: nu du/dz, in proportion; a log law three times as fast: (3 u*)^2."""
-    setup = Setup(scene(f"flow={flow}"))
+def test_bed_stress(flow: str, slope: float | None, power: int) -> None:
+    """nu du/dz: of shear its rate, of a parabola of mean V over H 6 V/H, of half a parabola 3 V/H.
+
+    A faster profile that keeps its shape has it in proportion; a log law three times as fast has (3 u*)^2.
+    """
+    flowing = scene(f"flow={flow}")
+    setup = Setup(flowing)
+    if slope is not None:
+        assert setup.bed_stress() == pytest.approx(flowing.viscosity * slope, rel=1e-5)
     assert setup.bed_stress(3.0) == pytest.approx(3.0**power * setup.bed_stress())
     assert (setup.bed_stress(0.0), setup.bed_stress(np.inf)) == (0.0, np.inf)
 
@@ -368,7 +359,7 @@ def test_goal_of_a_threshold_in_space(halved: bool) -> None:
     path = LoadPath(
         np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5
     )
-    (goal,) = CriticalGoal(Found(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
+    (goal,) = CriticalGoal(CriticalFlow(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
     step = 1e-5
     for place in (0, 2, 4) if halved else range(6):
         ahead, behind = (
@@ -430,3 +421,95 @@ def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
     assert not found.is_critical and found.rocking is not None and found.unsolved
     assert found.reason == "the grain rocks from rest to rest, and beyond no steady flow was found"
     assert found.held_to == 1.0
+
+
+class OnMeshes:
+    """Searches on meshes whose critical flow is a function of what they are made for, S going as its square."""
+
+    def __init__(self, monkeypatch, critical):
+        self.made_for, self.critical, self.trials = [], critical, []
+        monkeypatch.setattr(meshes, "prepared", self._prepared)
+        monkeypatch.setattr(meshes, "CriticalSearch", lambda run: self)
+
+    def _prepared(self, scene, comm, accounts, voice, speed):
+        self.made_for.append(speed)
+        return nullcontext(SimpleNamespace())
+
+    def from_rest(self):
+        factor = self.critical(self.made_for[-1])
+        path = SimpleNamespace(load=lambda at: load(1.0))
+        return CriticalFlow(factor, factor, path, (SolvedFlow(12.0, 2.0),), reason="held")
+
+    def near(self, before):
+        assert before.factor == self.critical(self.made_for[-2])
+        return self.from_rest()
+
+    def load_at(self, factor):
+        strength = (factor / self.critical(self.made_for[-1])) ** 2
+        self.trials.append(SolvedFlow(factor, 1.0 / strength))
+        return load(strength)
+
+    def threshold(self, scene):
+        return meshes.on_its_own_mesh(
+            scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found
+        )
+
+
+def load(strength):
+    force, torque = np.array([1.0, 0.5, 0.0]), np.array([0.0, 0.0, 0.2])
+    return Load(strength * force, strength * torque, np.zeros(3), np.zeros(3))
+
+
+def test_the_mesh_is_made_anew_until_the_law_of_the_wall_is_its_own(monkeypatch):
+    """On the second mesh the critical flow is 12% faster, as of a sphere between ridges; what is left is an error."""
+    pretended = OnMeshes(monkeypatch, lambda speed: 1.24 + 0.34 * speed)
+    found = pretended.threshold(grain(0.2))
+    on_third = 1.24 + 0.34 * 1.7772
+    assert pretended.made_for == pytest.approx([1.0, 1.58, 1.7772, on_third])
+    assert found.factor == pytest.approx(on_third) and len(found.trials) == 3
+    strength = (on_third / (1.24 + 0.34 * on_third)) ** 2
+    assert found.own_mesh.safety_factor == pytest.approx(1.0 / strength)
+    assert found.own_mesh.change == pytest.approx(
+        (1.0 - strength) * np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.2])
+    )
+
+
+@pytest.mark.parametrize("critical", [1.02, float("inf")])
+def test_one_mesh_does_where_the_law_of_the_wall_hardly_changes_or_none_is_critical(
+    monkeypatch, critical
+):
+    """The second mesh is that of the critical flow itself; what faster flows hold on the first is doubted."""
+    pretended = OnMeshes(monkeypatch, lambda speed: critical)
+    found = pretended.threshold(grain(0.2))
+    assert found.factor == critical
+    if found.is_critical:
+        assert pretended.made_for == [1.0, 1.02]
+        assert found.own_mesh.safety_factor == 1.0 and not found.own_mesh.change.any()
+    else:
+        assert pretended.made_for == [1.0] and found.reason == f"held; {meshes.OTHER_MESH}"
+
+
+def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
+    pretended = OnMeshes(monkeypatch, lambda speed: 2.0 / speed)
+    with pytest.raises(
+        ConvergenceError, match=r"differs from mesh to mesh.*: it is 2, 1, 2, .* smaller"
+    ):
+        pretended.threshold(grain(0.2))
+    assert len(pretended.made_for) == meshes.MOST_MESHES
+
+
+def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
+    """It is 50 nu/u* and goes nearly as the inverse of the flow, unless it or the sand is given."""
+    smooth = grain(0.2)
+    ratio = Setup(smooth).walls.distance / Setup(smooth).faster(1.5).walls.distance
+    assert 1.4 < ratio < 1.5
+    assert meshes.outgrown(Setup(smooth), 1.0, 1.5) and meshes.outgrown(Setup(smooth), 1.5, 1.0)
+    assert not meshes.outgrown(Setup(smooth), 1.5, 1.52)
+    for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
+        given = channel(
+            fluid=Fluid(reynolds=2e5, scale="flow"),
+            body=Disc(diameter=0.2, x=4),
+            bed=Flat(),
+            turbulence=asked,
+        )
+        assert not meshes.outgrown(Setup(given), 1.0, 3.0)

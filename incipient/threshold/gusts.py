@@ -1,14 +1,14 @@
 """The weakest gusts that move a grain out of its pocket, by their duration.
 
-A gust of given duration is made stronger until the grain, released, leaves its pocket; then the strength is bisected.
-A shorter gust has to be at least as strong as a longer one, so strengths that a grain withstood carry over. What cells
-and steps change is the difference to the same search on coarser cells with longer steps.
+A gust of given duration is made stronger until the released grain leaves its pocket; then the strength is bisected. A
+shorter gust has to be at least as strong as a longer one, so strengths that a grain withstood carry over. The error of
+cells and steps is the difference from the same search on coarser cells with longer steps.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -16,17 +16,22 @@ from ..errors import SceneError
 from ..parallel import Comm
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.flows import Flow
 from ..scene.gust import Gust
-from ..scene.kinds import Bed, Body
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
-from .gust_bracket import STRONGER, WITHIN
-from .threshold import find_threshold
+from .critical import find_threshold
 
+WITHIN = 0.02  # relative width of the bracket
+STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
 STEPS_IN_GUST = 20  # at least
 COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
+
+
+def runs_expected(durations: int, with_error_bars: bool) -> int:
+    """About how many simulations a search for a number of durations takes."""
+    each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
+    return 1 + durations * each * (2 if with_error_bars else 1)
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,9 @@ class CriticalGust:
     """The critical strength for one duration.
 
     duration: of the gust [time]; shape: of its course
-    held, leaves: strengths between which the critical one lies: the grain stays, the grain leaves
-    strength: their geometric mean; error: of it, the bracket and what coarser cells and longer steps change; None:
-        the latter was not found
-    runs: simulations that it took
+    held, leaves: strengths at which the grain stays and leaves, with the critical one between them
+    error: of the strength, from the bracket and from coarser cells and longer steps; None: not estimated
+    runs: number of simulations
     """
 
     duration: float
@@ -60,12 +64,7 @@ class CriticalGust:
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         impulse = (self.strength - 1.0) * self.duration * (1.0 if self.shape == "top-hat" else 0.5)
-        return {
-            "duration": self.duration,
-            "strength": self.strength,
-            **asdict(self),
-            "impulse": impulse,
-        }
+        return {**asdict(self), "strength": self.strength, "impulse": impulse}
 
 
 @dataclass
@@ -73,7 +72,6 @@ class GustSearch:
     """The weakest gusts that move a scene's released grain out of its pocket.
 
     scene: shape and start of the gusts are those of its [flow.gust]
-    voice: told of every run
     longer: time steps over those of the scene
     runs: simulations so far
 
@@ -87,29 +85,26 @@ class GustSearch:
     runs: int = 0
 
     def __post_init__(self) -> None:
-        missing = _missing(self.scene.body, self.scene.bed, self.scene.flow)
-        for why in (*filter(None, [self.scene.no_gusts]), *missing):
+        if why := self.scene.no_gusts or _missing(self.scene):
             raise SceneError(why)
 
     def static_strength(self) -> float:
-        """How many times faster the flow is when, steady, it begins to move the grain. Collective."""
+        """Factor on the flow at which it begins to move the grain when steady. Collective."""
         plain = self._plain()
-        motion = ("kinetic_friction", "restitution", "rolling_resistance")
         plain["body"]["motion"] = "fixed"
-        plain["contact"] = {
-            key: value for key, value in plain["contact"].items() if key not in motion
-        }
         plain["flow"].pop("gust", None)
+        for key in ("kinetic_friction", "restitution", "rolling_resistance"):
+            plain["contact"].pop(key, None)
         return find_threshold(Scene(**{**plain, "time": None}), self.comm, self.voice).factor
 
     def critical(
         self,
         durations: Sequence[float],
-        keep: Callable[[CriticalGust], object] = lambda found: None,
+        keep: Callable[[CriticalGust], object] = lambda gust: None,
     ) -> list[CriticalGust]:
-        """Find the critical strength for each duration, the longest first. Collective.
+        """Search the critical strength for each duration, the longest first. Collective.
 
-        `keep` is given each as soon as it is found. Raises SceneError where the grain leaves without a gust or
+        `keep` is called with each as soon as it is known. Raises SceneError where the grain leaves without a gust or
         withstands all, and IncipientError where a run fails.
         """
         require_durations(durations)
@@ -117,30 +112,32 @@ class GustSearch:
             raise SceneError(
                 "body.motion: the grain leaves its pocket without a gust; use a slower flow"
             )
-        coarse = self._coarser() if self.scene.numerics.error_bars else None
-        found, held, nearby = [], 1.0, 1.0
+        searches = [self, self._coarser()] if self.scene.numerics.error_bars else [self]
+        gusts, held = [], [1.0] * len(searches)
         for duration in sorted(durations, reverse=True):
-            before = self._runs_with(coarse)
-            held, leaves = self.bracket(duration, held, STRONGER * held)
+            before = sum(search.runs for search in searches)
+            brackets: list[tuple[float, float]] = []
+            for search, low in zip(searches, held, strict=True):
+                above = max(low, brackets[0][0]) if brackets else low
+                brackets.append(search.bracket(duration, low, STRONGER * above))
+            held = [low for low, _ in brackets]
+            (low, high), *coarse = brackets
             error = None
-            if coarse is not None:
-                nearby, high = coarse.bracket(duration, nearby, STRONGER * max(nearby, held))
-                change = abs(math.sqrt(nearby * high) - math.sqrt(held * leaves))
-                error = 0.5 * (leaves - held) + change
-            runs = self._runs_with(coarse) - before
-            found.append(
-                CriticalGust(duration, self._course(duration)["shape"], held, leaves, error, runs)
-            )
-            keep(found[-1])
-        return found
+            if coarse:
+                change = math.sqrt(math.prod(coarse[0])) - math.sqrt(low * high)
+                error = 0.5 * (high - low) + abs(change)
+            runs = sum(search.runs for search in searches) - before
+            shape = self._course(duration)["shape"]
+            gusts.append(CriticalGust(duration, shape, low, high, error, runs))
+            keep(gusts[-1])
+        return gusts
 
     def of_scene(self) -> CriticalGust:
         """The critical strength for the duration of the scene's own gust. Collective; raises as `critical`."""
         gust = getattr(self.scene.flow, "gust", None)
         if gust is None:
-            raise SceneError(
-                "flow.gust: is missing; give the duration for which a strength is searched"
-            )
+            why = "is missing; give the duration for which a strength is searched"
+            raise SceneError(f"flow.gust: {why}")
         return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
@@ -162,9 +159,8 @@ class GustSearch:
         result = simulate(self._in_gust(strength, duration), self.comm, Recorder())
         assert result.trajectory is not None
         left = result.trajectory["on_bed"]["left_pocket"] is not None
-        self.voice.say(
-            f"gust of {duration:g} and strength {strength:.4g}: {'leaves' if left else 'stays'}"
-        )
+        does = "leaves" if left else "stays"
+        self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {does}")
         return left
 
     def _plain(self) -> dict[str, Any]:
@@ -174,12 +170,10 @@ class GustSearch:
         return {**plain, "output": {"fields": False, "pictures": False}}
 
     def _course(self, duration: float) -> dict[str, Any]:
-        """Shape, start and rise of the gusts; the rise is the share of the duration that it is in the scene."""
+        """Shape, start and rise of the gusts; the rise is the scene's fraction of the duration."""
         gust = getattr(self.scene.flow, "gust", None) or Gust()
-        found = {"shape": gust.shape, "start": gust.start}
-        return (
-            found if gust.rise is None else found | {"rise": gust.rise / gust.duration * duration}
-        )
+        rise = {} if gust.rise is None else {"rise": gust.rise / gust.duration * duration}
+        return {"shape": gust.shape, "start": gust.start, **rise}
 
     def _in_gust(self, strength: float, duration: float) -> Scene:
         plain, time = self._plain(), self.scene.time
@@ -196,23 +190,22 @@ class GustSearch:
         plain["numerics"]["mesh_size"] = COARSER_CELLS * self.scene.numerics.mesh_size
         return GustSearch(Scene(**plain), self.comm, self.voice, LONGER_STEPS * self.longer)
 
-    def _runs_with(self, coarse: GustSearch | None) -> int:
-        return self.runs + (0 if coarse is None else coarse.runs)
-
 
 def require_durations(durations: Sequence[float]) -> None:
     """Raise SceneError unless there are durations, all of them positive numbers."""
-    if not durations or not all(0.0 < one < math.inf for one in durations):
+    if not durations or not all(0.0 < duration < math.inf for duration in durations):
         raise SceneError("durations: give one or more, each a number above zero")
 
 
-def _missing(body: Body | None, bed: Bed | None, flow: Flow) -> Iterator[str]:
-    """What keeps gusts from being found."""
+def _missing(scene: Scene) -> str:
+    """Why the scene has no critical gusts; empty if it has."""
+    body, bed, flow = scene.body, scene.bed, scene.flow
     if body is None or body.motion != "released":
-        yield 'body.motion: gusts are found for a grain that rests on its bed; use "released"'
+        return 'body.motion: gusts are found for a grain that rests on its bed; use "released"'
     if bed is None or bed.kind == "flat":
-        yield "bed.kind: a flat bed has no pocket to leave; use a bed with forms"
+        return "bed.kind: a flat bed has no pocket to leave; use a bed with forms"
     if not hasattr(flow, "gust"):
-        yield f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile'
-    elif flow.gust is not None and flow.gust.shape == "points":
-        yield 'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"'
+        return f'flow.kind: "{flow.kind}" has no gusts; use "shear" or another profile'
+    if flow.gust is not None and flow.gust.shape == "points":
+        return 'flow.gust.shape: "points" has no duration to vary; use "top-hat" or "cosine"'
+    return ""

@@ -1,4 +1,4 @@
-"""The critical flow of a scene as data, with the lines on it for a reader."""
+"""The critical flow of a scene as data and as text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from .search import SolvedFlow
 
 SCHEMA_VERSION = 2
-DOUBTED = "in the last flow of the search "  # begins a note on walls that are not as a model asks
+DOUBTED = "in the last flow of the search "  # begins a note on walls outside the model's range
+SAME_SIZE = 1e-9  # relative
+AS_THEY_ARE = (
+    *("computed", "steepness", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
+    *("errors", "mode", "verdict", "unsolved", "cost", "si", "applicable"),
+)
 
 
 @dataclass(frozen=True)
@@ -24,27 +29,25 @@ class Threshold:
     """The critical flow of a scene, or why there is none.
 
     factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
-                     inf: none that was seen moves it
-    computed:        the same for the load as computed, where `factor` is that for the corrected one; else None
+                     inf: none that was computed moves it
+    computed:        the same for the uncorrected load, where `factor` is that of the corrected one
     held_to:         factor up to which the grain is held; inf: it always is
-    reason:          why the search ended without a critical flow, or without one solved near it
+    reason:          why the search ended without a critical flow, or without one computed near it
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
-    nominal:         its nominal diameter, of the sphere of equal volume, in the plane the disc of equal area
-    notes:           what to know of the critical flow
+    nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
     mode:            how the grain begins to move, by the exact judge
-    load:            the load at the threshold, which the contact forces balance; where any flow moves the grain
-                     that of a weak one, where none does that of the strongest one seen
+    load:            the critical load, which the contact forces balance; where any flow moves the grain
+                     that of a weak one, where none does that of the strongest one computed
     verdict:         both judges there
-    trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
+    trials:          the computed flows in their order; unsolved: factors at which no steady flow converged
+    stress_power:    the power of the factor that the stress on the bed goes with, nearly
+    steepness:       the power of the factor that the load goes with; None without a critical flow
     bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
-    adaptation:      how the mesh was found, None without `numerics.accuracy`
-    stress_power:    the power of the factor with which the stress on the bed goes, nearly
-    steepness:       the power of the factor with which the load goes there; None without a critical flow
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
-    applicable:      whether walls are as a model of the mean flow asks, in the last flow; None: there is none
+    applicable:      whether walls are within the range of the turbulence model, in the last flow
     """
 
     factor: float
@@ -55,7 +58,6 @@ class Threshold:
     shear_reynolds: float
     size: float
     nominal: float
-    notes: tuple[str, ...]
     mode: str
     load: Load
     contact_forces: np.ndarray
@@ -64,12 +66,13 @@ class Threshold:
     trials: tuple[SolvedFlow, ...]
     unsolved: tuple[float, ...]
     cost: dict[str, Any]
+    stress_power: float = 1.0
+    steepness: float | None = None
+    notes: tuple[str, ...] = ()
     bars: CriticalBars | None = None
     without_bars: str = ""
     adaptation: Adaptation | None = None
     si: dict[str, Any] | None = None
-    stress_power: float = 1.0
-    steepness: float | None = None
     computed: float | None = None
     applicable: bool | None = None
 
@@ -90,26 +93,13 @@ class Threshold:
         powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
         if self.bars is None or not self.bars.terms:
             return dict.fromkeys(powers)
-        share = self.bars.error / self.factor
-        return {name: share * power * getattr(self, name) for name, power in powers.items()}
+        relative = self.bars.error / self.factor
+        return {name: relative * power * getattr(self, name) for name, power in powers.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data for threshold.json."""
-        names = (
-            *(
-                "computed",
-                "steepness",
-                "held_to",
-                "reason",
-                "size",
-                "nominal",
-                "shields_nominal",
-                "notes",
-            ),
-            *("errors", "mode", "verdict", "unsolved", "cost", "si", "applicable"),
-        )
         return {
-            **{name: getattr(self, name) for name in (*self.errors, *names)},
+            **{name: getattr(self, name) for name in (*self.errors, *AS_THEY_ARE)},
             "schema_version": SCHEMA_VERSION,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
@@ -120,12 +110,10 @@ class Threshold:
         }
 
     def text(self) -> str:
-        """The outcome in a few lines."""
-        lines = (
-            self._critical_lines()
-            if self.is_critical
-            else [f"threshold           {self.why_none()}"]
-        )
+        """The result in a few lines."""
+        lines = [f"threshold           {self.why_none()}"]
+        if self.is_critical:
+            lines = self._critical_lines()
         if self.bars is not None:
             lines += self.bars.lines()
         elif self.without_bars:
@@ -145,10 +133,20 @@ class Threshold:
         if not np.isfinite(self.held_to):
             why = "whose load grows in proportion (no inertia)"
             return f"none: no strength of this flow moves the grain, {why}"
-        tried = (
-            f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
+        tried = ", ".join(f"{factor:.3g}" for factor in self.unsolved)
+        where = f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}"
+        return f"{where} (tried: {tried})" if tried else where
+
+    def shields_note(self, gdim: int) -> str:
+        """The definition of the Shields number, and its value with the nominal diameter."""
+        means = (
+            f"tau_b/((rho_s - rho_f) g d), d = {self.size:g}: the largest diameter of the grain; "
         )
-        return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
+        if abs(self.nominal - self.size) <= SAME_SIZE * self.size:
+            return means + "the nominal one is the same"
+        what = "disc of equal area" if gdim == 2 else "sphere of equal volume"
+        nominal = f"{self.shields_nominal:.4g} with its nominal diameter {self.nominal:.4g}"
+        return f"{means}{nominal}, that of the {what}"
 
     def _critical_lines(self) -> list[str]:
         shown = {

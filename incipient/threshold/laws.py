@@ -20,8 +20,8 @@ from scipy.stats import norm
 from ..arrays import Floats
 from ..errors import SceneError
 
-SHORTEST = 20.0  # a series in units of its integral time
-NONE_FOUND = 3.0  # gusts that may have been expected where none came, with a probability of 5%
+SHORTEST = 20.0  # integral times of a series
+NONE_FOUND = 3.0  # expected number of gusts where none came, with a probability of 5% (Poisson)
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Gaussian:
     intensity: float
     lognormal: bool = True
     microscale: float | None = None
+    told = (0.0, 1.0)  # range of probabilities whose levels are known
 
     @cached_property
     def _deviation(self) -> float:
@@ -46,12 +47,12 @@ class Gaussian:
         """The Gaussian process of variance one at a level of the factor."""
         if not self.lognormal:
             return (level - 1.0) / self.intensity
-        return (
-            math.log(level) / self._deviation + 0.5 * self._deviation if level > 0.0 else -math.inf
-        )
+        if level <= 0.0:
+            return -math.inf
+        return math.log(level) / self._deviation + 0.5 * self._deviation
 
     def factor(self, standard: Floats) -> Floats:
-        """The factor where the Gaussian process of variance one has given values."""
+        """The factor at values of the Gaussian process of variance one."""
         if not self.lognormal:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
@@ -59,7 +60,7 @@ class Gaussian:
     def growth(self, strength: float) -> float:
         """How fast a flow of mean `strength` grows where the Gaussian process grows by one in unit time.
 
-        Relative to the flow's own strength at the instant with a lognormal factor, else to the scene's.
+        Relative to the flow's own strength at that instant for a lognormal factor, otherwise to the scene's.
         """
         return self._deviation if self.lognormal else strength * self.intensity
 
@@ -72,16 +73,11 @@ class Gaussian:
         return float(self.factor(norm.isf(probability)))
 
     def upcrossings(self, level: float) -> float | None:
-        """How often the factor rises through a level in unit time, by Rice's formula; None without a microscale."""
+        """Upcrossings of a level in unit time, by Rice's formula; None without a microscale."""
         if self.microscale is None:
             return None
-        return math.exp(-0.5 * self.standard(level) ** 2) / (
-            math.sqrt(2.0) * math.pi * self.microscale
-        )
-
-    def spread(self, probability: float) -> float:
-        """Zero: the law is taken as exact."""
-        return 0.0
+        crossings = math.exp(-0.5 * self.standard(level) ** 2)
+        return crossings / (math.sqrt(2.0) * math.pi * self.microscale)
 
     def other(self) -> Gaussian:
         """The other law with the same intensity."""
@@ -90,12 +86,12 @@ class Gaussian:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The law of a measured series, straight between its points.
+    """The law of a measured series, linear between its points.
 
     times, factors: (n,) the series, over its mean
-    integral_time: of its correlation; None: computed, up to where the correlation is first zero
+    integral_time: of its correlation; None: computed, up to the first zero of the correlation
 
-    Raises SceneError: the series is too short for its integral time.
+    Raises SceneError where the series is too short for its integral time.
     """
 
     times: Floats
@@ -111,13 +107,12 @@ class Measured:
     def of(cls, points: Floats, integral_time: float | None) -> Measured:
         """The law of a series (n, 2) of times and velocities."""
         times, speeds = points.T
-        return cls(
-            times, speeds / (trapezoid(speeds, times) / (times[-1] - times[0])), integral_time
-        )
+        mean = trapezoid(speeds, times) / (times[-1] - times[0])
+        return cls(times, speeds / mean, integral_time)
 
     @property
     def duration(self) -> float:
-        """How long the series is."""
+        """Length in time."""
         return float(self.times[-1] - self.times[0])
 
     @cached_property
@@ -125,61 +120,58 @@ class Measured:
         """Root mean square of the fluctuation over the mean."""
         return math.sqrt(trapezoid((self.factors - 1.0) ** 2, self.times) / self.duration)
 
+    @property
+    def even(self) -> tuple[Floats, float]:
+        """The series (n,) at times of equal distance, and that distance."""
+        times, step = np.linspace(self.times[0], self.times[-1], len(self.times), retstep=True)
+        return np.interp(times, self.times, self.factors), float(step)
+
     @cached_property
     def integral(self) -> float:
         """Integral of the correlation over time."""
         if self.integral_time is not None:
             return self.integral_time
-        even = np.linspace(self.times[0], self.times[-1], len(self.times))
-        values = np.interp(even, self.times, self.factors) - 1.0
-        spectrum = np.abs(np.fft.rfft(values, 2 * len(values))) ** 2
-        correlation = np.fft.irfft(spectrum)[: len(values)] / np.arange(len(values), 0, -1)
-        correlation /= correlation[0]
+        factors, step = self.even
+        spectrum = np.abs(np.fft.rfft(factors - 1.0, 2 * len(factors))) ** 2
+        correlation = np.fft.irfft(spectrum)[: len(factors)] / np.arange(len(factors), 0, -1)
         below = np.flatnonzero(correlation <= 0.0)
-        kept = correlation[: below[0]] if len(below) else correlation
-        return float((even[1] - even[0]) * (kept.sum() - 0.5))
-
-    @property
-    def told(self) -> tuple[float, float]:
-        """Between which probabilities the series can tell levels."""
-        return 1.0 / self.independent, 1.0 - 1.0 / self.independent
+        kept = correlation[: below[0] if len(below) else None] / correlation[0]
+        return step * float(kept.sum() - 0.5)
 
     @property
     def independent(self) -> float:
-        """Number of independent samples that the series amounts to."""
+        """Number of independent samples in the series."""
         return self.duration / (2.0 * self.integral)
 
+    @property
+    def told(self) -> tuple[float, float]:
+        """Range of probabilities whose levels the series can tell."""
+        return 1.0 / self.independent, 1.0 - 1.0 / self.independent
+
     def exceeded(self, level: float) -> float:
-        """Share of the time in which the factor is above a level."""
-        before, after = self.factors[:-1] - level, self.factors[1:] - level
-        rises = np.abs(after - before)
-        # The share of each straight piece that is above the level.
-        above = np.where(
-            before * after < 0.0,
-            np.maximum(before, after) / np.where(rises > 0.0, rises, 1.0),
-            0.5 * (before + after) > 0.0,
-        )
+        """Fraction of the time in which the factor is above a level."""
+        low, high = np.sort([self.factors[:-1], self.factors[1:]], axis=0) - level
+        crosses = (low < 0.0) & (high > 0.0)
+        above = np.where(crosses, high / np.where(crosses, high - low, 1.0), low + high > 0.0)
         return float(np.diff(self.times) @ above) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability; raises SceneError beyond what the series can tell."""
+        """The level that is exceeded with a probability. Raises SceneError beyond what the series can tell."""
         _require_told(probability, self.told, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
-        if (
-            self.exceeded(low) <= probability
-        ):  # the series stays at its lowest value for the rest of the time
+        if self.exceeded(low) <= probability:  # the series is at its lowest value for the rest
             return low
         return float(
             brentq(lambda level: self.exceeded(level) - probability, low, high, xtol=1e-10)
         )
 
-    def upcrossings(self, level: float) -> float | None:
-        """How often the series rises through a level, over its duration."""
+    def upcrossings(self, level: float) -> float:
+        """Upcrossings of a level in unit time."""
         rises = (self.factors[:-1] <= level) & (self.factors[1:] > level)
         return float(np.count_nonzero(rises)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a share of the time, by the number of independent samples, none or all of which show it."""
+        """Standard error of a fraction of the time, from the number of independent samples."""
         if not 0.0 < probability < 1.0:
             return NONE_FOUND / self.independent
         return math.sqrt(probability * (1.0 - probability) / self.independent)
@@ -187,9 +179,9 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The law of gusts that were counted: each is as strong for as long as it lasts, and between them nothing moves.
+    """The law of counted gusts, each of constant strength; between them nothing moves.
 
-    strengths, lengths: (n,) velocities over the mean, the strongest first, and how long they stayed as high
+    strengths, lengths: (n,) velocities over the mean, the strongest first, and their durations
     duration: of the record
     """
 
@@ -203,36 +195,38 @@ class Events:
         strengths, lengths = points[np.argsort(-points[:, 0], kind="stable")].T
         return cls(strengths, lengths, record)
 
+    @cached_property
+    def _fractions(self) -> Floats:
+        """Fraction of the time (n,) in which gusts are at least as strong."""
+        return np.cumsum(self.lengths) / self.duration
+
     @property
     def told(self) -> tuple[float, float]:
-        """Between which probabilities the events can tell levels."""
-        shares = np.cumsum(self.lengths) / self.duration
-        return float(shares[0]), float(shares[-1])
+        """Range of probabilities whose levels the events can tell."""
+        return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
-        """Share of the time in which a gust is above a level."""
+        """Fraction of the time in which a gust is above a level."""
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability; raises SceneError beyond what the events can tell."""
+        """The level that is exceeded with a probability. Raises SceneError beyond what the events can tell."""
         _require_told(probability, self.told, "events")
-        return float(
-            np.interp(probability, np.cumsum(self.lengths) / self.duration, self.strengths)
-        )
+        return float(np.interp(probability, self._fractions, self.strengths))
 
-    def upcrossings(self, level: float) -> float | None:
-        """How often a gust above a level comes in unit time."""
+    def upcrossings(self, level: float) -> float:
+        """Gusts above a level in unit time."""
         return float(np.count_nonzero(self.strengths > level)) / self.duration
 
     def spread(self, probability: float) -> float:
-        """Standard error of a share of the time, by the gusts that make it up, which come by chance (Poisson)."""
+        """Standard error of a fraction of the time, for gusts that come independently (Poisson)."""
         if not probability > 0.0:
             return NONE_FOUND * float(self.lengths.mean()) / self.duration
-        count = int(np.searchsorted(np.cumsum(self.lengths) / self.duration, probability)) + 1
+        count = int(np.searchsorted(self._fractions, probability)) + 1
         return math.sqrt(float((self.lengths[:count] ** 2).sum())) / self.duration
 
     def moving(self, levels: Floats, durations: Floats, static: float) -> int:
-        """Number of gusts that are above one of the levels for as long as its duration."""
+        """Number of gusts that are above one of the levels for its duration."""
         lasting = (self.strengths[:, None] > levels) & (self.lengths[:, None] >= durations)
         return int(np.count_nonzero(lasting.any(axis=1)))
 
@@ -243,5 +237,4 @@ def _require_told(probability: float, told: tuple[float, float], what: str) -> N
         raise SceneError(f"gusts.points: {why}; give longer data, or a law")
 
 
-Data = Measured | Events
-Law = Gaussian | Data
+Law = Gaussian | Measured | Events

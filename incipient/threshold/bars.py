@@ -1,0 +1,106 @@
+"""Error bars of a critical flow: each error of force and torque as a change of the critical factor.
+
+Within the errors of the load the safety factor at the critical flow, one there, has a range [S_low, S_high]. Nearby S
+goes as a power -p of the factor f. So the critical factor has the range [f S_low^(1/p), f S_high^(1/p)].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..contact.robustness import ErrorBox, safety_range
+from ..results.errorbars import ErrorBars
+from .search import CriticalFlow
+
+ADDED = "absolute errors of that multiple, added in full: "
+OWN_MESH = "own mesh"  # the change by a mesh made for the walls in the critical flow itself
+NEARBY = (0.02, 0.1, 0.3)  # relative widths in which the corrected critical flow is searched
+
+
+@dataclass(frozen=True)
+class CriticalBars:
+    """Error bars of the factor of a critical flow.
+
+    low, high: range of the factor with all errors together
+    terms:     largest error of the factor of each source alone
+    loads:     the errors of force and torque at the critical flow
+    """
+
+    factor: float
+    low: float
+    high: float
+    terms: dict[str, float]
+    loads: ErrorBars
+
+    @property
+    def error(self) -> float:
+        """The larger of both sides."""
+        return max(self.factor - self.low, self.high - self.factor)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for threshold.json."""
+        factor = {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms}
+        return {"factor": factor, "load": self.loads.to_dict()}
+
+    def lines(self) -> list[str]:
+        """The sources of the error of the factor, for a reader."""
+        known = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
+        missing = self.loads.left_out | {
+            name: f"not computed: {why}" for name, why in self.loads.failed.items()
+        }
+        lines = [f"error bars          {ADDED + known if known else 'none is known'}"]
+        return lines + [f"  {name:<18}{why}" for name, why in missing.items()]
+
+
+def critical_bars(flow: CriticalFlow, loads: ErrorBars) -> CriticalBars:
+    """The error bars of a critical flow from those of force and torque there."""
+    errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
+    if flow.own_mesh is not None:
+        errors[OWN_MESH] = flow.own_mesh.change
+    ranges = {name: factor_range(flow, error) for name, error in errors.items()}
+    low, high = factor_range(flow, sum(errors.values(), np.zeros(6)))
+    if flow.between is not None:
+        below, above = ranges["search"] = flow.between
+        low, high = low + below - flow.factor, high + above - flow.factor
+    terms = {name: max(flow.factor - a, b - flow.factor) for name, (a, b) in ranges.items()}
+    return CriticalBars(flow.factor, max(low, 0.0), high, terms, loads)
+
+
+def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, ErrorBars]:
+    """The critical flow of the load corrected by its errors there, with the error bars of the corrected load.
+
+    The correction is assumed to grow with the factor. If the corrected load has no critical flow nearby, both are
+    returned without corrections.
+    """
+    change = loads.correction
+    if change is None:
+        return flow, loads
+    shift = np.concatenate([change.force, change.couple]) / flow.factor
+    path = replace(flow.path, loads=flow.path.loads + shift)
+    for width in NEARBY:
+        low, high = flow.factor / (1.0 + width), flow.factor * (1.0 + width)
+        if path.safety(low) > 1.0 and (factor := path.loss(low, high)) is not None:
+            held_to = factor if flow.held_to == flow.factor else flow.held_to
+            return replace(flow, factor=factor, path=path, held_to=held_to), loads
+    return flow, replace(loads, terms=tuple(term.uncorrected for term in loads.terms))
+
+
+def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
+    """The smallest and the largest critical factor within an error (6,) of force and torque."""
+    path, factor = flow.path, flow.factor
+    safety = safety_range(flow.load, path.contacts, path.friction, ErrorBox.of(error))
+    power = path.steepness(factor)
+    low, high = min(safety.low, 1.0), max(safety.high, 1.0)
+    return factor * _root(low, power), factor * _root(high, power)
+
+
+def _root(value: float, power: float) -> float:
+    """value^(1/power); without bound where S does not fall with the factor."""
+    if 0.0 < value < math.inf and power > 0.0:
+        return float(value ** (1.0 / power))
+    return value if value == 1.0 else 0.0 if value < 1.0 else math.inf

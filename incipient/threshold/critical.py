@@ -1,0 +1,211 @@
+"""The critical flow: how fast the scene's flow must be for its grain to begin to move.
+
+The flow is made faster by a factor at the same viscosity, grain and gravity, from rest upwards; the critical factor is
+the smallest one at which the grain is not held (`search`). Its error bars follow from those of force and torque there
+(`bars`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..accuracy.errorbars import coarse_scenes, error_terms
+from ..accuracy.finish import improved_loads
+from ..arrays import spatial
+from ..contact import Contacts, Load
+from ..contact.verdict import Verdict, judge
+from ..effects.known import EFFECTS
+from ..errors import IncipientError, SceneError
+from ..evaluation.contact_verdict import mass_and_inertia
+from ..interrupt import told_where_kept
+from ..parallel import Comm
+from ..planning.flow_setup import Setup
+from ..progress import Silent
+from ..results.adaptation import Adaptation
+from ..results.si import in_si
+from ..scene import Scene
+from ..scene.units import nominal_diameter
+from ..simulation.assemble import TO_COME, cost
+from ..simulation.beside import Beside
+from ..simulation.build import prepared
+from ..simulation.simulate import loads_of
+from ..simulation.state import Run
+from .bars import corrected, critical_bars
+from .meshes import on_its_own_mesh, to_accuracy
+from .outcome import DOUBTED, Threshold
+from .search import CriticalFlow, CriticalSearch
+
+KEEPS_SHAPE = "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead"
+BEYOND = 1e-4  # relative excess over the critical flow of the flow that shows the motion
+NOT_ONE = 0.02  # deviation from one of the safety factor on a mesh of its own that is reported
+OTHERWISE = (
+    "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
+    "for a threshold; use a smaller numerics.mesh_size"
+)
+ROCKED = "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
+OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
+
+
+def find_threshold(
+    scene: Scene,
+    comm: Comm,
+    voice: Silent | None = None,
+    keep: Callable[[Threshold], Path | None] = lambda threshold: None,
+) -> Threshold:
+    """Find the critical flow of a scene with a grain resting on a bed. Collective.
+
+    With `numerics.accuracy` the mesh is refined until the error of the critical flow is small enough.
+
+    Args:
+        keep: is called with the threshold before its error bars are computed; returns where it is kept.
+
+    Raises:
+        SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
+        ConvergenceError: not even the slowest flow converged.
+    """
+    _require(scene)
+    if scene.fluid.inertia and scene.effects.inertia == "auto":
+        # Inertia that the plan would leave out may matter at the threshold.
+        effects = scene.effects.model_copy(update={"inertia": True})
+        scene = scene.model_copy(update={"effects": effects})
+
+    def concluded(
+        run: Run, search: CriticalSearch, flow: CriticalFlow, adaptation: Adaptation | None = None
+    ) -> Threshold:
+        """The threshold, with error bars if requested; kept before these begin."""
+        threshold = replace(
+            _threshold(run, flow), adaptation=adaptation if flow.is_critical else None
+        )
+        if not (flow.is_critical and run.scene.numerics.error_bars):
+            return threshold
+        if flow.rocking is not None:
+            return replace(threshold, without_bars=OF_ROCKING)
+        with told_where_kept(keep(replace(threshold, without_bars=TO_COME)), comm):
+            return _with_bars(threshold, run, search, flow)
+
+    voice = voice or Silent()
+    if scene.numerics.accuracy is not None:
+        return to_accuracy(scene, comm, voice, concluded)
+    if scene.is_averaged:
+        return on_its_own_mesh(scene, comm, voice, concluded)
+    with prepared(scene, comm, voice=voice) as run:
+        search = CriticalSearch(run)
+        return concluded(run, search, search.from_rest())
+
+
+def _require(scene: Scene) -> None:
+    body = scene.body
+    rests = body is not None and body.x is not None and scene.bed is not None
+    falls = scene.gravity is not None and scene.gravity.acceleration > 0.0
+    needs = (
+        (rests, "a grain that rests on a bed (body.x and [bed])"),
+        ((scene.density or 0.0) > 1.0, "a grain denser than the fluid (body.density > 1)"),
+        (falls, "gravity ([gravity] acceleration > 0)"),
+        (scene.contact is not None, "friction ([contact] friction)"),
+        (scene.time is None, "a steady flow (no [time] section)"),
+        (scene.flow.kind != "still", "a flow (flow.kind other than still)"),
+        (scene.flow.kind != "log-law", KEEPS_SHAPE),
+    )
+    lacking = [need for met, need in needs if not met]
+    setup = Setup(scene)
+    for need in lacking or (need for effect in EFFECTS for need in effect.threshold_needs(setup)):
+        raise SceneError(f"a threshold needs {need}")
+
+
+def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
+    """The threshold without error bars. Collective."""
+    scene, load, contacts = run.scene, flow.load, run.contacts
+    if flow.rocking is not None:  # the grain is where it has rocked to
+        rest = flow.rocking.rests[-1]
+        load, contacts = replace(load, centre=spatial(rest.placement.centre)), rest.contacts
+    assert scene.grain is not None and contacts is not None
+    critical, walls = _judged(run, contacts, load), run.wall_report()
+    stress, size = run.setup.bed_stress(flow.factor), scene.grain.size
+    threshold = Threshold(
+        factor=flow.factor,
+        held_to=flow.held_to,
+        reason=flow.reason,
+        shields=stress / run.setup.stress_unit,
+        reynolds=flow.factor * scene.fluid.reynolds,
+        shear_reynolds=float(np.sqrt(stress) * size / scene.viscosity),
+        size=size,
+        nominal=nominal_diameter(scene.grain),
+        mode=_mode(run, flow, contacts),
+        load=load,
+        contact_forces=critical.equilibrium.safety.contact_forces,
+        contacts=contacts,
+        verdict=critical.to_dict(),
+        trials=flow.trials,
+        unsolved=flow.unsolved,
+        cost=cost(run),
+        stress_power=2.0 if scene.is_averaged else 1.0,
+    )
+    if not flow.is_critical:
+        return threshold
+    return replace(
+        threshold,
+        si=in_si(scene, flow.factor, load.flow_force, load.flow_couple),
+        steepness=flow.path.steepness(flow.factor),
+        applicable=None if walls is None else walls.applicable,
+        notes=(threshold.shields_note(scene.gdim), *_notes(run, flow)),
+    )
+
+
+def _with_bars(
+    threshold: Threshold, run: Run, search: CriticalSearch, flow: CriticalFlow
+) -> Threshold:
+    """The threshold with error bars, or the reason why they were not computed. Collective."""
+    with run.stage("error bars"):
+        try:
+            force, couple = search.at_nearest(flow.factor)
+            # The nearest computed flow may be far away where the load is proportional.
+            force = replace(force, flow=flow.load.flow_force)
+            couple = replace(couple, flow=flow.load.flow_couple)
+            solve = Beside(run, coarse_scenes, loads_of, flow.factor)
+            improve = partial(improved_loads, comm=run.comm, speed=flow.factor)
+            terms = error_terms(run, force, couple, solve, flow.factor, improve)
+            flow, terms = corrected(flow, terms)
+            bars = critical_bars(flow, terms)
+        except IncipientError as error:
+            return replace(threshold, without_bars=f"not computed: {error}", cost=cost(run))
+    computed, adaptation = threshold.factor, threshold.adaptation
+    return replace(_threshold(run, flow), computed=computed, adaptation=adaptation, bars=bars)
+
+
+def _notes(run: Run, flow: CriticalFlow) -> list[str]:
+    """What effects, walls and the search say of the critical flow. Collective."""
+    notes = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, flow.factor)]
+    if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
+        notes.append(f"{DOUBTED}{doubt}")
+    if flow.rocking is not None:
+        rocking, last = flow.rocking, flow.rocking.rests[-1]
+        notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))
+    if flow.between is not None:
+        low, high = flow.between
+        interpolated = f"interpolated between {low:.4g} and {high:.4g} times the flow"
+        notes.append(f"{interpolated}: {flow.reason}")
+    if flow.own_mesh is not None and abs(flow.own_mesh.safety_factor - 1.0) > NOT_ONE:
+        notes.append(OTHERWISE.format(flow.own_mesh.safety_factor))
+    return notes
+
+
+def _mode(run: Run, flow: CriticalFlow, contacts: Contacts) -> str:
+    """How the grain begins to move when the flow is a little faster than critical."""
+    if not np.isfinite(flow.factor):
+        return "rest"
+    if flow.rocking is not None:
+        return flow.rocking.mode
+    load = flow.path.load(flow.factor * (1.0 + BEYOND)) if flow.factor else flow.load
+    return _judged(run, contacts, load).equilibrium.label
+
+
+def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
+    scene = run.scene
+    assert scene.body is not None and scene.contact is not None
+    inert = mass_and_inertia(scene.body, scene.placement)
+    return judge(load, contacts, scene.contact.friction, inert)

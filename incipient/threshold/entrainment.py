@@ -1,0 +1,383 @@
+"""Entrainment by random gusts: how often the velocity at a grain exceeds the critical one.
+
+The velocity at the grain is the mean times a random factor of mean one (`laws`). So the grain moves at instants at
+which the factor exceeds the critical strength of the scene's flow over that of the mean flow. The load is that of the
+steady flow of equal strength, and, where the flow's changes are known in time, that of their acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from ..errors import SceneError
+from ..parallel import Comm
+from ..planning.flow_setup import Setup
+from ..progress import Silent
+from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from .acceleration import CriticalStrength, load_of_growth
+from .critical import find_threshold
+from .lasting import RateOfLasting, WeakestGusts, rate_of_lasting, series_of
+from .laws import Events, Gaussian, Law, Measured
+from .mean_flow import MeanFlow
+from .outcome import DOUBTED, Threshold, with_error
+
+SCHEMA_VERSION = 1
+PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
+ON_CURVE, ENDS = 25, (1e-4, 0.99)  # strengths of a default curve, and probabilities at its ends
+WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one: range of the search
+ENOUGH = 10.0  # mean flow over the critical one at the end of a curve
+FARTHEST = 1e6  # range of mean flows over the scene's, and its inverse
+# The critical strength has kinks where the mode changes: equal steps miss less of them than those of Hermite.
+NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
+WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
+SOURCES = {
+    NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
+    MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
+}
+NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
+ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
+
+
+@dataclass(frozen=True)
+class OfStrength:
+    """Motion in one mean flow.
+
+    strength: of the mean flow over the scene's; shields: its Shields number
+    probability: of motion at an instant; low, high: its range from the errors of threshold and series, and with the
+        other law of the same intensity
+    rate: upcrossings of the critical strength in unit time; None: not known
+    lasting: those that last long enough to move the grain out of its pocket; None: not requested
+    """
+
+    strength: float
+    shields: float
+    probability: float
+    low: float
+    high: float
+    rate: float | None
+    lasting: RateOfLasting | None = None
+
+
+@dataclass(frozen=True)
+class Quantile:
+    """The mean flow in which motion has a probability at an instant.
+
+    strength, shields, rate, lasting: as of `OfStrength`
+    terms: errors of the Shields number by source
+    """
+
+    probability: float
+    strength: float
+    shields: float
+    terms: dict[str, float]
+    rate: float | None
+    lasting: RateOfLasting | None = None
+
+    @property
+    def error(self) -> float | None:
+        """Error of the Shields number, the terms added; None: that of the flow is not known."""
+        return sum(self.terms.values()) if "flow" in self.terms else None
+
+    def line(self) -> str:
+        """Probability and Shields number for a reader."""
+        sources = ", ".join(f"{name} {error:.1e}" for name, error in self.terms.items())
+        rate = "" if self.rate is None else f"; {self.rate:.3g} in unit time"
+        if self.lasting is not None:
+            rate += f", {self.lasting.words()}"
+        flow = "" if self.error is not None else "; error of the flow not known"
+        shown = f"Shields number {with_error(self.shields, self.error)}"
+        return f"{self.probability:>8.3g}  {shown}, {self.strength:.4g} times the flow ({sources}){flow}{rate}"
+
+
+@dataclass(frozen=True)
+class Entrainment:
+    """The probability of motion.
+
+    threshold: the critical steady flow; law: of the factor of the velocity
+    scene: motion in the scene's own mean flow
+    quantiles: mean flows of given probabilities; curve: motion in mean flows from weak to strong
+    assumed: assumptions, in one line each
+    """
+
+    title: str
+    threshold: Threshold
+    law: str
+    scene: OfStrength
+    quantiles: tuple[Quantile, ...]
+    curve: tuple[OfStrength, ...]
+    assumed: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for entrainment.json."""
+        named = ("factor", "shields", "shear_reynolds", "mode", "errors", "applicable")
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "title": self.title,
+            "law": self.law,
+            "threshold": {name: getattr(self.threshold, name) for name in named},
+            "scene": asdict(self.scene),
+            "quantiles": [{**asdict(point), "error": point.error} for point in self.quantiles],
+            "curve": [asdict(point) for point in self.curve],
+            "assumed": list(self.assumed),
+        }
+
+    def text(self) -> str:
+        """The result in a few lines."""
+        critical, own = self.threshold, self.scene
+        rate = "not known" if own.rate is None else f"{own.rate:.3g} times in unit time"
+        if own.lasting is not None:
+            rate += f", {own.lasting.words()}"
+        steady = with_error(critical.shields, critical.errors["shields"])
+        unknown = "; error of the flow not known" if critical.errors["shields"] is None else ""
+        lines = [
+            f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
+            f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
+            f"({own.low:.3g} to {own.high:.3g}{unknown}); exceeded anew {rate}",
+            "probability of motion at an instant, and the mean flow",
+            *(point.line() for point in self.quantiles),
+            *(f"assumed             {line}" for line in self.assumed),
+        ]
+        return "\n".join(lines)
+
+
+def find_entrainment(
+    setup: Setup,
+    comm: Comm,
+    probabilities: Sequence[float] = (),
+    strengths: Sequence[float] = (),
+    weakest: WeakestGusts | None = None,
+    voice: Silent | None = None,
+) -> Entrainment:
+    """Find the probability of motion in the scene's flow with its [gusts], and in stronger and weaker ones. Collective.
+
+    Args:
+        setup: of a grain that rests on a bed, in a steady flow, with [gusts].
+        probabilities: of motion at an instant, for which the mean flow is computed; default: those of `PROBABILITIES`
+            that the data can tell.
+        strengths: mean flows over the scene's, for which the probability is computed; default: some along the curve.
+        weakest: gusts that move the grain out of its pocket; then the rate of gusts as strong is computed.
+
+    Raises:
+        SceneError: the scene has no gusts or no threshold; a measured series cannot tell a probability.
+    """
+    scene, gusts = setup.scene, setup.scene.gusts
+    if gusts is None:
+        raise SceneError("gusts: is missing; add [gusts] with an intensity, or a measured series")
+    if not all(0.0 < probability < 1.0 for probability in probabilities):
+        raise SceneError("probabilities: give one or more, each between 0 and 1")
+    if not all(1.0 / FARTHEST <= strength <= FARTHEST for strength in strengths):
+        raise SceneError(f"strengths: give numbers from {1.0 / FARTHEST:g} to {FARTHEST:g}")
+    flow = MeanFlow(setup, gusts)
+    flow.require_intensity()  # errors of the input come before any computation
+    law = _law_of(gusts, flow, 1.0)
+    least, most = law.told
+    usual = [probability for probability in PROBABILITIES if least <= probability <= most]
+    wanted = probabilities or usual or PROBABILITIES
+    for probability in wanted:
+        law.level(probability)
+    if weakest is not None:
+        series_of(law, flow.integral_time(1.0))
+    threshold = find_threshold(scene, comm, voice)
+    if not threshold.is_critical:
+        raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
+    if weakest is not None:
+        weakest.require_of(threshold.factor)
+    assert scene.contact is not None
+    growing, without = None, _without_growth(setup, gusts, threshold)
+    if not without:
+        growth = load_of_growth(setup, comm)
+        growing = CriticalStrength.of(threshold, growth, scene.contact.friction)
+    motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
+    points = tuple(motion.quantile(probability) for probability in wanted)
+    if not strengths:
+        low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
+        strengths = np.geomspace(low, high, ON_CURVE).tolist()
+    curve = tuple(motion.at(strength) for strength in strengths)
+    assumed = [*_assumed(gusts, law), without or ACCELERATION]
+    if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
+        missing = ", ".join(f"{probability:g}" for probability in left_out)
+        assumed.append(f"left out, since the data cannot tell them: probabilities {missing}")
+    if weakest is not None and not weakest.known:
+        assumed.append(NO_ERRORS)
+    assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
+    own, title = motion.at(1.0), scene.title
+    return Entrainment(title, threshold, gusts.law, own, points, curve, tuple(assumed))
+
+
+def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
+    """Why the load of the flow's growth is left out; empty where it is known."""
+    reasons = (
+        (gusts.law in GIVEN, "the data are taken as of slow changes"),
+        (gusts.microscale is None, "gusts.microscale is not given"),
+        (setup.is_averaged, "it is computed in laminar flow only"),
+        (
+            not math.isfinite(threshold.steepness or math.inf),
+            "the safety factor jumps at the threshold",
+        ),
+    )
+    why = next((reason for applies, reason in reasons if applies), "")
+    return why and f"the load of the flow's acceleration is left out: {why}"
+
+
+def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
+    """The law of the factor in a mean flow of a strength."""
+    if gusts.record is not None:
+        return Events.of(np.array(gusts.points), gusts.record)
+    if gusts.law == "measured":
+        return Measured.of(np.array(gusts.points), flow.integral_time(1.0))
+    return Gaussian(flow.intensity(strength), gusts.law == "lognormal", flow.microscale(strength))
+
+
+def _assumed(gusts: Gusts, law: Law) -> list[str]:
+    """The assumptions of load and law, in one line each."""
+    steady = "the load is that of the steady flow as strong as the gust, of the scene's own profile"
+    if isinstance(law, Measured):
+        known = f"intensity {law.intensity:.3g}, integral time {law.integral:.3g}, {law.independent:.0f} samples"
+        series = f"the velocity over its mean is as in the series in all mean flows: {known}"
+        return [steady, series]
+    if isinstance(law, Events):
+        known = f"{len(law.strengths)} in a time of {law.duration:g}, and nothing moves the grain between them"
+        events = f"the gusts over the mean velocity are those counted, in all mean flows: {known}"
+        return [steady, events]
+    source = SOURCES.get(str(gusts.intensity), "as given")
+    random = f"the velocity over its mean is {gusts.law}, of intensity {law.intensity:.3g} {source}"
+    if gusts.microscale is None:
+        return [steady, random]
+    scale = (
+        f"microscale {law.microscale:.3g}{', by the model' if gusts.microscale == MODEL else ''}"
+    )
+    rice = f"rates are those of a stationary Gaussian process, {scale} (Rice 1945)"
+    return [steady, random, rice]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of the grain in mean flows of any strength over the scene's.
+
+    factor: critical strength, of the threshold or of an end of its error bar
+    growing: critical strengths of a flow that grows; None: growth is left out
+    other: whether the law is the other one of equal intensity
+    """
+
+    gusts: Gusts
+    flow: MeanFlow
+    threshold: Threshold
+    factor: float
+    growing: CriticalStrength | None = None
+    weakest: WeakestGusts | None = None
+    other: bool = False
+
+    @cached_property
+    def _data(self) -> Measured | Events | None:
+        """The law of data, which is that of all mean flows."""
+        law = _law_of(self.gusts, self.flow, 1.0) if self.gusts.law in GIVEN else None
+        return None if isinstance(law, Gaussian) else law
+
+    def law(self, strength: float) -> Law:
+        """The law of the factor in a mean flow."""
+        law = self._data or _law_of(self.gusts, self.flow, strength)
+        return law.other() if self.other and isinstance(law, Gaussian) else law
+
+    @cached_property
+    def _within_bars(self) -> list[Motion]:
+        """Motion with the critical strengths at both ends of the threshold's error bar."""
+        bars = self.threshold.bars
+        if bars is None or not bars.terms:
+            return []
+        least = WEAKEST * self.threshold.factor
+        return [replace(self, factor=max(end, least)) for end in (bars.low, bars.high)]
+
+    def at(self, strength: float) -> OfStrength:
+        """Probability and rate of motion in a mean flow."""
+        variants = [*self._within_bars, *([] if self._data else [replace(self, other=True)])]
+        probability = self.probability(strength)
+        ranges = [probability, *(variant.probability(strength) for variant in variants)]
+        spread = self._data.spread(probability) if self._data else 0.0
+        low, high = max(min(ranges) - spread, 0.0), min(max(ranges) + spread, 1.0)
+        shields = self.flow.shields(strength)
+        return OfStrength(strength, shields, probability, low, high, *self._rates(strength))
+
+    def quantile(self, probability: float) -> Quantile:
+        """The mean flow of a probability of motion, with its error bars. Raises SceneError where there is none."""
+        strength, terms = self.strength(probability), dict[str, float]()
+        if math.isinf(strength):
+            why = f"{probability:g} is not reached in any mean flow"
+            raise SceneError(f"probabilities: {why}; give another")
+        shields = self.flow.shields(strength)
+
+        def change(others: Iterable[float]) -> float:
+            return max(abs(self.flow.shields(other) - shields) for other in others)
+
+        if self._within_bars:
+            terms["flow"] = change(end.strength(probability) for end in self._within_bars)
+        if self._data is None:
+            other = replace(self, other=True).strength(probability)
+            terms["law of fluctuations"] = change([other])
+        else:
+            spread = self._data.spread(probability)
+            ends = [self.nearest(probability + sign * spread) for sign in (-1.0, 1.0)]
+            terms["length of the record"] = change(map(self.strength, ends))
+        return Quantile(probability, strength, shields, terms, *self._rates(strength))
+
+    def _rates(self, strength: float) -> tuple[float | None, RateOfLasting | None]:
+        """Upcrossings of the critical strength in unit time, and those that last long enough, where known."""
+        law = self.law(strength)
+        rate, lasting = law.upcrossings(self.factor / strength), None
+        if self.weakest is not None:
+            try:
+                series = series_of(law, self.flow.integral_time(strength))
+                lasting = rate_of_lasting(series, self.weakest, strength)
+            except SceneError:  # no correlation has both times in this mean flow
+                lasting = None
+        return rate, lasting
+
+    def probability(self, strength: float) -> float:
+        """Probability of motion at an instant in a mean flow."""
+        law, growing = self.law(strength), self.growing
+        if math.isinf(self.factor):
+            return 0.0
+        if growing is None or not isinstance(law, Gaussian) or law.microscale is None:
+            return law.exceeded(self.factor / strength)
+        # The rate of the Gaussian process is independent of it, of variance 2/lambda^2.
+        rate = law.growth(strength) * math.sqrt(2.0) / law.microscale
+        over = self.factor / self.threshold.factor / strength
+        exceeded = [
+            law.exceeded(over * growing.near(node * rate, law.lognormal)) for node in NODES.tolist()
+        ]
+        return float(WEIGHTS @ exceeded)
+
+    def nearest(self, probability: float) -> float:
+        """The nearest probability that the data can tell, and that a flow of at most `ENOUGH` has."""
+        least, most = self.law(1.0).told
+        most = min(most, max(least, self.probability(ENOUGH * self.factor)))
+        return min(max(probability, least), most)
+
+    def strength(self, probability: float) -> float:
+        """The mean flow in which motion has a probability; infinite where none has it."""
+        if math.isinf(self.factor):
+            return math.inf
+        if self._data is not None:
+            level = self._data.level(probability)
+            return self.factor / level if level > 0.0 else math.inf
+
+        def excess(logarithm: float) -> float:
+            """Probability in a mean flow beyond the given one, in standard deviations of a Gaussian."""
+            return _standard(self.probability(math.exp(logarithm))) - _standard(probability)
+
+        ends = [math.log(end * self.factor) for end in (WEAKEST, STRONGEST)]
+        if not excess(ends[0]) < 0.0 < excess(ends[1]):
+            return math.inf
+        return math.exp(brentq(excess, *ends, xtol=1e-9))
+
+
+def _standard(probability: float) -> float:
+    """The Gaussian variable of variance one below which a fraction of the probability is."""
+    return float(norm.ppf(min(max(probability, 1e-300), 1.0 - 1e-15)))

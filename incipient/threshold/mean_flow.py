@@ -1,0 +1,192 @@
+"""The mean flow at a grain: velocity, shear velocity, intensity and times of its fluctuation, by its strength."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from ..arrays import Floats, spatial
+from ..errors import SceneError
+from ..planning.driving_force import DisplacedFluid
+from ..planning.flow_setup import Setup
+from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+
+INTEGRAL = 0.43  # longitudinal integral scale over k^1.5/epsilon (Pope 2000, section 6.5)
+AT_REST = "gusts: the base flow is at rest at the grain; lower flow.datum, or give gusts.intensity"
+LARGEST = 3.0  # intensity beyond which the laws do not hold
+
+
+@dataclass(frozen=True, eq=False)
+class MeanFlow:
+    """The base flow of a scene at its grain. Strengths are relative to the flow of the scene.
+
+    Raises SceneError for an intensity that the scene does not have.
+    """
+
+    setup: Setup
+    gusts: Gusts
+
+    def __post_init__(self) -> None:
+        for name in ("intensity", "microscale", "integral_time"):
+            if getattr(self.gusts, name) == MODEL and not self.setup.is_averaged:
+                why = '"model" needs a turbulence model; set effects.turbulence = true, or give a number'
+                raise SceneError(f"gusts.{name}: {why}")
+
+    def shields(self, strength: float) -> float:
+        """Shields number of the mean flow."""
+        return self._stress(strength) / self.setup.stress_unit
+
+    @cached_property
+    def _stress(self) -> Callable[[float], float]:
+        """The stress on the bed by strength, computed once for each."""
+        return cache(self.setup.bed_stress)
+
+    def intensity(self, strength: float) -> float:
+        """Root mean square of the velocity's fluctuation over its mean, at the grain."""
+        intensity = self.gusts.intensity
+        if isinstance(intensity, float):
+            return intensity
+        flow, rest = self._in(strength)
+        if intensity == NEAR_WALL:
+            return flow._near_wall(rest)
+        return math.sqrt(2.0 / 3.0 * flow._energy_and_loss[0]) / flow.speed
+
+    def microscale(self, strength: float) -> float | None:
+        """Time of the correlation at short times, 1 - (t/lambda)^2; None: not known.
+
+        From the model: the longitudinal microscale of isotropic turbulence, lambda^2 = 30 nu u'^2/epsilon, over the
+        mean velocity.
+        """
+        return self._time(
+            self.gusts.microscale,
+            strength,
+            lambda k, epsilon, nu: math.sqrt(20.0 * nu * k / epsilon),
+        )
+
+    def integral_time(self, strength: float) -> float | None:
+        """Integral of the correlation over time; None: not known.
+
+        From the model: the longitudinal integral scale 0.43 k^1.5/epsilon over the mean velocity.
+        """
+        return self._time(
+            self.gusts.integral_time, strength, lambda k, epsilon, nu: INTEGRAL * k**1.5 / epsilon
+        )
+
+    def _time(
+        self,
+        known: float | str | None,
+        strength: float,
+        length: Callable[[float, float, float], float],
+    ) -> float | None:
+        """A time as the scene has it, or of a length by the model's k and epsilon and the viscosity."""
+        if not isinstance(known, str):
+            return known
+        flow, _ = self._in(strength)
+        energy, loss = flow._energy_and_loss
+        if not loss > 0.0:
+            return None
+        return length(energy, loss, flow.setup.scene.viscosity) / (flow.speed * strength)
+
+    def _in(self, strength: float) -> tuple[MeanFlow, float]:
+        """A turbulent mean flow in units of itself, and the rest of its strength.
+
+        Without a model the velocity keeps its profile, and the flow is that of the scene.
+        """
+        return (self._faster(strength), 1.0) if self.setup.is_averaged else (self, strength)
+
+    @cached_property
+    def _faster(self) -> Callable[[float], MeanFlow]:
+        return cache(
+            lambda strength: (
+                self if strength == 1.0 else replace(self, setup=self.setup.faster(strength))
+            )
+        )
+
+    def require_intensity(self) -> None:
+        """Raise SceneError for an intensity or a depth outside the range of the laws."""
+        grain, depth = self.setup.scene.grain, self.gusts.depth
+        if grain is not None and depth is not None and depth < grain.size:
+            why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
+            raise SceneError(f"gusts.depth: {why}; give the depth of the stream")
+        if self.gusts.law not in GIVEN and not (intensity := self.intensity(1.0)) < LARGEST:
+            where, speed = "at the grain", self.speed
+            if self.gusts.intensity == NEAR_WALL:
+                where, speed = "at the grain's top", self._speed_at_top
+            why = f"is {intensity:.3g}, of a velocity {where} of {speed:.3g}"
+            raise SceneError(f"gusts.intensity: {why}; give a number below {LARGEST:g}")
+
+    def _near_wall(self, strength: float) -> float:
+        scene = self.setup.scene
+        assert scene.grain is not None
+        shear_velocity, size = math.sqrt(self._stress(strength)), scene.grain.size
+        below = 0.0 if self.gusts.depth is None else size / self.gusts.depth
+        ratio = near_wall(shear_velocity * size / scene.viscosity, below)
+        return ratio * shear_velocity / (strength * self._speed_at_top)
+
+    @cached_property
+    def _energy_and_loss(self) -> tuple[float, float]:
+        """Mean k and epsilon of the inflow at the heights of the grain.
+
+        epsilon is NaN in a flow that is too slow for the law of the wall.
+        """
+        with np.errstate(invalid="ignore"):
+            energy, other = np.exp(self._inflow[1](self._at_inflow))
+        loss = other if self.setup.has_wall_layer else self.setup.turbulence.c_mu * other * energy
+        return float(energy.mean()), float(loss.mean())
+
+    @cached_property
+    def speed(self) -> float:
+        """The scene's velocity at the grain: the mean over the part of its volume that is above the datum."""
+        if self.setup.is_averaged:
+            return float(self._inflow[0](self._at_inflow, 0.0)[0].mean())
+        speeds = self.setup.base_flow.velocity(spatial(self._places).T, 0.0)[0]
+        flowing = speeds[speeds > 0.0]
+        if not len(flowing):
+            raise SceneError(AT_REST)
+        return float(flowing.mean())
+
+    @cached_property
+    def _speed_at_top(self) -> float:
+        """The scene's velocity at the height of the grain's top."""
+        domain, scene, base_flow = self.setup.scene.domain, self.setup.scene, self.setup.base_flow
+        assert scene.placement is not None
+        top = np.array([self._places[:, domain.up].max()])
+        averaged = self.setup.is_averaged
+        x = domain.entrance if averaged else scene.placement.centre
+        velocity = self._inflow[0] if averaged else base_flow.velocity
+        if not (speed := float(velocity(base_flow.column(x, top), 0.0)[0, 0])) > 0.0:
+            raise SceneError(AT_REST)
+        return speed
+
+    @cached_property
+    def _inflow(self) -> tuple[Callable[[Floats, float], Floats], Callable[[Floats], Floats]]:
+        """Velocity, and logarithms of k and its loss or frequency, at the inflow of a turbulent flow."""
+        if self.setup.has_wall_layer:
+            from ..planning import wall_conditions
+
+            return wall_conditions.velocity(self.setup), wall_conditions.logarithms(self.setup)
+        return self.setup.resolved_walls.velocity, self.setup.resolved_walls.logarithms
+
+    @cached_property
+    def _places(self) -> Floats:
+        """(n, gdim) points of equal volumes in the grain."""
+        scene = self.setup.scene
+        assert scene.grain is not None and scene.placement is not None
+        return DisplacedFluid(scene.grain, self.setup.base_flow).points(scene.placement)
+
+    @cached_property
+    def _at_inflow(self) -> Floats:
+        """(3, n) points of the inflow at heights of the grain above the datum."""
+        domain, base_flow = self.setup.scene.domain, self.setup.base_flow
+        heights = self._places[:, domain.up]
+        return base_flow.column(domain.entrance, heights[heights > base_flow.datum])
+
+
+def near_wall(shear_reynolds: float, size_over_depth: float = 0.0) -> float:
+    """u'/u* at the top of grains of a bed (Zanke 2003, J. Hydraul. Res. 41, 405), with k+ = u* d/nu and d/h."""
+    damped = math.exp(-0.1 * shear_reynolds)
+    return 0.31 * shear_reynolds * damped + 1.8 * math.exp(-0.88 * size_over_depth) * (1.0 - damped)

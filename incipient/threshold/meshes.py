@@ -1,0 +1,199 @@
+"""The meshes on which a critical flow is searched: refined to an accuracy, or made for its walls.
+
+For an accuracy meshes are refined as for a load, by the error of the critical flow. The first mesh has the whole
+search. On the next ones the load differs little, and one flow near the previous critical one is enough in most cases.
+
+The cells at walls of a turbulent flow depend on the flow: on the mesh of a slower flow they are too large for the
+thinner layer of a faster one. So a search from rest on the mesh of the scene's own flow is followed by searches near
+its result, each on a mesh made for the previous critical flow, until both meshes have the same wall cells to a tenth.
+The change of the load on a mesh made for the critical flow itself is a term of its error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..accuracy.goal import LoadsOnMesh, components, slopes
+from ..accuracy.search import Attempt, Search
+from ..accuracy.strategies import DualWeighted
+from ..arrays import Floats
+from ..contact.safety import safety_factor
+from ..errors import ConvergenceError, SceneError
+from ..parallel import Comm
+from ..planning.flow_setup import Setup
+from ..progress import Silent
+from ..results.adaptation import Adaptation
+from ..results.loads import Couples, Forces
+from ..scene import Scene
+from ..simulation.build import prepared
+from ..simulation.recorder import Recorder
+from ..simulation.state import Accounts, Run
+from .bars import factor_range
+from .path import flow_of
+from .search import CriticalFlow, CriticalSearch, OwnMesh
+
+DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
+CHANGED = (
+    1.1  # ratio of the wall cells of two flows up to which the mesh of one serves for the other
+)
+MOST_MESHES = 6
+DIFFERING = (
+    "the critical flow differs from mesh to mesh, each made for the walls in the one before: it is {factors} "
+    "times the scene's; use a smaller numerics.mesh_size"
+)
+OTHER_MESH = (
+    "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
+)
+
+Concluded = TypeVar("Concluded")
+
+
+@dataclass(frozen=True)
+class CriticalGoal:
+    """The critical flow as the quantity for whose error a mesh is refined (`accuracy.goal.Quantity`).
+
+    halved: whether half of a symmetric scene is computed
+    """
+
+    flow: CriticalFlow
+    gdim: int = 2
+    halved: bool = False
+    name: str = "critical flow"
+
+    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+        """Relative error of the critical factor for errors (3,) of force and torque."""
+        low, high = factor_range(self.flow, np.abs(np.concatenate([of_force, of_couple])))
+        return max(high / self.flow.factor - 1.0, 1.0 - low / self.flow.factor)
+
+    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+        """Derivatives (3,), in 3-D (6,), of log factor by force and torque; by the force alone, where S jumps."""
+        path, load = self.flow.path, self.flow.load
+        size = float(np.linalg.norm(load.flow_force))
+        places = components(self.gdim, self.halved)
+        steps = np.full(3 * self.gdim - 3, DIFFERENCE * size)
+        by_load = slopes(
+            load,
+            steps,
+            places,
+            lambda changed: safety_factor(changed, path.contacts, path.friction).value,
+        )
+        by_load /= path.steepness(self.flow.factor)
+        if np.all(np.isfinite(by_load)) and np.any(by_load):
+            return [by_load]
+        return list(np.eye(len(by_load))[[i for i in places if i < self.gdim]] / size)
+
+
+def to_accuracy(
+    scene: Scene,
+    comm: Comm,
+    voice: Silent,
+    conclude: Callable[[Run, CriticalSearch, CriticalFlow, Adaptation], Concluded],
+) -> Concluded:
+    """Find the critical flow to an accuracy; returns what `conclude` makes of it on the last mesh. Collective.
+
+    Raises:
+        SceneError: a threshold has no such accuracy.
+    """
+    if scene.numerics.accuracy == "verdict":
+        why = '"verdict" means nothing for a threshold; give a relative error of the critical flow such as 0.01'
+        raise SceneError(f"numerics.accuracy: {why}")
+    if scene.numerics.accuracy_includes == "all":
+        why = '"all" is for runs; leave it out, and see the error bars of the threshold'
+        raise SceneError(f"numerics.accuracy_includes: {why}")
+    strategy = partial(_DualWeightedThreshold, conclude=conclude)
+    found: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
+    return found
+
+
+class _DualWeightedThreshold(DualWeighted):
+    """Cells by the error that each vertex contributes to the critical flow."""
+
+    _critical: CriticalSearch
+    _flow: CriticalFlow | None = None
+
+    def __init__(self, search: Search, conclude: Callable[..., Any]):
+        super().__init__(search)
+        self._conclude = conclude
+
+    def solve(self, run: Run) -> LoadsOnMesh:
+        """See `Steady`."""
+        self._critical = CriticalSearch(run)
+        flow = self._flow = _next(self._critical, self._flow)
+        if flow.rocking is not None:
+            why = "the grain rocks before it leaves its pocket, and no error bar of that is known"
+            raise SceneError(f"numerics.accuracy: {why}; leave it out")
+        if flow.is_critical:
+            search, halved = self.search, run.setup.symmetric
+            search.speed, search.goal = flow.factor, CriticalGoal(flow, run.scene.gdim, halved)
+        return LoadsOnMesh(*self._critical.at_nearest(flow.factor))
+
+    def following(self, attempt: Attempt, run: Run, *estimated: Any) -> Attempt | None:
+        """See `Strategy`."""
+        if self._flow is not None and self._flow.is_critical:
+            return super().following(attempt, run, *estimated)
+        self.search.reason = "there is no critical flow whose error could be made smaller"
+        return None
+
+    def concluded(self, run: Run) -> Any:
+        """See `Strategy`."""
+        return self._conclude(run, self._critical, self._flow, self.search.adaptation())
+
+
+def on_its_own_mesh(
+    scene: Scene,
+    comm: Comm,
+    voice: Silent,
+    conclude: Callable[[Run, CriticalSearch, CriticalFlow], Concluded],
+) -> Concluded:
+    """Find the critical flow on a mesh made for its walls; returns what `conclude` makes of it. Collective.
+
+    Raises ConvergenceError where no such flow converges within a few meshes, or near that of the previous one.
+    """
+    accounts, setup, speed, factors = Accounts(), Setup(scene), 1.0, list[float]()
+    flow: CriticalFlow | None = None
+    while flow is None or outgrown(setup, speed, flow.factor):
+        if len(factors) == MOST_MESHES:
+            raise ConvergenceError(
+                DIFFERING.format(factors=", ".join(f"{factor:.4g}" for factor in factors))
+            )
+        speed, before = flow.factor if flow else 1.0, flow
+        voice.say(f"mesh for the walls of flow x {speed:.4g}")
+        with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
+            search = CriticalSearch(run)
+            flow = _next(search, before)
+            if before is not None:
+                trials, unsolved = before.trials + flow.trials, before.unsolved + flow.unsolved
+                flow = replace(flow, trials=trials, unsolved=unsolved)
+            factors.append(flow.factor)
+            if not flow.is_critical:
+                fastest = max((trial.factor for trial in flow.trials), default=1.0)
+                if fastest > 1.0 and outgrown(setup, 1.0, fastest):
+                    flow = replace(flow, reason=f"{flow.reason}; {OTHER_MESH}")
+                return conclude(run, search, flow)
+    with prepared(scene, comm, accounts, voice=voice, speed=flow.factor) as run:
+        search = CriticalSearch(run)
+        try:
+            load = search.load_at(flow.factor)
+        except ConvergenceError as error:
+            was = f"the critical flow was {flow.factor:.4g} times the scene's"
+            raise ConvergenceError(f"{error}; {was}") from error
+        if flow.rocking is not None:
+            search.rocks(flow.factor)
+        own = OwnMesh(abs(flow_of(load) - flow_of(flow.load)), search.trials[-1].safety_factor)
+        return conclude(run, search, replace(flow, own_mesh=own))
+
+
+def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
+    """The critical flow near that on the previous mesh, or from rest on the first one. Collective."""
+    return search.near(before) if before else search.from_rest()
+
+
+def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
+    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
+    ratio = setup.faster(made_for).wall_cell / setup.faster(factor).wall_cell
+    return max(ratio, 1.0 / ratio) > CHANGED

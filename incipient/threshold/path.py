@@ -1,0 +1,118 @@
+"""The load on a grain as the flow grows from rest, interpolated between computed flows.
+
+The load over the flow's factor, c(f), goes from the constant of Stokes flow to a growth with the factor. It is smooth.
+The safety factor need be neither smooth, finite nor monotonic: so c is interpolated, and the exact judge applied.
+
+An interval between two flows counts as held if the judge holds every load that leaves the chord of c by at most half
+of its change: twice as much as a parabola with its vertex at one end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..arrays import Floats, extrapolated
+from ..contact import Contacts, Load
+from ..contact.robustness import ErrorBox, safety_range
+from ..contact.safety import safety_factor
+
+SAMPLES = 6  # interpolated loads that are judged within an interval
+BEND = 0.5  # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and torque
+LARGEST_LOGARITHM = 3.0  # of a safety factor in a root search; infinity and zero count as that
+NEAR_TOP = 1.2  # over the fastest flow: extrapolation by a parabola up to here, linear beyond
+ROOT = 1e-10  # relative error of a root of the interpolated load
+STEP = 1e-3  # relative, of the derivative of the safety factor
+
+
+def flow_of(load: Load) -> Floats:
+    """Force and torque of the flow (6,)."""
+    return np.concatenate([load.flow_force, load.flow_couple])
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """Loads of the flow by its factor, interpolated.
+
+    factors: (n,) ascending; loads: (n, 6) force and torque over the factor
+    rest:    the load without flow
+    before:  the path of another mesh; then the difference from it is interpolated
+    """
+
+    factors: Floats
+    loads: Floats
+    rest: Load
+    contacts: Contacts
+    friction: float
+    before: LoadPath | None = None
+
+    def load(self, factor: float) -> Load:
+        """The load in the flow at a factor."""
+        flow = factor * self.over_factor(factor)
+        return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
+
+    def over_factor(self, factor: float) -> Floats:
+        """The load over the factor (6,), by the parabola through the three nearest flows."""
+        chosen, known, base = self._nearest(factor), self.loads, np.zeros(6)
+        if self.before is not None:
+            base = self.before.over_factor(factor)
+            known = known - np.array([self.before.over_factor(one) for one in self.factors])
+        return base + extrapolated(self.factors[chosen].tolist(), list(known[chosen]), factor)
+
+    def _nearest(self, factor: float) -> list[int]:
+        """Indices of the flows on both sides, and of the nearest other one."""
+        count = len(self.factors)
+        low = int(np.clip(np.searchsorted(self.factors, factor) - 1, 0, max(count - 2, 0)))
+        chosen = list(range(low, min(low + 2, count)))
+        others = [i for i in (low - 1, low + 2) if 0 <= i < count]
+        if others and factor <= NEAR_TOP * self.factors[-1]:
+            chosen.append(min(others, key=lambda i: abs(self.factors[i] - factor)))
+        return chosen
+
+    def safety(self, factor: float) -> float:
+        """Safety factor in the flow at a factor."""
+        return safety_factor(self.load(factor), self.contacts, self.friction).value
+
+    def loss(self, low: float, high: float) -> float | None:
+        """The smallest factor from `low` (held) to `high` from which the grain is not held; None: it is held."""
+        samples = np.linspace(low, high, SAMPLES + 2)
+        logarithms = [self._logarithm(factor) for factor in samples]
+        lost = next((i for i, value in enumerate(logarithms) if i and value < 0.0), None)
+        if lost is None:
+            return None
+        if logarithms[lost - 1] <= 0.0:
+            return float(samples[lost - 1])
+        bracket = samples[lost - 1], samples[lost]
+        return float(brentq(self._logarithm, *bracket, xtol=ROOT * high, rtol=ROOT))
+
+    def doubtful(self, low: float, high: float, end: float) -> float | None:
+        """The factor up to `end` at which rest is least certain between the computed flows `low` and `high`.
+
+        None where all loads within the possible bend of c are held.
+        """
+        change = np.reshape(self.over_factor(high) - self.over_factor(low), (2, 3))
+        bend = np.repeat(np.linalg.norm(change, axis=1), 3) * np.any(self.loads, axis=0)
+        least, doubtful = 1.0, None
+        for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
+            fraction = (factor - low) / (high - low)
+            box = ErrorBox.of(factor * BEND * 4.0 * fraction * (1.0 - fraction) * bend)
+            held = safety_range(self.load(factor), self.contacts, self.friction, box).low
+            if held <= least:
+                least, doubtful = held, factor
+        return doubtful
+
+    def steepness(self, factor: float) -> float:
+        """-d log S / d log factor; infinite where S jumps, or is zero as for a grain that rocks."""
+        low, high = (self.safety(factor * (1.0 + sign * STEP)) for sign in (-1.0, 1.0))
+        if not (low > 0.0 and high > 0.0):
+            return math.inf
+        return math.log(low / high) / (2.0 * STEP)
+
+    def _logarithm(self, factor: float) -> float:
+        """log S, within bounds."""
+        with np.errstate(divide="ignore"):
+            logarithm = np.log(self.safety(factor))
+        return float(np.clip(logarithm, -LARGEST_LOGARITHM, LARGEST_LOGARITHM))

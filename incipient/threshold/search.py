@@ -1,0 +1,376 @@
+"""The search for the critical flow: the slowest one, as the flow grows from rest, that moves the grain.
+
+It begins with Stokes flow, which always converges and whose load is proportional to its strength. From there the flow
+is made faster. After each computed flow the interpolated load (`path`) says where the grain is lost, where a flow in
+between is needed to be sure that it is held, or how far to go up. Where no steady flow converges the search continues
+below, or beyond it if the extrapolated load is critical there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats
+from ..contact import Load
+from ..contact.safety import SafetyStatus, safety_factor
+from ..effects.effect import SlowestFlow
+from ..effects.known import EFFECTS
+from ..errors import ConvergenceError, SceneError
+from ..evaluation.contact_verdict import followed, load_of
+from ..parallel import from_first
+from ..planning.effects import EffectName
+from ..results.loads import Couples, Forces
+from ..simulation.state import Run
+from ..simulation.steady import loads_at, make_as_fast
+from .path import LoadPath, flow_of
+
+if TYPE_CHECKING:
+    from ..contact.rocking import Rocking
+
+Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
+
+CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
+FIRST = 30.0  # largest grain Reynolds number of the first flow with inertia
+GROWTH, LEAST_GROWTH = 4.0, 1.1  # from one flow to the next, at most, and from the slowest at least
+BEYOND_SQUARE = 1.05  # over the flow that is critical if the load is quadratic: it grows less
+LARGEST = 1000.0  # grain Reynolds number up to which a threshold is searched, or
+MOST_FASTER = 10.0  # this factor of the flow, whichever is larger
+NEAR = 3e-3  # relative distance of a computed flow within which the interpolated load is trusted
+NEAR_IN_SPACE = 0.01  # the same in 3-D with resolved walls, where wakes never settle
+WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
+RESOLVED = 1.1  # ratio of the ends of an interval that is not divided further
+MOST_FLOWS, MOST_FAILURES = 40, 6
+APART = 1.03  # least ratio of a flow to one that did not converge
+ROCKS_IN_ALL = "the grain rocks from rest to rest in all computed flows"
+ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow was found"
+NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
+
+
+@dataclass(frozen=True)
+class SolvedFlow:
+    """A computed flow: its factor, and the safety factor of the grain in it."""
+
+    factor: float
+    safety_factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class OwnMesh:
+    """The critical flow on a mesh made for it: change (6,) of force and torque, without sign, and safety factor."""
+
+    change: Floats
+    safety_factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalFlow:
+    """The result of a search.
+
+    factor:   of the critical flow; 0: any flow, or the weight alone, moves the grain; inf: none that was computed
+    held_to:  factor up to which the grain is held
+    reason:   why there is no critical flow, or none computed near it
+    between:  factors of the flows around it, where no nearer one converged
+    rocking:  the rests of a grain that rocks before it leaves
+    """
+
+    factor: float
+    held_to: float
+    path: LoadPath
+    trials: tuple[SolvedFlow, ...]
+    unsolved: tuple[float, ...] = ()
+    reason: str = ""
+    between: tuple[float, float] | None = None
+    rocking: Rocking | None = None
+    own_mesh: OwnMesh | None = None
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether there is a flow at which the grain begins to move."""
+        return 0.0 < self.factor < np.inf
+
+    @property
+    def load(self) -> Load:
+        """The critical load; where any flow moves the grain that of a weak one, otherwise that of the fastest one."""
+        if self.factor == 0.0:
+            drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
+            return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / drag)
+        return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
+
+
+class CriticalSearch:
+    """The search on one mesh, in a prepared run. Public methods are collective.
+
+    Args:
+        solve: computes the loads in a flow faster by a factor, starting from another (see `simulation.steady`).
+    """
+
+    def __init__(self, run: Run, solve: Solve = loads_at):
+        scene, self._loads_at = run.scene, solve
+        assert run.contacts is not None and scene.contact is not None
+        self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
+        self._holds = run.contacts, scene.contact.friction
+        self._solved: dict[float, tuple[Forces, Couples]] = {}
+        self._states: dict[float, list[Floats]] = {}
+        numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
+        self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
+        self._largest = max(LARGEST / self._reynolds, MOST_FASTER)
+        setup, self._near = run.setup, NEAR
+        # Whether wakes may change for ever: then the nearest flow is the best start.
+        self._lingers = setup.is_averaged and setup.resolves_walls and setup.geometry.gdim == 3
+        if self._lingers:
+            self._near = NEAR_IN_SPACE
+        self._sure = 0.0  # factor up to which the grain is surely held
+        self._held: set[tuple[float, float]] = set()  # intervals in which it is
+
+    def from_rest(self) -> CriticalFlow:
+        """Search from rest upwards."""
+        bounds = (effect.slowest_flow(self.run.setup) for effect in EFFECTS)
+        if bound := max(filter(None, bounds), key=lambda bound: bound.factor, default=None):
+            return self._from_slowest(bound)
+        slow = CREEPING / self._reynolds if self._inertia else 1.0
+        self._solve(slow)
+        if at_once := self._at_once(slow):
+            return at_once
+        if not self._inertia:
+            critical = slow * self.trials[0].safety_factor
+            return self._ended(critical, critical, "the load grows in proportion")
+        return self._upwards(slow)
+
+    def _from_slowest(self, bound: SlowestFlow) -> CriticalFlow:
+        """Search upwards from the start of an effect if it holds the grain, otherwise from its slowest flow."""
+        start, slow = bound.start, bound.factor
+        if bound.expected:
+            self.run.voice.say(bound.expected)
+        if start > slow and self._try(start) and self.trials[0].safety_factor >= 1.0:
+            return self._upwards(start)
+        self._solve(slow)
+        if at_once := self._at_once(slow):
+            return at_once
+        if self.trials[-1].safety_factor < 1.0:
+            slowest = f"the slowest flow {bound.why}, {slow:.3g} times the scene's"
+            remedy = f"use a heavier grain, or {bound.remedy}"
+            raise SceneError(f"flow: the grain moves in {slowest}; {remedy}")
+        return self._upwards(slow)
+
+    def near(self, before: CriticalFlow) -> CriticalFlow:
+        """Search near the critical flow of another mesh, whose load differs little. Raises ConvergenceError."""
+        factor, known = before.factor, before.path.before or before.path
+        none = f"no threshold near {factor:.4g} times the flow of the scene"
+        if before.rocking is not None:
+            rocking = self._rocking(factor, 2.0) if self._try(factor) else None
+            if rocking is None or not rocking.is_critical:
+                raise ConvergenceError(f"{none}: {rocking.reason}" if rocking else none)
+            return rocking
+        while len(self.trials) < MOST_FLOWS:
+            if factor not in self._states and not self._try(factor):
+                why = f"no steady flow was found at {factor:.4g} times that of the scene"
+                raise ConvergenceError(why)
+            path, last = replace(self._path(), before=known), factor
+            low, high = 0.5 * factor, 2.0 * factor
+            critical = path.loss(low, high) if path.safety(low) >= 1.0 else None
+            if critical is None:
+                raise ConvergenceError(none)
+            if self._is_near(critical):
+                return replace(self._ended(critical, critical, ""), path=path)
+            factor = critical
+        raise ConvergenceError(
+            f"the threshold near {factor:.4g} times the flow of the scene: {NOT_WITHIN}, the last two at {last:.4g} "
+            f"and {factor:.4g}; use a smaller numerics.mesh_size"
+        )
+
+    def load_at(self, factor: float) -> Load:
+        """The load in the flow at a factor, started from one half as fast if need be. Raises ConvergenceError."""
+        if not self._try(factor):
+            self._solve(0.5 * factor)
+            self._solve(factor)
+        return self._load(factor)
+
+    def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
+        """Restore the computed flow nearest to a factor; force and torque there."""
+        within = min(factor, max(self._states))
+        nearest = min(self._states, key=lambda known: abs(known - within))
+        if not self.run.setup.is_averaged:
+            make_as_fast(self.run, nearest)
+        self._restore(nearest)
+        return self._solved[nearest]
+
+    def rocks(self, factor: float) -> Rocking | None:
+        """Rests of the grain as the load of a computed flow grows; its critical factor is noted in the trial."""
+        rocking = from_first(self.run.comm, lambda: followed(self.run.scene, self._load(factor)))
+        if rocking is not None:
+            self.trials[-1] = SolvedFlow(factor, rocking.critical)
+            self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {rocking.critical:.6g}")
+        return rocking
+
+    def _at_once(self, slow: float) -> CriticalFlow | None:
+        """The result where the contacts do not hold the grain in the slowest flow; None if they do."""
+        at_rest = safety_factor(self._load(slow), *self._holds)
+        held = at_rest.status is SafetyStatus.NO_RESERVE
+        power = 2.0 if self.run.setup.is_averaged else 1.0
+        if held and (rocking := self._rocking(slow, power)):
+            return rocking
+        if at_rest.value > 0.0:
+            return None
+        why = "any flow moves the grain" if held else "its weight alone moves it"
+        return self._ended(0.0, 0.0, why)
+
+    def _rocking(self, factor: float, power: float) -> CriticalFlow | None:
+        """The flow in which a grain that rocks in slower ones leaves its pocket; None if it does not rock.
+
+        Each computed flow says at which multiple of its load the grain leaves. That load goes as a power of the
+        factor, at first the given one, then that of the last two flows.
+        """
+        rocking, held_to, reason = self.rocks(factor), 0.0, ROCKS_IN_ALL
+        if rocking is None or rocking.critical == 0.0:
+            return None
+        while True:
+            held_to = max(held_to, factor) if rocking.critical >= 1.0 else held_to
+            critical = factor * rocking.critical ** (1.0 / power)
+            if critical < np.inf and (not self._inertia or self._is_near(critical)):
+                return replace(self._ended(critical, critical, ""), rocking=rocking)
+            following = min(critical, max(GROWTH * factor, FIRST / self._reynolds))
+            if critical == np.inf or following > self._largest:
+                break
+            if len(self.trials) >= MOST_FLOWS:
+                reason = NOT_WITHIN
+                break
+            failed = min((one for one in self.unsolved if one > factor), default=np.inf)
+            if following > failed / APART or not self._try(following):
+                following = max(self._states)  # on the way to the flow that did not converge
+                if following <= factor:
+                    reason = ROCKS_BELOW
+                    break
+            beyond = self.rocks(following)
+            if beyond is None or beyond.critical == 0.0:
+                reason = f"the grain rocks, but not in the flow {following:.3g} times the scene's"
+                break
+            change = np.log(rocking.critical / beyond.critical) / np.log(following / factor)
+            power = float(np.clip(change, 1.0, 3.0))
+            rocking, factor = beyond, following
+        return replace(self._ended(np.inf, held_to, reason), rocking=rocking)
+
+    def _upwards(self, slow: float) -> CriticalFlow:
+        while len(self.trials) < MOST_FLOWS:
+            path = self._path()
+            following = self._inside(path) or self._beyond(path, slow)
+            if isinstance(following, CriticalFlow):
+                return following
+            self._try(following)
+        return self._ended(np.inf, self._sure, NOT_WITHIN)
+
+    def _inside(self, path: LoadPath) -> float | CriticalFlow | None:
+        """The next flow within the computed ones, or the critical one; None: the grain is held in all of them."""
+        for low, high in pairwise(path.factors.tolist()):
+            self._sure = low
+            if (low, high) in self._held:
+                continue
+            loss = path.loss(low, high)
+            near = loss is not None and self._is_near(loss)
+            if loss is not None and not near and self._may_converge(loss):
+                return loss
+            end = loss or high
+            doubtful = path.doubtful(low, high, end) if end > RESOLVED * low else None
+            if doubtful is not None and self._may_converge(doubtful):
+                return doubtful
+            if near:
+                return self._ended(end, end, "")
+            if loss is not None:
+                return replace(
+                    self._ended(end, end, "no steady flow was found nearer"), between=(low, high)
+                )
+            self._held.add((low, high))
+        return None
+
+    def _beyond(self, path: LoadPath, slow: float) -> float | CriticalFlow:
+        """The next flow beyond the computed ones, or why there is none."""
+        top = float(path.factors[-1])
+        goal = min(GROWTH * top, self._largest) if top > slow else self._first(slow)
+        loss = path.loss(top, max(goal, top))
+        if loss is not None and self._is_near(loss):
+            return self._ended(loss, loss, "")
+        if top >= self._largest / APART:
+            return self._ended(np.inf, top, "the grain is held in all flows looked at")
+        failed = min((factor for factor in self.unsolved if factor > top), default=top)
+        for following in (loss or goal, float(np.sqrt(top * failed))):
+            if (
+                following > top
+                and self._may_converge(following)
+                and len(self.unsolved) < MOST_FAILURES
+            ):
+                return following
+        reason = "the grain is held, and beyond no steady flow was found"
+        if loss:
+            reason += f"; the load extrapolated moves it at about {loss:.2g} times that flow"
+        return self._ended(np.inf, top, reason)
+
+    def _first(self, slow: float) -> float:
+        """The flow after the slowest one."""
+        if not self.run.setup.is_averaged:
+            return FIRST / self._reynolds
+        quadratic = BEYOND_SQUARE * self.trials[-1].safety_factor ** 0.5
+        return slow * float(np.clip(quadratic, LEAST_GROWTH, GROWTH))
+
+    def _is_near(self, factor: float) -> bool:
+        return any(abs(known / factor - 1.0) < self._near for known in self._states)
+
+    def _may_converge(self, factor: float) -> bool:
+        """Whether no flow as fast has failed."""
+        return all(max(factor / failed, failed / factor) > APART for failed in self.unsolved)
+
+    def _try(self, factor: float, here: bool = False) -> bool:
+        """Solve; if the flow does not converge, note that, and solve where the continuation ended."""
+        try:
+            self._solve(factor, here)
+        except ConvergenceError:
+            self.unsolved.append(factor)
+            said = f"flow x {factor:.6g}: no steady flow found"
+            if self.run.setup.is_averaged:  # no continuation: the last iterate is no flow
+                self.run.voice.say(said)
+                return False
+            reached = self.run.fluid.reynolds / self.run.plan.reynolds
+            self.run.voice.say(f"{said}, the last at {reached:.6g}")
+            slower = max((known for known in self._states if known < factor), default=0.0)
+            if not here and reached > APART * slower:
+                self._try(reached, here=True)  # intermediate flows are converged less: may fail
+            return False
+        return True
+
+    def _solve(self, factor: float, here: bool = False) -> None:
+        """Solve from another flow, or from the present state, which is nearly that flow."""
+        run, start = self.run, self._start(factor)
+        if start and not here:
+            self._restore(start)
+        self._solved[factor] = self._loads_at(run, factor, factor if here else start)
+        self._states[factor] = [state.x.array.copy() for state in run.states]
+        value = safety_factor(self._load(factor), *self._holds).value
+        self.trials.append(SolvedFlow(factor, value))
+        run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
+
+    def _start(self, factor: float) -> float:
+        """The flow to start from, the next slower or, where wakes linger, the nearest; 0: none."""
+        if self._states and self._lingers:
+            return min(self._states, key=lambda known: abs(np.log(known / factor)))
+        return max((known for known in self._states if known < factor), default=0.0)
+
+    def _restore(self, factor: float) -> None:
+        for state, values in zip(self.run.states, self._states[factor], strict=True):
+            state.x.array[:] = values
+
+    def _load(self, factor: float) -> Load:
+        return load_of(self.run.scene.placement, *self._solved[factor])
+
+    def _path(self) -> LoadPath:
+        factors = np.array(sorted(self._solved))
+        loads = [self._load(factor) for factor in factors]
+        over = np.array([flow_of(load) for load in loads]) / factors[:, None]
+        rest = Load(np.zeros(3), np.zeros(3), loads[0].weight, loads[0].centre)
+        return LoadPath(factors, over, rest, *self._holds)
+
+    def _ended(self, factor: float, held_to: float, reason: str) -> CriticalFlow:
+        trials, unsolved = tuple(self.trials), tuple(self.unsolved)
+        return CriticalFlow(factor, held_to, self._path(), trials, unsolved, reason)
