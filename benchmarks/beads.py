@@ -25,7 +25,7 @@ import incipient
 
 ROOT = Path(__file__).parents[1]
 STORE, FIGURES = ROOT / "docs/validation/beads.csv", ROOT / "docs/figures"
-TERMS = ("discretisation", "gap", "domain", "level ground")
+TERMS = ("discretisation", "gap", "domain", "planar far bed")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")

@@ -68,7 +68,7 @@ ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 DECAY, DECAY_OVER_FORMS, SLOWEST_DECAY, SLOWEST_PART = 2.0, 1.5, 1.0 / 3.0, 0.75
 WIDER, DECAY_OF_GROUND = 1.5, 1.0  # of the bed's part meshed as it is (docs/contribute/defaults.md)
 ROUND_OFF = 1e-6  # of loads, and of the height of bedforms: smaller changes say nothing
-OF_MESH, GROUND, MODEL = "mesh", "level ground", "turbulence model"
+OF_MESH, GROUND, MODEL = "mesh", "planar far bed", "turbulence model"
 UNSETTLED = (
     "upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
     "use a smaller numerics.mesh_size"
@@ -424,7 +424,7 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
 
 
 def not_there(scene: Scene) -> dict[str, str]:
-    """Why a scene has no term of gap, domain, level ground or turbulence model, by name. Not collective."""
+    """Why a scene has no term of gap, domain, planar far bed or turbulence model, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.is_averaged:
         seen = "vary constants and wall_distance of [turbulence] to see it"

@@ -1,4 +1,4 @@
-"""Where a bed in space is meshed as it is, and where level ground takes its place."""
+"""Where a bed in space is meshed as it is, and where a planar far bed takes its place."""
 
 import numpy as np
 

@@ -145,7 +145,7 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
 
 
 def _along_bed(setup: Setup, order: int, stance: Stance) -> list[Near]:
-    """Cells along a bed with forms, larger where level ground takes its place."""
+    """Cells along a bed with forms, larger where a planar far bed takes its place."""
     bed = setup.geometry.bed
     if not isinstance(bed, Terrain) or not np.isfinite(bed.feature):
         return []

@@ -52,7 +52,7 @@ REMEDIES = {
     "pocket": "nothing: in 2-D the leakage past contacts is not known",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
-    "level ground": "a larger numerics.meshed_bed",
+    "planar far bed": "a larger numerics.meshed_bed",
     "not steady": "another numerics.mesh_size: the wake is unsteady",
     "interaction": "a smaller contact.gap, larger domain.length and domain.height",
     "search": "nothing: steady flows near the threshold were not found",

@@ -586,7 +586,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     exact = {"accuracy": 0.01, "accuracy_includes": "all"}
     assert on_more_bed(changed(scene, numerics=exact)) is None
     assert not_estimated(changed(scene, numerics=exact)).startswith(
-        "that of the level ground is not estimated"
+        "that of the planar far bed is not estimated"
     )
     assert not_estimated(changed(wide, numerics=exact)) == not_estimated(scene) == ""
 

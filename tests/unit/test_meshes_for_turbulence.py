@@ -113,7 +113,7 @@ def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow
 
 
 def test_level_ground_about_a_grain_in_space_is_at_the_datum():
-    """Far from the grain level ground takes the place of a bed with forms: where the profile of the inflow starts."""
+    """Far from the grain a planar bed takes the place of a bed with forms: where the profile of the inflow starts."""
     scene = channel(
         domain=Domain(length=10, width=10, height=5),
         fluid=Fluid(reynolds=20_000.0, scale="grain"),
