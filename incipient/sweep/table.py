@@ -147,7 +147,7 @@ def in_words(row: Mapping[str, Any]) -> str:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     if row.get("load_spread"):
-        words += ", NOT QUITE STEADY"
+        words += ", NOT CONVERGED"
     return words + _of_walls(row)
 
 

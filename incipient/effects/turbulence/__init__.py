@@ -98,7 +98,7 @@ class TurbulenceEffect(Effect):
         OutputQuantity(
             "turbulence.applicable", "the walls are as the model asks", column="applicable"
         ),
-        OutputQuantity("turbulence.spread", "what loads still change by", column="load_spread"),
+        OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
@@ -186,8 +186,10 @@ class TurbulenceEffect(Effect):
             )
         rows += [("shorter places where it does", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
-        if spread := found.get("spread"):
-            sentence += f" Warning: not quite steady; loads still change by {100 * spread:.2g}%."
+        if not found.get("converged", True):
+            sentence += (
+                f" Warning: not converged; loads are means, within {100 * found['spread']:.2g}%."
+            )
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def kind_of_cost(self, setup: Setup) -> str:

@@ -88,10 +88,6 @@ class KEpsilonFlow(TurbulentFlow):
     def _walls(self) -> LayeredWalls:
         return self._setup.walls
 
-    @property
-    def _depth(self) -> float:
-        return self._walls.depth
-
     def _give(self, fluid: Fluid) -> None:
         """Let inflow and walls be those of the setup as it is now."""
         super()._give(fluid)
@@ -125,6 +121,7 @@ class KEpsilonFlow(TurbulentFlow):
             plane=walls.plane,
             roughness=walls.law.roughness,
             reach=walls.depth,
+            iteration=self.continued,
             backward=along[names[0]].backward() if scene.gdim == 2 else (),
             along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )

@@ -1,4 +1,4 @@
-"""Iterative solution of the linear systems of turbulence, alone and together with the flow: for three dimensions."""
+"""Iterative solution of the linear systems of flow and turbulence, for three dimensions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
 from ...fluid.solvers.direct import bytes_of_factors
@@ -16,8 +15,6 @@ from ...fluid.solvers.options import defaults, exact
 
 log = logging.getLogger("incipient")
 
-PREFIX = "turbulence_"
-RESTART, MOST_ITERATIONS = 100, 400
 TOGETHER = "turbulent_"
 MOST_TOGETHER = 150
 # k and omega after each other, each by factors: incomplete ones do not do.
@@ -31,41 +28,6 @@ ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
 PATIENCE = (
     10  # iterations up to which factors of the flow serve on; with older ones residuals tell little
 )
-
-
-class Incomplete:
-    """Solves A x = b by GMRES with incomplete factors of A, each rank those of its own part.
-
-    Convection and sources outweigh diffusion, and pseudo-time adds to the diagonal: no multigrid is needed. PETSc
-    options with the prefix ``turbulence_`` override everything.
-    """
-
-    def __init__(self, matrix: Any):
-        self.matrix = matrix
-        self._solver = PETSc.KSP().create(matrix.comm)
-        self._solver.setOptionsPrefix(PREFIX)
-        self._solver.setType("gmres")
-        self._solver.setGMRESRestart(RESTART)
-        self._solver.setPCSide(PETSc.PC.Side.RIGHT)
-        self._solver.setOperators(matrix)
-        self._solver.getPC().setType("bjacobi")
-        self._solver.setFromOptions()
-
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = True) -> None:
-        """Solve A x = b to a residual of `rtol` times b, by factors of the matrix as it is. Collective.
-
-        Raises:
-            ConvergenceError: it was not solved.
-        """
-        self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=MOST_ITERATIONS)
-        self._solver.setOperators(self.matrix)
-        self._solver.solve(b, x)
-        if self._solver.getConvergedReason() <= 0:
-            raise ConvergenceError("the linear system of the turbulence was not solved")
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._solver.destroy()
 
 
 class BlockByBlock:
