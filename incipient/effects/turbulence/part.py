@@ -102,29 +102,32 @@ class TurbulentFlow(RunPart):
         self.fields.watch(fluid)
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
+        """Find the steady flow with its turbulence from that of the inflow everywhere, `onwards` from that at hand first.
 
         The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
         Raises:
             ConvergenceError: there is none that could be found.
         """
-        fluid = self._fluid
+        fluid, loads = self._fluid, self._loads(run)
+        tolerance = of_turbulent(self._scene.numerics.tolerance, self._scene.resolves_walls)
         self._take(fluid, factor)
-        if not onwards:
-            self.enter(fluid)
-        with run.stage("flow"), self._timed():
-            self.continued = continued(
-                fluid,
-                self.fields,
-                of_turbulent(self._scene.numerics.tolerance, self._scene.resolves_walls),
-                self._loads(run),
-                lambda number, change: run.voice.iterate(1.0, number, change),
-            )
+        for from_inflow in (False, True) if onwards else (True,):
+            if from_inflow:
+                self.enter(fluid)
+            with run.stage("flow"), self._timed():
+                self.continued = continued(
+                    fluid,
+                    self.fields,
+                    tolerance,
+                    loads,
+                    lambda number, change: run.voice.iterate(1.0, number, change),
+                )
+            if self.continued.converged:
+                break
         run.count(turbulence=len(self.continued.changes))
-        if (
-            not self.continued.converged
-        ):  # a run in time that begins with it has no other place for that
+        if not self.continued.converged:
+            # A run in time that begins with this flow has no other place for that.
             run.voice.say(
                 f"the steady flow has not converged: its loads change by {100.0 * self.continued.spread:.2g}%"
             )
