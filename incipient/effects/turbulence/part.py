@@ -102,7 +102,7 @@ class TurbulentFlow(RunPart):
         self.fields.watch(fluid)
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow with its turbulence from that of the inflow everywhere, `onwards` from that at hand first.
+        """Find the steady flow with its turbulence from that of the inflow, `onwards` from that at hand first.
 
         The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
