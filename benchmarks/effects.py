@@ -52,11 +52,11 @@ def fixed(overrides: tuple[str, ...]) -> dict[str, Any]:
 
 
 def freed(overrides: tuple[str, ...]) -> dict[str, Any]:
-    """The disc let go, and kept off the bed without friction."""
+    """The disc let go; it ends where it comes near the bed."""
     from incipient.scene import load
 
     x, y = load(SCENE).placement.centre
-    free = f'centre = [{x}, {y + RAISED}]\nmotion = "free"\non_contact = "repel"'
+    free = f'centre = [{x}, {y + RAISED}]\nmotion = "free"'
     return {"text": SCENE.read_text().replace("x = 4.0", free), "overrides": overrides}
 
 

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,10 +17,20 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from incipient.cost.process import Usage, run
-
 ROOT = Path(__file__).resolve().parents[1]
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Cost and output of one process: seconds, MiB of its largest process; a negative exit code is a signal's."""
+
+    wall: float
+    cpu: float
+    peak_mib: float
+    exit_code: int
+    output: str
+    errors: str
 
 
 @dataclass(frozen=True)
@@ -35,10 +47,25 @@ class Program:
 def measure(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Usage:
     """Run a command in the project's directory to its end.
 
-    Its peak of memory is its own as long as this process is the smaller one (`incipient.cost.process.run`): nothing
-    here loads the finite elements.
+    The kernel counts the peak of a new process from that of the one that starts it. It is that of the command as long
+    as this process is the smaller one: nothing here loads the finite elements.
     """
-    return run(command, environment, ROOT)
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
+        began = time.perf_counter()
+        streams = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": errors}
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, **streams)
+        try:
+            _, status, used = os.wait4(process.pid, 0)
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+        wall = time.perf_counter() - began
+        process.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        errors.seek(0)
+        cpu, peak = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+        return Usage(wall, cpu, peak, process.returncode, output.read(), errors.read())
 
 
 class Session:

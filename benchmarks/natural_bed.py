@@ -8,7 +8,7 @@ Loads:    full runs past grains of the first bed that are far from one another i
           do not depend on the grain's weight, so that a run holds for all Shields numbers at its u* d/nu.
 Cost:     half an hour of one core, with --turbulent three to four minutes for each grain at u* d/nu = 30, more at
           larger ones; what is in the results is not computed again: delete them for that.
-Run:      python benchmarks/natural_bed.py [--turbulent] [--jobs N] [--executor dask://HOST:PORT] [--wall 2h]
+Run:      python benchmarks/natural_bed.py [--turbulent] [--jobs N] [--scheduler tcp://HOST:PORT] [--wall 2h]
 Results:  results/natural_bed.sqlite, a sweep's file (docs/sweeps.md), and benchmarks/natural_bed.csv
 """
 
@@ -296,11 +296,11 @@ def main() -> None:
     )
     parser.add_argument("--turbulent", action="store_true", help="runs with the k-omega SST model")
     parser.add_argument("--jobs", type=int, help="runs at a time")
-    parser.add_argument("--executor", help="dask://HOST:PORT")
+    parser.add_argument("--scheduler", help="tcp://HOST:PORT")
     parser.add_argument("--wall", help="time after which to stop, such as 2h")
     parser.add_argument("--limit", default="30m", help="time that a run may take")
     asked = parser.parse_args()
-    means = {name: getattr(asked, name) for name in ("jobs", "executor", "wall", "limit")}
+    means = {name: getattr(asked, name) for name in ("jobs", "scheduler", "wall", "limit")}
     for scenes in turbulent_scenes() if asked.turbulent else laminar_scenes():
         compute(scenes, means)
     for level in TURBULENT:

@@ -36,7 +36,7 @@ OF_MPI = ("PMIX_", "OMPI_MCA_", "OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_FILE", "ORT
 
 def solve(mesh: Path, reynolds: float, gap: float) -> dict[str, Any]:
     """Stokes flow, or at Re = G d^2/(2 nu) from nothing: what it took, on however many ranks there are."""
-    domain = build(MPI.COMM_WORLD, partial(from_file, mesh), 3)
+    domain = build(MPI.COMM_WORLD, partial(from_file, mesh))
     inertia = reynolds > 0
     model = FlowModel(inertia=inertia, upwind=inertia, solver="block")
     with Fluid(domain, model, conditions(), 2 * reynolds or 1.0) as fluid:

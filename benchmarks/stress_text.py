@@ -20,7 +20,7 @@ A disc of diameter 0.3 in a driven cavity of side 1 whose lid starts at once wit
 
 - Above: the exact coupling in use, at most 12 corrections. It solves {exact} of {points} points, and fails where a
   light disc goes half its diameter in one step; a run shortens such a step.
-- Below: forces and velocities passed back and forth (`numerics.coupling = "naive"`), at most 40. They solve {naive}.
+- Below: forces and velocities passed back and forth, at most 40. They solve {naive}.
 
 """
 SOURCES = {

@@ -5,17 +5,15 @@ Scaling: half discs of the bed of diameter 1, the bead 0.6 to 1.3 times that; th
 Cost:    60 thresholds with error bars, three to five minutes on two cores; in space, on coarse cells in a small domain
          and without error bars, half a minute of processor time a case (finer by --set, see SMALL)
 Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
-         mpirun -n 2 python demos/reynolds_sweep.py or more ranks: one gives out the cases, others compute them
+         with --scheduler tcp://HOST:PORT, as docs/howto/cluster.md has it
 Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md
 """
 
 import argparse
 from pathlib import Path
 
-from mpi4py import MPI
-
-import incipient
 import incipient.sweep
+from incipient.progress import telling
 
 SCENES = Path(__file__).parent / "scenes"
 SMALL = [
@@ -31,14 +29,13 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("study", nargs="?", choices=STUDIES, default="plane")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--wall", help="end in time; call again to go on")
+    parser.add_argument("--wall", help="end in time; call again to continue")
+    parser.add_argument("--scheduler", help="of Dask")
     given = parser.parse_args()
     name, over, settings = STUDIES[given.study]
     scene, file = SCENES / f"{name}.toml", f"results/reynolds_sweep_{given.study}.sqlite"
-    chosen = {"do": "threshold", "settings": [*settings, *given.set], "wall": given.wall}
-    with incipient.sweep.watching() as watcher:
-        done = incipient.sweep.run(scene, file, over, watcher=watcher, **chosen)
-    if MPI.COMM_WORLD.rank == 0:
-        print(
-            f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before: {file}"
-        )
+    how = {"settings": [*settings, *given.set], "wall": given.wall, "scheduler": given.scheduler}
+    with telling(0) as voice:
+        done = incipient.sweep.run(scene, file, over, do="threshold", voice=voice, **how)
+    counts = f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before"
+    print(f"{counts}: {file}")

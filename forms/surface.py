@@ -24,7 +24,6 @@ class SurfaceTerms:
     known:     what that difference makes of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
     elevation: that of the mesh as it is now
     pressure:  of what is above the fluid, per density of the fluid; None: none
-    tension:   surface tension per density of the fluid; None: none
     unfelt:    what of a pinned surface's elevation has no weight; None: the surface is not pinned
     """
 
@@ -34,7 +33,6 @@ class SurfaceTerms:
     known: Any
     elevation: Any
     pressure: Any = None
-    tension: Any = None
     unfelt: Any = None
 
 
@@ -52,36 +50,13 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
         head -= surface.gravity[axis] * (place[axis] - surface.origin[axis])
     if surface.pressure is not None:
         head += surface.pressure
-    found = head * ufl.dot(w, n)
-    if surface.tension is not None:
-        found += _tension(v, w, n, surface)
-    return found
-
-
-def _tension(v: Any, w: Any, n: Any, surface: SurfaceTerms) -> Any:
-    """gamma times the surface divergence of w, and its change with the rise that the velocity still makes in this step.
-
-    Where the surface ends no force acts along it: its angle with a wall along which it slides is a right one.
-    The second term vanishes when the mesh is where the velocity takes the surface.
-    """
-    up = n[len(v) - 1]
-    stretched = ufl.div(w) - ufl.dot(n, ufl.dot(ufl.grad(w), n))
-    rising = ufl.dot(ufl.grad(v).T, n) / surface.rate - up * ufl.grad(
-        surface.elevation - surface.known
-    )
-    tested = ufl.dot(ufl.grad(w).T, n)
-    bent = ufl.dot(rising, tested) - ufl.dot(rising, n) * ufl.dot(tested, n)
-    return surface.tension * (stretched + bent)
+    return head * ufl.dot(w, n)
 
 
 def component(u: Any, w: Any, way: Any, n: Any, surface: SurfaceTerms) -> Any:
     """What of `load` resists a velocity component u along the unit vector `way`, tested with w: for preconditioners."""
     up, along = n[len(n) - 1], ufl.dot(n, way)
-    found = -surface.gravity[len(n) - 1] / up * u * w
-    if surface.tension is not None:
-        across = ufl.dot(ufl.grad(u), n) * ufl.dot(ufl.grad(w), n)
-        found += surface.tension * (ufl.inner(ufl.grad(u), ufl.grad(w)) - across)
-    return along**2 / surface.rate * found
+    return -(along**2) / surface.rate * surface.gravity[len(n) - 1] / up * u * w
 
 
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:

@@ -82,7 +82,7 @@ def report(path: Path | str, target: Path | str | None = None) -> Path:
     """Write one HTML page of what a directory of results or the file of a sweep holds; its path. Not collective.
 
     The page holds everything itself: verdict and certainty, pictures (drawn where they are missing), loads, errors and
-    what would shrink them, plan, cost, scene, versions, how to cite. Runs in space are turned by hand.
+    what would shrink them, plan, cost, scene, versions, how to cite.
 
     Args:
         path: a directory that a command has written results to, or the file of a sweep.

@@ -6,6 +6,7 @@ import argparse
 import atexit
 import gc
 import logging
+import os
 import signal
 import sys
 import time
@@ -19,7 +20,7 @@ from .commands import options
 from .errors import IncipientError, OutputError, SceneError, shortened
 from .input_files import cause_of
 from .installed import required
-from .interrupt import nobody_reads, open_streams, output_is_lost, say
+from .interrupt import SIGNALS, comes_of_interrupt, nobody_reads, open_streams, output_is_lost, say
 from .parallel import Comm, Meeting, ranks_there_are, start_alone_quickly
 
 Command = Callable[[argparse.Namespace, Comm], int]
@@ -30,6 +31,7 @@ UNREAD = (
 _MORE = "ask for less at once, or give the program more"
 # What the loader of libraries says where there is no memory left for one.
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+RETIRED = {"calibrate": "`incipient cost SCENE` measures error against time for a scene of yours"}
 TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
@@ -37,7 +39,11 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
     open_streams()
-    start_alone_quickly()
+    try:
+        start_alone_quickly()
+    except OutputError as error:
+        say(f"incipient: {error}")
+        return error.exit_code
     # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
     atexit.register(gc.freeze)
     try:
@@ -85,7 +91,13 @@ def _parser() -> argparse.ArgumentParser:
         add_options(made)
         levels = ("debug", "info", "warning", "error")
         made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
+    for name in RETIRED:  # without a help they are not listed
+        commands.add_parser(name).set_defaults(command=_refuse, name=name, log_level="info")
     return parser
+
+
+def _refuse(given: argparse.Namespace, comm: Comm) -> int:
+    raise SceneError(f"{given.name}: is retired; {RETIRED[given.name]}")
 
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
@@ -126,13 +138,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "cost",
             "costs",
             options.of_cost,
-            "measure error against time by runs on ever finer meshes",
-        ),
-        (
-            "calibrate",
-            "costs",
-            options.no_options,
-            "measure this machine, to predict times and errors",
+            "measure error against time on a ladder of meshes, orders and steps",
         ),
         (
             "show",
@@ -188,7 +194,9 @@ def _guarded(arguments: Sequence[str] | None) -> int:
     try:
         given = _parser().parse_args(arguments)
         _listen(given.log_level)
-        signal.signal(signal.SIGTERM, _as_interrupt)
+        for number in SIGNALS:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, _as_interrupt)
         with _system_errors_reported(), required():
             code = int(given.command(given, comm))
         meeting.failed(False)
@@ -202,11 +210,13 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         if comm.rank == failed.index(True):
             say(f"incipient: {error}")
         return error.exit_code
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            say("incipient: interrupted; what was computed so far is kept")
-        return _leave(comm, INTERRUPTED)
-    except Exception as error:
+    except BaseException as error:
+        if comes_of_interrupt(error):
+            if comm.rank == 0:
+                say("incipient: interrupted; what was computed so far is kept")
+            return _leave(comm, INTERRUPTED)
+        if not isinstance(error, Exception):
+            raise
         if isinstance(error, BrokenPipeError) and nobody_reads():
             return _leave(comm, UNREAD)
         if output_is_lost(error):
@@ -229,11 +239,20 @@ def _system_errors_reported() -> Iterator[None]:
 
     Raises:
         OutputError: naming the file, or what else is short.
+        SceneError: the user's options of PETSc have failed.
     """
     try:
         yield
     except BrokenPipeError:
         raise
+    except RuntimeError as error:
+        options = os.environ.get("PETSC_OPTIONS")
+        if not options or type(error).__module__ != "petsc4py.PETSc":
+            raise
+        why = shortened(str(error).splitlines()[-1])
+        raise SceneError(
+            f"PETSc failed with PETSC_OPTIONS={shortened(options)} ({why}); correct them or leave them out"
+        ) from error
     except MemoryError as error:
         why = shortened(error) or "no more can be had"
         raise OutputError(f"the memory is too small ({why}); {_MORE}") from error

@@ -82,13 +82,17 @@ def part_of(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def owned(directory: Path) -> set[str]:
-    """Names of the files in a directory that this program has written and nobody has changed, as its `MARK` says."""
+def owned(directory: Path, grown: bool = True) -> set[str]:
+    """Names of the files in a directory that this program has written and nobody has changed, as its `MARK` says.
+
+    Without `grown` files that grow during a run may have been changed since.
+    """
     there = set()
     for name, sizes in _marked(directory).items():
         with suppress(OSError):
             # The last size but one is that of a file whose writer was killed before it took the new one's place.
-            if (directory / name).lstat().st_size in sizes[-2:] or sizes[-1] is None:
+            complete = sizes[-1] is not None if grown else None not in sizes
+            if not complete or (directory / name).lstat().st_size in sizes[-2:]:
                 there.add(name)
     return there
 
@@ -125,7 +129,20 @@ def own(directory: Path, sizes: Mapping[str, int | None], wanted: Path | None = 
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK
     with reported(wanted or mark), os.fdopen(os.open(mark, flags, 0o666), "ab", 0) as stream:
         head = "" if mark.stat().st_size else MARK_HEAD
-        _write_fully(stream, os.fsencode("".join([head, *lines])))
+        write_fully(stream, os.fsencode("".join([head, *lines])))
+
+
+def own_as_they_are(directory: Path, names: Iterable[str]) -> None:
+    """Record the sizes of files that have grown and are complete, so that one that changes is its owner's.
+
+    Raises OutputError as `own`.
+    """
+    known, sizes = _marked(directory), {}
+    for name in names:
+        if known.get(name, [0])[-1] is None:
+            with suppress(OSError):
+                sizes[name] = (directory / name).lstat().st_size
+    own(directory, sizes)
 
 
 def require_own(path: Path, whose: Collection[str] | None = None) -> None:
@@ -276,7 +293,7 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
                 f"{path}: has other columns than the row to append; move it out of the way"
             )
         try:
-            _write_fully(stream, line if end else header + line)
+            write_fully(stream, line if end else header + line)
         except OSError:
             with suppress(OSError):
                 os.truncate(path, end)
@@ -320,11 +337,11 @@ def insert_before_end(path: Path, text: str, end: str) -> None:
     with reported(path), path.open("r+b", buffering=0) as stream:
         place = stream.seek(-len(closing), os.SEEK_END)
         try:
-            _write_fully(stream, text.encode() + closing)
+            write_fully(stream, text.encode() + closing)
         except OSError:
             with suppress(OSError):
                 stream.seek(place)
-                _write_fully(stream, closing)
+                write_fully(stream, closing)
                 stream.truncate()
             raise
 
@@ -361,7 +378,7 @@ def cut_after(path: Path, time: float) -> None:
         os.truncate(path, sum(map(len, [header, *kept])))
 
 
-def _write_fully(stream: io.RawIOBase, data: bytes) -> None:
+def write_fully(stream: io.RawIOBase, data: bytes) -> None:
     """Write without a buffer, which would be written once more when the stream is closed after a failure."""
     while data:
         data = data[stream.write(data) or 0 :]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import ctypes
+import mmap
 import os
 import re
+import resource
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from .errors import MissingError
+from .errors import MissingError, OutputError
 
 # Modules that `pip install incipient` does not bring.
 MODULES = ("mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "gmsh", "h5py")
@@ -30,6 +33,14 @@ SYSTEM_REMEDY = f"on Debian run apt-get install {LIBRARIES} {COMPILER}"
 MEMORY = {"0.5": 186.0, "0.9": 280.0}
 NEWEST = "0.9"  # of those, which stands for versions that are not listed
 DISTRIBUTIONS = ("fenics-dolfinx", "dolfinx-solver-real")
+
+# MiB of address space that numpy takes with its first matrix product. 128 of it are a buffer that OpenBLAS 0.3.21 maps
+# without touching it, and where it cannot, tries again for ever. Measured: VmPeak of `import numpy; a @ a`, less that
+# of Python.
+OF_PRODUCTS = 195
+# What `ulimit` must leave. Measured: a sweep by two workers opens 24 files; meshing and MUMPS crash on a stack of
+# 512 KiB, and run on 700.
+LEAST = {"-n": (resource.RLIMIT_NOFILE, 1, 64), "-s": (resource.RLIMIT_STACK, 1024, 1024)}
 
 
 def memory_of_libraries() -> float:
@@ -63,6 +74,61 @@ def free_bytes() -> float:
         with suppress(OSError, ValueError):
             free.append(float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
     return min(free)
+
+
+@cache
+def require_limits() -> None:
+    """Refuse limits of the shell with which libraries abort, crash or hang. Not collective.
+
+    Where it limits memory OpenBLAS maps its buffer now: libraries that are loaded later may leave no room for it.
+
+    Raises:
+        OutputError: naming the limit.
+    """
+    for option, (kind, unit, least) in LEAST.items():
+        limit = resource.getrlimit(kind)[0]
+        if limit != resource.RLIM_INFINITY and limit < least * unit:
+            raise OutputError(
+                f"ulimit {option} is {limit // unit}, too little for the libraries; set it to {least} or more"
+            )
+    limits = (resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA))
+    if all(limit == resource.RLIM_INFINITY for limit in limits):
+        return
+    try:
+        mmap.mmap(-1, OF_PRODUCTS * 2**20, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS).close()
+        import numpy as np
+
+        np.ones((256, 256)) @ np.ones((256, 256))
+    except (OSError, MemoryError, ImportError) as error:
+        raise OutputError(
+            f"the memory is too small: ulimit -v or -d leave less than {OF_PRODUCTS} MiB for numpy alone; "
+            "allow 1 GiB or more"
+        ) from error
+
+
+def require_directories() -> None:
+    """Refuse directories without which Open MPI says so in fifty lines: the working one, and that of temporary files.
+
+    Raises:
+        OutputError: naming it.
+    """
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise OutputError("the working directory has been removed; change to another") from error
+    names = ("TMPDIR", "TEMP", "TMP")
+    name = next((name for name in names if os.environ.get(name)), None)
+    directory = Path(os.environ[name] if name else "/tmp")
+    probe = directory / f"incipient.{os.getpid()}"
+    try:
+        probe.mkdir()
+        probe.rmdir()
+    except OSError as error:
+        said, why = f"{name}={directory}" if name else directory, error.strerror
+        remedy = f"set {name or names[0]} to a directory that can be written"
+        raise OutputError(
+            f"{said}: temporary files cannot be written there ({why}); {remedy}"
+        ) from error
 
 
 def return_freed_memory() -> None:

@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, Self, TypeVar
 
-from .errors import Interrupted
-from .parallel import Comm
+from .errors import IncipientError, Interrupted
+from .parallel import Comm, world
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -33,10 +34,22 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
 def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
-    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process."""
+    """Let calls from several threads compute one after the other: gmsh, MPI and PETSc have one state per process.
+
+    On several ranks the threads of each would take turns in an order of their own, and wait for each other for ever: a
+    call from another thread than the main one raises IncipientError, unless its `comm` is of this rank alone.
+    """
+    parameters = signature(compute)
 
     @wraps(compute)
     def alone(*arguments: P.args, **options: P.kwargs) -> T:
+        if threading.current_thread() is not threading.main_thread():
+            comm = parameters.bind(*arguments, **options).arguments.get("comm")
+            if (world() if comm is None else comm).size > 1:
+                remedy = "call it in the main thread, or with comm=MPI.COMM_SELF"
+                raise IncipientError(
+                    f"incipient.{compute.__name__} was called in a thread, where ranks cannot meet; {remedy}"
+                )
         with _COMPUTING:
             return compute(*arguments, **options)
 
@@ -84,8 +97,8 @@ def handlers_kept() -> Iterator[None]:
 
     PETSc takes a reader or a terminal that has gone for a crash, and gmsh gives interrupts back to the system, which
     ends the process without a word: from Python while it is imported, from version 4.15 on all signals in C. The former
-    is kept from being done. After the latter handlers come back, and on this thread signals wait for them.
-    Not collective.
+    is kept from being done. After the latter handlers come back, and signals wait for them: within the start of a
+    library in C an exception becomes an error of its own. Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
         with _handlers_left_alone():
@@ -94,6 +107,10 @@ def handlers_kept() -> Iterator[None]:
     before = {
         number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)
     }
+    waiting: list[int] = []  # signals that other threads, such as MPI's, have got
+    for number in SIGNALS:
+        if before[number] != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: waiting.append(number))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         with _handlers_left_alone():
@@ -103,6 +120,8 @@ def handlers_kept() -> Iterator[None]:
             if handler is not None:  # put in by the program around this one, not by Python
                 signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if waiting:
+            signal.raise_signal(waiting[0])
 
 
 @contextmanager
@@ -164,6 +183,13 @@ def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
     except OSError:
         _let_go(2)
+
+
+def comes_of_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is what a library has made of an interrupt."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def output_is_lost(error: Exception) -> bool:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .errors import IncipientError, MissingError
-from .installed import required
+from .installed import require_directories, require_limits, required
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -23,6 +25,12 @@ END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
 OFTEN = 0.01  # seconds between looks at who has come
+# Variables by which a process takes part in the parallel run of its parent.
+_OF_PARALLEL_RUNS = (
+    *("OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_MCA_orte_", "OMPI_MCA_ess", "OMPI_MCA_pmix"),
+    *("OMPI_FILE_", "OMPI_APP_", "OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX"),
+    *("PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
+)
 
 
 class Alone:
@@ -44,7 +52,10 @@ def world() -> Comm:
 
     Raises:
         MissingError: mpi4py, or the MPI library that it needs, is not installed.
+        OutputError: as `require_limits`.
     """
+    if "mpi4py" not in sys.modules:
+        require_limits()
     with required():
         from mpi4py import MPI
     return MPI.COMM_WORLD
@@ -126,13 +137,27 @@ def end_with_parent(parent: int | None = None) -> None:
         os._exit(1)
 
 
+def leave_parallel_run() -> None:
+    """Forget the MPI run that this process is part of, or that the MPI library has begun: children start alone."""
+    environment = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
+    entries = takewhile(bool, (environment[n] for n in count()))
+    for name in [os.fsdecode(entry).partition("=")[0] for entry in entries]:
+        if name.startswith(_OF_PARALLEL_RUNS):
+            os.environ.pop(name, None)
+            os.unsetenv(name)  # the library's own are unknown to Python
+
+
 def start_alone_quickly() -> None:
     """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
 
     The settings are for this process alone: one that it starts may be an mpirun.
+
+    Raises:
+        OutputError: as `require_directories` and `require_limits`.
     """
     if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         return
+    require_directories()
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)

@@ -73,6 +73,11 @@ class Live(Logged):
         super().begin(stage)
         self._bar.reset(self._task, total=None, description=stage)
 
+    def say(self, message: str) -> None:
+        """Print above the line."""
+        if log.isEnabledFor(logging.INFO):
+            self._bar.console.print(message, markup=False, highlight=False)
+
     def iterate(self, share: float, iteration: int, size: float) -> None:
         """Show how far Newton's method is."""
         super().iterate(share, iteration, size)

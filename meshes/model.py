@@ -1,38 +1,27 @@
-"""gmsh models of regions and grids, meshed and with their boundaries named."""
-
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+"""Regions and grids meshed, with their boundaries named."""
 
 from .grids import grid_cells
 from .plane import meshed_region
 from .regions import Grid, Region, SolidRegion
-from .session import complaints_as_errors, gmsh, session
+from .session import session
+from .simplices import Simplices
 from .sizes import Sizes
 from .space import meshed_solid_region
 
 NO_SIZES = Sizes(1.0)  # of grids
 
 
-@contextmanager
 def meshed(
     shape: Region | SolidRegion | Grid, sizes: Sizes = NO_SIZES, order: int = 1
-) -> Iterator[Any]:
-    """Yield the gmsh model of a shape meshed with triangles or tetrahedra of an order. Not collective: one rank draws.
+) -> Simplices:
+    """The mesh of a shape in triangles or tetrahedra of an order, in the scene. Not collective.
 
     Raises:
         MeshError: gmsh finds no mesh, surfaces cross, there is no room for layers, or curved cells fold over.
     """
-    with session() as model:
-        with complaints_as_errors():
-            if isinstance(shape, Grid):
-                mesh = grid_cells(shape)
-            elif isinstance(shape, SolidRegion):
-                mesh = meshed_solid_region(shape, sizes, order)
-            else:
-                mesh = meshed_region(shape, sizes, order)
-            gmsh.clear()
-            mesh.put()
-            if mesh.order < order:
-                model.mesh.setOrder(order)
-        yield model
+    if isinstance(shape, Grid):
+        return grid_cells(shape).of_order(order)
+    with session():
+        if isinstance(shape, SolidRegion):
+            return meshed_solid_region(shape, sizes, order)
+        return meshed_region(shape, sizes, order)

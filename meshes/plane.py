@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import groupby, pairwise
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, depth_first_order
 
-from incipient.arrays import Floats, Integers, Point, planar_cross, unit
+from incipient.arrays import Floats, Integers, Point, planar_cross, unit, unordered_keys
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
 from .layers import NO_ROOM, Columns, evened, stacked_by_diagonals
 from .regions import GRID, Frame, Region
-from .session import generate, gmsh, set_background, set_either, view_field
+from .session import generate, gmsh, set_background, view_field
 from .simplices import KINDS, Simplices, measures
 from .sizes import Near, SizeField, Sizes, WallLayers
 
@@ -141,12 +142,15 @@ def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
             expression = f"Min({expression},{other})"
     else:
         distance, tags = fields.add("Distance"), curves[near.boundary]
-        set_either(("CurvesList", "EdgesList"), partial(fields.setNumbers, distance), tags)
+        fields.setNumbers(distance, "CurvesList", tags)
         # Enough points on the longest curve that the distance to them is that to the curve
         boxes = np.array([gmsh.model.getBoundingBox(1, tag) for tag in tags])
         longest = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1).max()
         samples = int(np.clip(3 * longest / frame.size(near.size), 20, 2000))
-        set_either(("Sampling", "NumPointsPerCurve"), partial(fields.setNumber, distance), samples)
+        try:
+            fields.setNumber(distance, "Sampling", samples)
+        except Exception:  # its name until gmsh 4.9
+            fields.setNumber(distance, "NumPointsPerCurve", samples)
         expression = f"F{distance}"
     at_feature, away = repr(frame.size(near.size)), near.away
     if away is not None:
@@ -224,8 +228,10 @@ class Boundary:
         mesh = Simplices.read(curves, 2, 2)
         rows = np.concatenate([*mesh.sides.values()])
         names = np.repeat([*mesh.sides], [len(part) for part in mesh.sides.values()])
-        order, flipped = _around(mesh.points, rows[:, :2])
-        edges = np.where(flipped[:, None], rows[order, 1::-1], rows[order, :2])
+        edges, count = _around(mesh.points, rows[:, :2]), len(mesh.points)
+        keys = unordered_keys(rows[:, :2], count)
+        order = np.argsort(keys)
+        order = order[np.searchsorted(keys[order], unordered_keys(edges, count))]
         return cls(mesh.points, edges, mesh.points[rows[order, 2]], names[order])
 
     def at(self, name: str) -> Integers:
@@ -233,36 +239,22 @@ class Boundary:
         return np.flatnonzero(self.names == name)
 
 
-def _around(points: Floats, edges: Integers) -> tuple[Integers, Integers]:
-    """The order (m,) of edges around their loops, and which are to be turned, so that the inside is on the left."""
-    at: dict[int, list[int]] = {}
-    for k, ends in enumerate(edges.tolist()):
-        for end in ends:
-            at.setdefault(end, []).append(k)
-    loops, left = [], set(range(len(edges)))
-    while left:
-        k = min(left)
-        start, here = edges[k, 0], edges[k, 1]
-        loop = [(k, False)]
-        left.discard(k)
-        while here != start:
-            k = next(other for other in at[here] if other in left)
-            left.discard(k)
-            loop.append((k, bool(edges[k, 1] == here)))
-            here = edges[k, int(edges[k, 0] == here)]
-        loops.append(loop)
-    areas = [_area(points[[edges[k, int(flip)] for k, flip in loop]]) for loop in loops]
+def _around(points: Floats, edges: Integers) -> Integers:
+    """Edges (m, 2) one after the other around their loops, with the inside on the left."""
+    graph = csr_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
+    label = connected_components(graph, directed=False)[1]
+    _, first = np.unique(label[edges[:, 0]], return_index=True)
+    loops = [
+        depth_first_order(graph, start, directed=False, return_predecessors=False)
+        for start in edges[np.sort(first), 0]
+    ]
+    ends = [np.column_stack([loop, np.roll(loop, -1)]) for loop in loops]
+    areas = [float(planar_cross(*points[pairs.T]).sum()) for pairs in ends]
     outer = int(np.argmax(np.abs(areas)))
-    order: list[tuple[int, bool]] = []
-    for number, (loop, area) in enumerate(zip(loops, areas, strict=True)):
-        forwards = (area > 0.0) == (number == outer)
-        order += loop if forwards else [(k, not flip) for k, flip in reversed(loop)]
-    return np.array([k for k, _ in order]), np.array([flip for _, flip in order])
-
-
-def _area(corners: Floats) -> float:
-    """Twice the area within a closed line, negative where it turns right."""
-    return float(planar_cross(corners, np.roll(corners, -1, axis=0)).sum())
+    inwards = [(area > 0.0) == (number == outer) for number, area in enumerate(areas)]
+    return np.concatenate(
+        [pairs if left else pairs[::-1, ::-1] for pairs, left in zip(ends, inwards, strict=True)]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -413,10 +405,7 @@ def _filled(
         curves.setdefault(name, []).append(line)
         if name in walls:
             geo.mesh.setTransfiniteCurve(line, 2)
-    loops = sorted(
-        _loops(lines), key=lambda loop: -abs(_area(columns.points[[lines[k][1] for k in loop]]))
-    )
-    geo.addPlaneSurface([geo.addCurveLoop([drawn[k] for k in loop]) for loop in loops])
+    geo.addPlaneSurface(geo.addCurveLoops(drawn))
     geo.synchronize()
     _set_sizes(sizes, curves, frame)
     generate(2)
@@ -452,14 +441,3 @@ def _lines(
             start, end = int(edges[0, 0]), int(edges[-1, 1])
             lines.append((name, top.get(start, start), top.get(end, end)))
     return [line for line in lines if line[1] != line[2]]
-
-
-def _loops(lines: list[tuple[str, int, int]]) -> list[list[int]]:
-    """The lines (numbers) in closed loops."""
-    following, loops = {start: k for k, (_, start, _) in enumerate(lines)}, []
-    while following:
-        loop = [following.pop(next(iter(following)))]
-        while (end := lines[loop[-1]][2]) in following:
-            loop.append(following.pop(end))
-        loops.append(loop)
-    return loops

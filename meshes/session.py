@@ -1,9 +1,8 @@
 """Sessions of gmsh: quiet, one model each, with its complaints as errors."""
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
@@ -16,41 +15,25 @@ REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passage
 
 
 @contextmanager
-def session() -> Iterator[Any]:
-    """A quiet gmsh session of its own, with an empty model."""
-    options = (
-        {"interruptible": False}
-        if "interruptible" in inspect.signature(gmsh.initialize).parameters
-        else {}
-    )
+def session() -> Iterator[None]:
+    """A quiet gmsh session with an empty model; gmsh's complaints are MeshErrors, other errors pass."""
+    known = inspect.signature(gmsh.initialize).parameters
     with handlers_kept():
-        gmsh.initialize(**options)
+        gmsh.initialize(**({"interruptible": False} if "interruptible" in known else {}))
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
         gmsh.logger.start()
         gmsh.model.add("incipient")
-        yield gmsh.model
-    finally:
-        with handlers_kept():
-            gmsh.finalize()
-
-
-@contextmanager
-def complaints_as_errors() -> Iterator[None]:
-    """Turn gmsh's complaints while drawing and meshing into MeshError; other errors are defects, and pass."""
-    try:
         yield
     except Exception as error:
-        if not _is_of_gmsh(error):
+        if type(error) is not Exception:  # gmsh raises the base class of all others
             raise
         reason = str(error) or type(error).__name__
         raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}") from error
-
-
-def _is_of_gmsh(error: Exception) -> bool:
-    """Whether an error is gmsh's, which raises the base class of all others."""
-    return type(error) is Exception
+    finally:
+        with handlers_kept():
+            gmsh.finalize()
 
 
 def generate(dimension: int) -> None:
@@ -69,8 +52,7 @@ def set_background(field: int) -> None:
     """Take the sizes of cells from a field alone."""
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
-        names = ("Mesh.MeshSize" + option, "Mesh.CharacteristicLength" + option)
-        set_either(names, gmsh.option.setNumber, 0)
+        gmsh.option.setNumber("Mesh.MeshSize" + option, 0)
 
 
 def view_field(kind: str, rows: Floats) -> int:
@@ -80,15 +62,3 @@ def view_field(kind: str, rows: Floats) -> int:
     field = fields.add("PostView")
     fields.setNumber(field, "ViewTag", view)
     return int(field)
-
-
-def set_either(names: tuple[str, ...], put: Callable[[str, Any], None], value: Any) -> None:
-    """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
-    for name in names:
-        try:
-            put(name, value)
-            return
-        except Exception as error:
-            if not _is_of_gmsh(error):
-                raise
-    raise MeshError(f"this gmsh knows none of the options {', '.join(names)}")

@@ -1,4 +1,4 @@
-"""Triangles and tetrahedra as arrays, with the named parts of their boundary: read from gmsh, curved, put back."""
+"""Triangles and tetrahedra as arrays, with the named parts of their boundary: read from gmsh, curved."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from incipient.arrays import Floats, Integers, determinants, unordered_keys
 
 from .session import gmsh
 
-# In cells of order two gmsh has the corners first, then the middles of these edges.
-EDGES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))}
-# gmsh's kinds of edges, triangles and tetrahedra by dimension and order, and the number of their nodes
+# gmsh's nodes behind the corners, by dimension and order: the corners of which each is the mean.
+NODES: dict[tuple[int, int], tuple[tuple[int, ...], ...]] = {
+    (1, 1): (),
+    (1, 2): ((0, 1),),
+    (1, 3): ((0, 0, 1), (0, 1, 1)),
+    (2, 1): (),
+    (2, 2): ((0, 1), (1, 2), (2, 0)),
+    (2, 3): ((0, 0, 1), (0, 1, 1), (1, 1, 2), (1, 2, 2), (2, 2, 0), (2, 0, 0), (0, 1, 2)),
+    (3, 1): (),
+    (3, 2): ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)),
+}
+EDGES = {2: NODES[2, 2], 3: NODES[3, 2]}
+# gmsh's kinds of edges, triangles and tetrahedra by dimension and order
 KINDS = {(1, 1): 1, (1, 2): 8, (1, 3): 26, (2, 1): 2, (2, 2): 9, (2, 3): 21, (3, 1): 4, (3, 2): 11}
-NODES = {1: 2, 8: 3, 26: 4, 2: 3, 9: 6, 21: 10, 4: 4, 11: 10}
-LESS, LEAST_BEND = (
-    0.5,
-    0.2,
-)  # factor of bends where cells fold; fraction below which edges are straight
+LESS = 0.5  # factor of bends where cells fold
+LEAST_BEND = 0.2  # fraction below which edges are straight
 LEAST = 0.1  # of a straight cell's measure: the least that the curved one's map may have anywhere
 
 
@@ -45,26 +52,22 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """These straight cells of order one, or of order two with points in the middle of their edges."""
+        """These straight cells of order one with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
-        pairs = np.concatenate([self.cells[:, pair] for pair in EDGES[dimension]])
-        keys, inverse = np.unique(unordered_keys(pairs, count), return_inverse=True)
-        middles = 0.5 * (self.points[keys // count] + self.points[keys % count])
-        cells = np.column_stack([self.cells, count + inverse.reshape(-1, len(self.cells)).T])
-        of_side = EDGES[2][: 1 if dimension == 2 else 3]
-        sides = {
-            name: np.column_stack(
-                [part]
-                + [
-                    count + np.searchsorted(keys, unordered_keys(part[:, pair], count))
-                    for pair in of_side
-                ]
+        rows = _means(self.cells, dimension, order)
+        keys, first = np.unique(unordered_keys(rows, count), return_index=True)
+
+        def with_nodes(cells: Integers, dim: int) -> Integers:
+            own = unordered_keys(_means(cells, dim, order), count)
+            return np.column_stack(
+                [cells, count + np.searchsorted(keys, own).reshape(len(cells), -1)]
             )
-            for name, part in self.sides.items()
-        }
-        return Simplices(np.vstack([self.points, middles]), cells, sides, 2)
+
+        sides = {name: with_nodes(part, dimension - 1) for name, part in self.sides.items()}
+        points = np.vstack([self.points, self.points[rows[first]].mean(axis=1)])
+        return Simplices(points, with_nodes(self.cells, dimension), sides, order)
 
     def used(self) -> Simplices:
         """These cells without points of no cell."""
@@ -73,27 +76,6 @@ class Simplices:
         return replace(
             self, points=self.points[kept], cells=cells.reshape(self.cells.shape), sides=sides
         )
-
-    def put(self) -> None:
-        """Make the current gmsh model, which is empty, one of these cells, with the parts named."""
-        model, numbers, dimension = (
-            gmsh.model,
-            np.arange(1, len(self.points) + 1),
-            self.points.shape[1],
-        )
-        entities = {name: model.addDiscreteEntity(dimension - 1) for name in self.sides}
-        fluid = model.addDiscreteEntity(dimension, -1, list(entities.values()))
-        places = np.zeros((len(self.points), 3))
-        places[:, :dimension] = self.points
-        model.mesh.addNodes(dimension, fluid, numbers, places.ravel())
-        kind, of_sides = KINDS[dimension, self.order], KINDS[dimension - 1, self.order]
-        model.mesh.addElementsByType(fluid, kind, [], (self.cells + 1).ravel())
-        model.addPhysicalGroup(dimension, [fluid], 1)
-        model.setPhysicalName(dimension, 1, "fluid")
-        for tag, (name, entity) in enumerate(entities.items(), start=1):
-            model.mesh.addElementsByType(entity, of_sides, [], (self.sides[name] + 1).ravel())
-            model.addPhysicalGroup(dimension - 1, [entity], tag)
-            model.setPhysicalName(dimension - 1, tag, name)
 
     def curved(
         self,
@@ -179,8 +161,15 @@ def jacobian_lower_bound(nodes: Floats) -> Floats:
     return np.asarray((np.linalg.inv(bernstein) @ (determinants(rates) / straight)).min(axis=0))
 
 
+def _means(cells: Integers, dimension: int, order: int) -> Integers:
+    """The corners (m * nodes, order) whose means are the nodes of an order behind the corners of cells."""
+    rows = np.array(NODES[dimension, order])
+    return np.asarray(cells[:, rows].reshape(-1, order))
+
+
 def elements(dimension: int, order: int, entity: int = -1) -> Integers:
     """Tags of the nodes (m, nodes) of gmsh's cells of a dimension and order, of all entities or of one."""
-    kind = KINDS[dimension, order]
-    nodes = gmsh.model.mesh.getElementsByType(kind, entity)[1].astype(np.int64)
-    return np.asarray(nodes.reshape(-1, NODES[kind]))
+    nodes = gmsh.model.mesh.getElementsByType(KINDS[dimension, order], entity)[1]
+    return np.asarray(
+        nodes.astype(np.int64).reshape(-1, dimension + 1 + len(NODES[dimension, order]))
+    )

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
+from incipient.errors import MeshError
 from incipient.geometry.space.surfaces import Cloud, NearestOf, Surface, in_blocks
 
 from .regions import Frame, SolidRegion
@@ -206,18 +207,29 @@ CORNERS = np.array(
 MOST_BOXES = (
     400_000  # from then on the boxes are larger than asked: so many stand for ten million cells
 )
+# Cubes of half a side each: no cell is much larger than the shortest side of its region.
+MOST_FIRST = 1_000_000
 
 
 def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
     """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within them.
 
     Those that would make more than `most` stay as they are.
+
+    Raises:
+        MeshError: the region is so flat that the first cubes, half as large as it is high, are too many.
     """
     frame, ends = size.frame, zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
     low, high = ((np.array([*end, z]) - frame.origin) / frame.length for end, z in ends)
     low[2] = bottom - 0.01
     side = 0.51 * float((high - low).min())
     counts = np.ceil((high - low) / side).astype(int)
+    if counts.prod() > MOST_FIRST:
+        long, thick = (high - low).max() * frame.length, (high - low).min() * frame.length
+        raise MeshError(
+            f"the domain is too flat to be meshed: {long:.2g} long and {thick:.2g} across, it takes "
+            f"{counts.prod():.2g} cubes half as large as that, more than {MOST_FIRST:.0e}; shorten its longest sides"
+        )
     steps = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(
         -1, 3
     )

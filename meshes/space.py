@@ -39,7 +39,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
     """
     if order not in (1, 2):
         raise MeshError(
-            f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order"
+            f"3-D cells are of order 1 or 2, not {order}: change numerics.geometry_order"
         )
     size, surfaces = triangulated(SizeMap.of(region, sizes))
     bed = surfaces[region.names[5]]

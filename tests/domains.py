@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +18,8 @@ from incipient.geometry.plane.curves import Line
 from incipient.mesh.domain import Domain, build
 from incipient.meshes import Grid, Near, Region, Sizes, graded_ends
 from incipient.meshes.model import meshed
+from incipient.meshes.session import session
+from incipient.meshes.simplices import Simplices
 
 
 def rectangle(
@@ -35,7 +36,7 @@ SIDES = ("left", "right", "bottom", "top", "front", "back")
 def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The unit square or cube with n cells along a side; boundaries `SIDES[: 2 * gdim]`."""
     if gdim == 2:
-        return build(comm, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, n, n)), gdim)
+        return build(comm, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, n, n)))
     # Every tetrahedron has an inner edge, without which its pressure would be undetermined; gmsh's have not.
     mesh = dolfinx.mesh.create_unit_cube(comm, n, n, n)
     places = [(axis, value) for axis in range(3) for value in (0.0, 1.0)]
@@ -56,8 +57,8 @@ def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -
     """The unit square or cube in cells of a geometric order; boundaries as in `unit_box`."""
     if gdim == 2:
         grid = rectangle((0.0, 0.0), 1.0, 1.0, n, n)
-        return build(comm, partial(meshed, grid, order=order), gdim)
-    return build(comm, partial(_cube_model, n, order), gdim)
+        return build(comm, partial(meshed, grid, order=order))
+    return build(comm, partial(_cube_model, n, order))
 
 
 def bent_box(gdim: int, n: int, order: int) -> Any:
@@ -82,7 +83,7 @@ def square_in_box(
         holes={"body": square_outline((0.8, 0.55), size)},
         sides=("bottom", "right", "top", "left"),
     )
-    return build(comm, partial(meshed, region, sizes, order), 2)
+    return build(comm, partial(meshed, region, sizes, order))
 
 
 def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]:
@@ -96,61 +97,35 @@ def ring(
     inner: float, outer: float, around: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD
 ) -> Domain:
     """The ring between two circles about the origin, `around` cells round each; boundaries "inner", "outer"."""
-    return build(comm, partial(_ring_model, (inner, outer), around, order), 2)
+    return build(comm, partial(_ring_model, (inner, outer), around, order))
 
 
 def ball_in_box(cell: float, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The box (0, 1.5) x (0, 1) x (0, 1) less a ball ("body") of radius 1/4 about (0.6, 0.5, 0.5), quadratic cells."""
-    return build(comm, partial(_ball_in_box_model, cell), 3)
+    return build(comm, partial(_ball_in_box_model, cell))
 
 
-@contextmanager
-def session() -> Iterator[Any]:
-    """An empty gmsh model, gone afterwards."""
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        yield gmsh.model
-    finally:
-        gmsh.finalize()
+def drawn(boundaries: dict[str, list[int]], dimension: int, order: int) -> Simplices:
+    """The cells of what has been drawn, with its boundaries."""
+    gmsh.model.mesh.generate(dimension)
+    gmsh.model.mesh.setOrder(order)
+    return Simplices.read(boundaries, dimension, order).used()
 
 
-def finish(boundaries: dict[str, list[int]], dimension: int, order: int) -> Any:
-    """Name the boundaries and the volume, and mesh."""
-    model = gmsh.model
-    model.addPhysicalGroup(dimension, [tag for _, tag in model.getEntities(dimension)], 1)
-    for tag, (name, members) in enumerate(boundaries.items(), start=1):
-        model.addPhysicalGroup(dimension - 1, members, tag)
-        model.setPhysicalName(dimension - 1, tag, name)
-    model.mesh.generate(dimension)
-    model.mesh.setOrder(order)
-    return model
+def square_without_a_name(unnamed: int) -> Simplices:
+    """The unit square of which the last sides have no name."""
+    square = meshed(rectangle((0.0, 0.0), 1.0, 1.0, 2, 2))
+    return replace(square, sides=dict([*square.sides.items()][: 4 - unnamed]))
 
 
-@contextmanager
-def square_without_a_name(unnamed: int) -> Iterator[Any]:
-    """The unit square of which the last sides belong to no physical group."""
-    with session() as model:
-        model.occ.addRectangle(0, 0, 0, 1, 1)
-        model.occ.synchronize()
-        sides = [tag for _, tag in model.getEntities(1)]
-        model.addPhysicalGroup(2, [1], 1)
-        if named := sides[: 4 - unnamed]:
-            model.setPhysicalName(1, model.addPhysicalGroup(1, named, 1), "wall")
-        model.mesh.generate(2)
-        yield model
-
-
-@contextmanager
-def spoilt(error: Exception) -> Iterator[Any]:
+def spoilt(error: Exception) -> Simplices:
     """A drawing that fails."""
     raise error
-    yield
 
 
-@contextmanager
-def _cube_model(n: int, order: int) -> Iterator[Any]:
-    with session() as model:
+def _cube_model(n: int, order: int) -> Simplices:
+    with session():
+        model = gmsh.model
         model.occ.addBox(0, 0, 0, 1, 1, 1)
         model.occ.synchronize()
         for dimension, cells in ((1, (n + 1,)), (2, ()), (3, ())):
@@ -161,7 +136,7 @@ def _cube_model(n: int, order: int) -> Iterator[Any]:
             )
             for _, tag in model.getEntities(dimension):
                 put[dimension - 1](tag, *cells)
-        yield finish(_cube_sides(), 3, order)
+        return drawn(_cube_sides(), 3, order)
 
 
 def _cube_sides() -> dict[str, list[int]]:
@@ -174,10 +149,9 @@ def _cube_sides() -> dict[str, list[int]]:
     return sides
 
 
-@contextmanager
-def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator[Any]:
-    with session() as model:
-        geo, loops, curves = model.geo, [], {}
+def _ring_model(radii: tuple[float, float], around: int, order: int) -> Simplices:
+    with session():
+        geo, loops, curves = gmsh.model.geo, [], {}
         centre = geo.addPoint(0, 0, 0)
         for name, radius in zip(("inner", "outer"), radii, strict=True):
             quarters = [(radius, 0), (0, radius), (-radius, 0), (0, -radius)]
@@ -190,12 +164,12 @@ def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator
                 geo.mesh.setTransfiniteCurve(curve, around // 4 + 1)
         geo.addPlaneSurface([loops[1], loops[0]])
         geo.synchronize()
-        yield finish(curves, 2, order)
+        return drawn(curves, 2, order)
 
 
-@contextmanager
-def _ball_in_box_model(cell: float) -> Iterator[Any]:
-    with session() as model:
+def _ball_in_box_model(cell: float) -> Simplices:
+    with session():
+        model = gmsh.model
         box, ball = model.occ.addBox(0, 0, 0, 1.5, 1, 1), model.occ.addSphere(0.6, 0.5, 0.5, 0.25)
         model.occ.cut([(3, box)], [(3, ball)])
         model.occ.synchronize()
@@ -205,9 +179,9 @@ def _ball_in_box_model(cell: float) -> Iterator[Any]:
         model.mesh.setSize(model.getEntities(0), cell)
         ends = model.getBoundary([(2, tag) for tag in boundaries["body"]], recursive=True)
         model.mesh.setSize(ends, cell / 2)
-        finish(boundaries, 3, 2)
+        made = drawn(boundaries, 3, 2)
         kinds, _, _ = model.mesh.getElements(3)
         corners_and_middles = model.mesh.getElementProperties(kinds[0])[4]
         senses = model.mesh.getJacobians(kinds[0], corners_and_middles)[1]
         assert senses.min() * senses.max() > 0, "cells fold over: take another size"
-        yield model
+        return made

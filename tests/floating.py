@@ -45,7 +45,7 @@ def box_around(
         (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
     )
     sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
-    return build(comm, partial(meshed, region, sizes, order), 2)
+    return build(comm, partial(meshed, region, sizes, order))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Regions in space for tests, and what can be measured of the mesh that gmsh holds."""
+"""Regions in space for tests, and what can be measured of their meshes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from incipient.geometry.closest import clearance, lifted, rest
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
 from incipient.meshes import Near, PlacedSolid, Resolved, Sizes, SolidRegion
+from incipient.meshes.simplices import EDGES, Simplices
 
 KEAST = np.array([[0.25] * 4] + [[0.5 if i == j else 1 / 6 for j in range(4)] for i in range(4)])
 KEAST_WEIGHTS = np.array([-0.8, 0.45, 0.45, 0.45, 0.45])  # exact for cubics (Keast 1986)
-EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
 
 
 def grain_above(
@@ -38,33 +38,14 @@ def finer_in_the_gap(size: float, gap: float, point: np.ndarray) -> Sizes:
     return Sizes(1.0, (Near(size, 0.3, boundary="body"), narrow), gap_part=0.8)
 
 
-def places(model: Any) -> np.ndarray:
-    """Where the nodes are, (largest tag + 1, 3)."""
-    tags, coordinates, _ = model.mesh.getNodes()
-    table = np.full((int(tags.max()) + 1, 3), np.nan)
-    table[tags.astype(int)] = np.reshape(coordinates, (-1, 3))
-    return table
-
-
-def cells(model: Any) -> np.ndarray:
+def cells(mesh: Simplices) -> np.ndarray:
     """The nodes of all tetrahedra, (m, 4 or 10, 3)."""
-    kinds, _, members = model.mesh.getElements(3)
-    return places(model)[members[0].astype(int).reshape(-1, {4: 4, 11: 10}[int(kinds[0])])]
+    return mesh.points[mesh.cells]
 
 
-def names(model: Any) -> dict[str, int]:
-    """The named surfaces."""
-    return {model.getPhysicalName(2, tag): tag for _, tag in model.getPhysicalGroups(2)}
-
-
-def faces(model: Any, name: str) -> np.ndarray:
+def faces(mesh: Simplices, name: str) -> np.ndarray:
     """The nodes of the triangles of a named surface, (m, 3 or 6, 3)."""
-    entities = model.getEntitiesForPhysicalGroup(2, names(model)[name])
-    found = []
-    for entity in entities:
-        kinds, _, members = model.mesh.getElements(2, entity)
-        found.append(members[0].astype(int).reshape(-1, {2: 3, 9: 6}[int(kinds[0])]))
-    return places(model)[np.concatenate(found)]
+    return mesh.points[mesh.sides[name]]
 
 
 def stretches(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -75,13 +56,13 @@ def stretches(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     by = np.zeros((len(points), 10, 4))
     for i in range(4):
         by[:, i, i] = 4.0 * points[:, i] - 1.0
-    for k, (a, b) in enumerate(EDGES):
+    for k, (a, b) in enumerate(EDGES[3]):
         by[:, 4 + k, a], by[:, 4 + k, b] = 4.0 * points[:, b], 4.0 * points[:, a]
     return np.linalg.det(np.einsum("pke,mkd->mpde", by[..., 1:] - by[..., :1], nodes))
 
 
-def volume(model: Any) -> float:
-    return float((stretches(cells(model), KEAST) @ KEAST_WEIGHTS).sum() / 6.0)
+def volume(mesh: Simplices) -> float:
+    return float((stretches(cells(mesh), KEAST) @ KEAST_WEIGHTS).sum() / 6.0)
 
 
 def area(triangles: np.ndarray) -> float:
@@ -97,7 +78,7 @@ def area(triangles: np.ndarray) -> float:
             by = np.zeros((6, 3))
             for i in range(3):
                 by[i, i] = 4.0 * at[i] - 1.0
-            for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
+            for k, (i, j) in enumerate(EDGES[2]):
                 by[3 + k, i], by[3 + k, j] = 4.0 * at[j], 4.0 * at[i]
             along = np.einsum("ke,mkd->med", by[:, 1:] - by[:, :1], triangles)
             total += (

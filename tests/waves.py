@@ -36,7 +36,7 @@ def tabulated_modes() -> list[dict[str, float]]:
 
 @dataclass(frozen=True)
 class Mode:
-    """exp(s t) cos k x on a layer of depth one, with gravity g and surface tension gamma, fluid density one.
+    """exp(s t) cos k x on a layer of depth one, with gravity g, fluid density one.
 
     v is the sum of grad(phi) and curl(psi), phi = A cosh(k y) cos(k x), psi = B sinh(m y)/sinh(m) sin(k x),
     m^2 = k^2 + s/nu, y counted from the bottom: Lamb (1932), Hydrodynamics, section 349, for a finite depth.
@@ -45,13 +45,12 @@ class Mode:
     nu: float
     k: float
     g: float = 1.0
-    gamma: float = 0.0
 
     @property
     def s(self) -> complex:
-        """The root of (s + 2 nu k^2)^2 + w^2 = 4 nu^2 k^3 m coth(m) tanh(k), w^2 = (g k + gamma k^3) tanh(k)."""
+        """The root of (s + 2 nu k^2)^2 + w^2 = 4 nu^2 k^3 m coth(m) tanh(k), w^2 = g k tanh(k)."""
         nu, k, T = self.nu, self.k, np.tanh(self.k)
-        square = (self.g * k + self.gamma * k**3) * T
+        square = self.g * k * T
         s = -2.0 * nu * k**2 + 1j * np.sqrt(square)
         for _ in range(200):  # a fixed point, which contracts for small nu
             m = np.sqrt(k**2 + s / nu)
@@ -109,7 +108,6 @@ class Tank:
         order: int = 2,
         scheme: int = 2,
         gravity: tuple[float, ...] = (0.0, -1.0),
-        tension: float = 0.0,
         energy_stable: bool = False,
         tolerance: float = 1e-10,
         interface: float | None = None,
@@ -127,7 +125,7 @@ class Tank:
         held = ("bottom",) if gdim == 2 else ("front",)
         origin = tuple(1.0 for _ in range(gdim))
         stays = ends if pinned else ()
-        surface = FreeSurface(self.boundary, gravity, origin, tension=tension, pinned=stays)
+        surface = FreeSurface(self.boundary, gravity, origin, pinned=stays)
         model = FlowModel(
             order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable, solver=solver
         )
@@ -157,7 +155,7 @@ class Tank:
         return self.surface.elevation[self.nodes]
 
     def energy(self) -> float:
-        """Kinetic and potential, and that of the surface's area."""
+        """Kinetic and potential."""
         return self._kinetic.kinetic() + self.surface.energy()
 
 

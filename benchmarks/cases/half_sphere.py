@@ -11,6 +11,7 @@ import gmsh
 import numpy as np
 
 from incipient.fluid import Condition, Open, Prescribed, Slip, no_slip
+from incipient.meshes.simplices import Simplices
 
 RADIUS = 0.5
 GROWTH = 0.22  # of the cells, with the distance from the sphere
@@ -58,12 +59,16 @@ def half_sphere(size: float, gap: float = 0.01, away: float = 10.0) -> Iterator[
         yield model
 
 
-@contextmanager
-def from_file(path: Path) -> Iterator[Any]:
-    """A model meshed before."""
+def from_file(path: Path) -> Simplices:
+    """A mesh made before."""
     with _session() as model:
         gmsh.open(str(path))
-        yield model
+        groups = [tag for _, tag in model.getPhysicalGroups(2)]
+        sides = {
+            model.getPhysicalName(2, tag): model.getEntitiesForPhysicalGroup(2, tag)
+            for tag in groups
+        }
+        return Simplices.read(sides, 3, 2).used()
 
 
 @contextmanager

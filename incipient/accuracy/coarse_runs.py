@@ -10,8 +10,7 @@ import numpy as np
 from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup, order_of
 from ..scene import Scene, Surface, Time
-from ..scene.expression import Expression
-from ..scene.gust_checks import FEWEST_STEPS as FEWEST_IN_GUST
+from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 from .waves import LONGER_STEP
 
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
@@ -187,13 +186,13 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
 def longer_channel(scene: Scene, factor: float) -> dict[str, dict[str, Any]]:
     """What is other in a channel with a free surface that is `factor` times as long. Not collective.
 
-    Where the inflow changes in time the right end moves away, and its sponge becomes longer: waves are to come in at
-    the same place. Else the inflow moves away, by whole periods of the bed: where a stream has the still level is given
+    Where a wave comes in the right end moves away, and its sponge becomes longer: waves are to come in at the same
+    place. Else the inflow moves away, by whole periods of the bed: where a stream has the still level is given
     by the scene, and on a level bed friction makes its depth another one upstream of another place.
     """
     surface, domain = scene.surface or Surface(), scene.domain
     more = (factor - 1.0) * domain.length
-    if surface.wave is not None or "t" in Expression(surface.inflow).variables:
+    if surface.wave is not None:
         sponge = {"surface": {"sponge": factor * surface.sponge}} if surface.sponge > 0.0 else {}
         return {"domain": {"length": domain.length + more}, **sponge}
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)

@@ -46,7 +46,6 @@ GROUND, MODEL = "level ground", "turbulence model"
 NO_MORE_BED = "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
-REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
 
 
 def of_gap(scene: Scene, solve: Solve, computed: Loads | None = None) -> Term:
@@ -122,7 +121,7 @@ def _order_in_gap(near: float, far: float) -> float:
 def no_gap(scene: Scene) -> str:
     """Why there is no term of the gap, or nothing."""
     if scene.body is not None and scene.body.moves:
-        return REPELLED if scene.body.on_contact == "repel" else MOVES
+        return MOVES
     return "" if scene.rests else NO_CONTACT
 
 

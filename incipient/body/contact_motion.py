@@ -1,11 +1,10 @@
-"""A rigid body in contact over a time step: it is pushed and rubbed by what it touches, and rolls, slides or lifts off.
+"""A rigid body in contact over a time step: it rolls, slides or lifts off.
 
-The step is that of `rigidbody.RigidBody` with impulses P at the contacts beside the load (Moreau 1988; Jean 1999). They
-obey Signorini's and Coulomb's laws with the velocities at the end of the step, and see the same effective mass as the
-load: with the fluid's response among it a body without mass is no exception. Contacts are those that the body would
-enter in the step; a step is not cut short where it meets one. An impulse acts along the mean of a contact's normals at
-both ends of the step, so that a body which rolls along a curved bed keeps its energy. What the body then is within the
-bed, or away from what it presses on, is taken off its place, not off its velocities.
+Impulses at the contacts are added to the load of `rigidbody.RigidBody` (Moreau 1988; Jean 1999). They obey Signorini's
+and Coulomb's laws with the velocities at the end of the step, and act on the same effective mass as the load, the
+fluid's added mass included. Contacts are those that the body would enter in the step, which is not cut short. An
+impulse acts along the mean of a contact's normals at both ends of the step: a body that rolls along a curved bed keeps
+its energy. Remaining gaps and overlaps are corrected in the place, not in the velocities.
 """
 
 from __future__ import annotations
@@ -15,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats, planar_cross, quarter_turned
+from ..arrays import Floats, Integers, quarter_turned, spatial
 from ..contact.impulses import contact_impulses, resisted_impulses
+from ..geometry import statics
 from ..geometry.contacts import ClosestPoints, frame_of
 from ..geometry.placement import Placement
 from .rigidbody import Motion, RigidBody
@@ -43,7 +43,7 @@ class ContactLaw:
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
     restitution: share of the normal velocity with which the body leaves an impact (Newton's law)
-    rolling: couple against rolling, over the normal force times half of the body's largest extent, at most
+    rolling: torque against rolling, over the normal force times half of the body's largest extent, at most
     """
 
     friction: float
@@ -63,7 +63,7 @@ class ActiveContacts:
 
     points, normals: on the body, and from the bed to it, (k, gdim)
     impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
-    couples: impulses of couples that resist rolling, (k, 2), about the last two rows of `frames`
+    couples: impulses of torques that resist rolling, (k, 2), about the last two rows of `frames`
     work: of friction with resistance to rolling, and of pressure (at impacts) over the step
     """
 
@@ -93,7 +93,7 @@ class ActiveContacts:
         return np.asarray(mean[:, : self.points.shape[1]])
 
     def mean_load(self, place: Floats, length: float) -> Floats:
-        """Mean force and couple about a place (3,), in space (6,), over a step of a length."""
+        """Mean force and torque about a place (3,), in 3-D (6,), over a step of a length."""
         if not len(self):
             return np.zeros(3 * len(place) - 3)
         ways = frames(self.normals)
@@ -106,7 +106,7 @@ class ActiveContacts:
 class ContactStep:
     """A step: its end, which does not enter the bed, the contacts there, and the motion before that was corrected.
 
-    pushed: impulse of force and couple (n,) by all contacts; start: where the step began
+    pushed: impulse of force and torque (n,) by all contacts; start: where the step began
     """
 
     end: BodyState
@@ -165,7 +165,7 @@ class ContactMotion:
 
         `tried` is a step at about the same place under about the same load, whose contacts are tried first.
 
-        Raises ConvergenceError where no impulses are found.
+        Raises ConvergenceError where the impulses do not converge.
         """
 
         def moved(pushed: Floats) -> Motion:
@@ -257,9 +257,9 @@ class ContactMotion:
         return self.near(end.placement, SEEN * self.reach)
 
     def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
-        """(m, n) what impulses of one give the body: along ways (k, 3, 3), and behind them couples against rolling.
+        """(m, n) what impulses of one give the body: along ways (k, 3, 3), and after them torques against rolling.
 
-        m = 3k without resistance to rolling, else 6k, the couples as `resisted_impulses` has them.
+        m = 3k without resistance to rolling, else 6k, the torques as `resisted_impulses` has them.
         """
         rows = wrenches(points, ways, place)
         if self.law.rolling == 0.0:
@@ -269,7 +269,7 @@ class ContactMotion:
     def _ways(self, rows: Floats, touched: ClosestPoints, start: _Start) -> Floats:
         """(m, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
         before = start.before
-        others = np.array(matches(touched, before.places(), start.apart))
+        others = matches(touched, before.places(), start.apart)
         if not start.mean or others.max() < 0:
             return rows
         lasts = others[:, None] >= 0
@@ -287,7 +287,7 @@ class ContactMotion:
         first, free = ((rows @ one).reshape(-1, 3) for one in (start.state.velocities, velocities))
         largest = float(np.abs([first[:count], free[:count]]).max())
         slides = np.hypot(*first[:count, 1:].T) > SLIDES * largest
-        new = np.array(matches(touched, start.before.places(), start.apart)) < 0
+        new = matches(touched, start.before.places(), start.apart) < 0
         free[:count, 0] += self.law.restitution * np.where(
             new, np.minimum(first[:count, 0], 0.0), 0.0
         )
@@ -305,8 +305,8 @@ class ContactMotion:
         """
         d, gain = self.body.gdim, start.gain
         for _ in range(CORRECTIONS):
-            found = [k for k in matches(pressing, seen, start.apart) if k >= 0]
-            held = np.union1d(found, np.flatnonzero(seen.gaps < -self._closed)).astype(int)
+            last = matches(pressing, seen, start.apart)
+            held = np.union1d(last[last >= 0], np.flatnonzero(seen.gaps < -self._closed))
             gaps, near = seen.gaps[held], seen.only(held)
             if len(held) == 0 or np.abs(gaps).max() <= self._closed:
                 return end, seen
@@ -319,12 +319,10 @@ class ContactMotion:
     def _as_entered(
         self, seen: ClosestPoints, before: ClosestPoints, start: _Start
     ) -> ClosestPoints:
-        """ClosestPoints after a place was corrected, those that were negative before counted as they were."""
+        """Closest points after a correction of the place; those with negative gaps before keep these."""
         entered = before.only(before.gaps < -self._closed)
-        gaps = seen.gaps.copy()
-        for was, k in zip(entered.gaps, matches(entered, seen, start.apart), strict=True):
-            if k >= 0:
-                gaps[k] = min(gaps[k], was)
+        gaps, rows = seen.gaps.copy(), matches(entered, seen, start.apart)
+        np.minimum.at(gaps, rows[rows >= 0], entered.gaps[rows >= 0])
         return replace(seen, gaps=gaps)
 
     def _next(
@@ -335,18 +333,14 @@ class ContactMotion:
         left: ClosestPoints,
         start: _Start,
     ) -> tuple[ClosestPoints, ClosestPoints]:
-        """The contacts of the next round as seen now, and those left out at some time, which come back for good."""
-        found = matches(touched, seen, start.apart)
-        gone = matches(touched, left, start.apart)
-        kept = {k for i, k in enumerate(found) if k >= 0 and (local[i, 0] > 0.0 or gone[i] >= 0)}
-        dropped = [
-            i
-            for i, k in enumerate(found)
-            if k >= 0 and k not in kept and seen.gaps[k] > self._closed
-        ]
-        kept |= {k for i, k in enumerate(found) if k >= 0 and i not in dropped}
-        kept |= set(np.flatnonzero(seen.gaps < -self._closed).tolist())
-        return seen.only(sorted(kept)), _together(left, touched.only(dropped), 0.0)
+        """The contacts of the next round, and those dropped in some round, which return for good."""
+        now, again = matches(touched, seen, start.apart), matches(touched, left, start.apart) >= 0
+        there, presses = now >= 0, local[: len(touched), 0] > 0.0
+        gaps = np.append(seen.gaps, np.inf)[now]
+        staying = now[there & (presses | again)]
+        dropped = there & ~np.isin(now, staying) & (gaps > self._closed)
+        kept = np.union1d(now[there & ~dropped], np.flatnonzero(seen.gaps < -self._closed))
+        return seen.only(kept), _together(left, touched.only(dropped), 0.0)
 
 
 def _contacts(
@@ -369,35 +363,29 @@ def _contacts(
 
 
 def frames(normals: Floats) -> Floats:
-    """(k, 3, 3) rows: the normals (k, gdim) and two directions along the surface, in the plane along it and across."""
-    found = np.zeros((len(normals), 3, 3))
-    if normals.shape[1] == 2:
-        found[:, 0, :2], found[:, 1, :2], found[:, 2, 2] = normals, quarter_turned(normals), 1.0
-        return found
-    found[:, 0] = normals
-    found[:, 1], found[:, 2] = frame_of(normals)
-    return found
+    """(k, 3, 3) rows: the normals (k, gdim) and two directions along the surface, in 2-D along it and across."""
+    if normals.shape[1] == 3:
+        return np.stack([normals, *frame_of(normals)], axis=1)
+    along, across = spatial(quarter_turned(normals)), np.tile([0.0, 0.0, 1.0], (len(normals), 1))
+    return np.stack([spatial(normals), along, across], axis=1)
 
 
 def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
-    """(3k, n) force and couple about a place (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
-    arms = points - place
-    d = arms.shape[1]
-    planar = planar_cross(arms[:, None], ways[:, :, :2])[:, :, None] if d == 2 else None
-    couples = np.cross(arms[:, None], ways) if planar is None else planar
-    return np.concatenate([ways[:, :, :d], couples], axis=2).reshape(3 * len(arms), -1)
+    """(3k, n) force and torque about a place (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
+    arms = np.repeat(points - place, 3, axis=0)
+    return statics.wrenches(ways.reshape(-1, 3)[:, : len(place)], arms, 1.0)
 
 
 def turns(ways: Floats, gdim: int) -> Floats:
-    """(k, 3, n) unit couples: none, and those about the last two of ways (k, 3, 3)."""
-    found = np.zeros((len(ways), 3, 3 * gdim - 3))
-    found[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
-    return found
+    """(k, 3, n) unit torques: none, and those about the last two of ways (k, 3, 3)."""
+    torques = np.zeros((len(ways), 3, 3 * gdim - 3))
+    torques[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
+    return torques
 
 
 def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> ClosestPoints:
     """Contacts, and those of others that are none of them."""
-    missing = others.only([k for k, one in enumerate(matches(others, touched, apart)) if one < 0])
+    missing = others.only(matches(others, touched, apart) < 0)
     names = ("gaps", "points", "normals")
     return ClosestPoints(
         *(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names)
@@ -405,21 +393,16 @@ def _together(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Cl
 
 
 def _transported(ways: Floats, normals: Floats) -> Floats:
-    """Frames (k, 3, 3), turned as little as may be so that their normals are others (k, gdim)."""
-    found = ways.copy()
-    found[:, 0, : normals.shape[1]] = normals
-    shares = np.einsum("krj,kj->kr", found[:, 1:], found[:, 0])
-    along = found[:, 1:] - shares[:, :, None] * found[:, :1]
-    found[:, 1:] = along / np.linalg.norm(along, axis=2, keepdims=True)
-    return found
+    """Frames (k, 3, 3), turned as little as possible so that their normals are others (k, gdim)."""
+    first = spatial(normals)[:, None]
+    along = ways[:, 1:] - (ways[:, 1:] @ first.transpose(0, 2, 1)) * first
+    return np.concatenate([first, along / np.linalg.norm(along, axis=2, keepdims=True)], axis=1)
 
 
-def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> list[int]:
-    """Which of `others` each contact is: the nearest with about its normal, if not too far apart; -1: none."""
-    found = []
-    for point, normal in zip(touched.points, touched.normals, strict=True):
-        away = np.linalg.norm(others.points - point, axis=1)
-        away[others.normals @ normal < SAME_NORMAL] = np.inf
-        k = int(np.argmin(away)) if len(away) else -1
-        found.append(k if k >= 0 and away[k] <= apart else -1)
-    return found
+def matches(touched: ClosestPoints, others: ClosestPoints, apart: float) -> Integers:
+    """Which of `others` (k,) each contact is: the nearest with about its normal, if not too far apart; -1: none."""
+    if not len(others):
+        return np.full(len(touched), -1)
+    away = np.linalg.norm(touched.points[:, None] - others.points, axis=2)
+    away[touched.normals @ others.normals.T < SAME_NORMAL] = np.inf
+    return np.where(away.min(axis=1) <= apart, away.argmin(axis=1), -1)

@@ -1,8 +1,7 @@
 """The rigid body of equations (331)-(336): inertia, state, freedom, and the motion over one time step.
 
-Velocities U = (velocity, spin) and loads = (force, couple about the centre of mass) are vectors (n,) in scene
-directions: n = 3 in the plane (x, y, counter-clockwise turn), n = 6 in space. Units are those of the scene, the
-fluid's density is one. The plane and space share all code; only what turns a frame differs.
+Velocities U = (velocity, spin) and loads = (force, torque about the centre of mass) are vectors (n,) in scene
+directions: n = 3 in 2-D (x, y, turn), n = 6 in 3-D. Units are the scene's, the fluid's density is one.
 """
 
 from __future__ import annotations
@@ -11,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, SceneError
-from .rkf45 import Integrator, Root, Tolerances
-from .state import DEGREES, BodyState, Freedom, Inertia, rotation_matrix, turning
+from .rkf45 import Integrator, Tolerances
+from .state import DEGREES, BodyState, Freedom, Inertia, turning
 
 PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
 SINGULAR = 1e-13  # scaled eigenvalue below which mass and added mass together count as none
@@ -35,61 +34,44 @@ class Motion:
 
     def at(self, time: float) -> BodyState:
         """The state at a time within the step."""
-        return self.body.driven(self.start, time, self.end.time, self.drive)
+        return self.body.driven(self.start, time, self.drive)
 
     def first(self, distance: Callable[[BodyState], float]) -> BodyState | None:
         """The state in which a function of the state first falls below zero within the step; None: it does not."""
-
-        def root(t: float, y: Floats) -> float:
-            return distance(BodyState.unpacked(y, t))
-
-        end = self.end.time
-        state = self.body.driven(self.start, end, end, self.drive, root)
-        return state if state.time < end else None
+        state = self.body.driven(self.start, self.end.time, self.drive, distance)
+        return state if state.time < self.end.time else None
 
 
 class RigidBody:
     """A rigid body that advances over time steps under the mean load of each.
 
-    Over a step of length dt, with mean load F (n,), body force b per mass, added mass A (n, n) and the velocities
-    U* of the last iterate of the coupling, the velocities U at the end satisfy, in every free degree,
+    Over a step of length dt, with mean load F (n,), added mass A (n, n) and the velocities U* of the last iterate of
+    the coupling, the velocities U at the end satisfy, in every free degree,
 
-        momentum(U) - momentum(start) + A (U - U*) = dt (F + m b),     momentum = (m velocity, J spin).
+        momentum(U) - momentum(start) + A (U - U*) = dt F,     momentum = (m velocity, J spin).
 
-    With A = (dt / a0) A_u this is the fluid's load linearised about U*, F(U) = F(U*) - A_u (U - U*); it cancels
-    when U = U*, and the momentum gained is then dt (F + m b) exactly: the angular one too, for the couple keeps
-    its direction in space and J is taken as turned at the end. Nothing is divided by m or J. Between the ends
-    the body moves as if free, under a constant drive p (n,) in space that is solved for (Broyden's method):
+    With A = (dt / a0) A_u this is the fluid's load linearised about U*, F(U) = F(U*) - A_u (U - U*). Nothing is
+    divided by m or J. Between the ends a body of mass one and moments K moves under a constant load p, which is solved
+    for (Broyden's method):
 
-        velocity' = b + p,    spin' = H (J W x W) / J + H K^-1 H^T p,    W = H^T spin,
+        (velocity, K spin) = (velocity, K spin) at the start + (t - start) p,     place' = velocity.
 
-    K the moments over the largest, at least 0.05 (ones without inertia). So the path does not depend on A once
-    converged; it is the exact one for constant loads unless the body is thinner than that, and always for no
-    load; in the plane velocities vary linearly in time, at zero mass, too. RKF45 integrates it with the place
-    and the orientation. Locked velocities follow what is imposed, and the constraint's load drops out.
-
-    Args:
-        inertia: mass and moments.
-        freedom: None: all free.
-        body_force: (X/V^2) b of (334), (gdim,), per mass, or a function of time; buoyancy is part of the load.
-        tolerances: those of the integrator.
+    K are the moments over the largest, at least 0.05 (ones without inertia), so that Euler's equations (331)-(333)
+    hold under constant loads unless the body is thinner than that. In 2-D velocities vary linearly in time.
+    RKF45 integrates place and orientation, (335). Locked velocities follow what is imposed.
     """
 
     def __init__(
         self,
         inertia: Inertia,
         freedom: Freedom | None = None,
-        body_force: ArrayLike | Callable[[float], ArrayLike] | None = None,
         tolerances: Tolerances = PATH_TOLERANCES,
     ) -> None:
         self.inertia, self.tolerances = inertia, tolerances
         self.freedom = freedom or Freedom.whole(inertia.gdim)
         self.gdim, self.size = inertia.gdim, 3 * (inertia.gdim - 1)
-        if len(self.freedom.free) != self.size:
-            raise SceneError(
-                "inertia and freedom are not of the same dimension; use both in the plane or in space"
-            )
-        self.body_force = np.zeros(self.gdim) if body_force is None else body_force
+        self.mask = self.freedom.mask
+        self._free, self._bound = np.ix_(self.mask, self.mask), np.ix_(self.mask, ~self.mask)
 
     def motion(
         self,
@@ -104,7 +86,7 @@ class RigidBody:
         Args:
             state: at the start; locked velocities are replaced by those imposed.
             dt: length of the step, positive.
-            load_mean: mean force and couple (n,) over the step, without the body force.
+            load_mean: mean force and torque (n,) over the step.
             added: added mass (n, n), symmetric, positive semi-definite; None: none.
             guess: velocities (n,) at the end in the last iterate; None: those at the start.
 
@@ -112,151 +94,22 @@ class RigidBody:
             SceneError: a free degree of freedom has neither inertia nor added mass.
             ConvergenceError: the body turns too far in the step, or loads are not finite.
         """
-        start = self.consistent(state)
+        start, f, end = self.consistent(state), self.mask, state.time + dt
         last = start.velocities if guess is None else np.array(guess, dtype=float)
-        load = np.array(load_mean, dtype=float)
+        impulse = dt * np.array(load_mean, dtype=float)
         added = np.zeros((self.size, self.size)) if added is None else np.array(added, dtype=float)
-        self._require_usable(dt, load, added, last)
-        last[~self.mask] = self.freedom.imposed(start.time + dt)[~self.mask]
-        return self._solved(start, dt, dt * load, added, last)
-
-    def consistent(self, state: BodyState) -> BodyState:
-        """The state with locked velocities replaced by those imposed at its time."""
-        u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
-        return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
-
-    def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
-        """(n, n) velocities that a body gains by unit impulses, with an added mass (n, n); none in locked degrees.
-
-        Raises SceneError if neither mass nor added mass resists.
-        """
-        gain = np.zeros((self.size, self.size))
-        gain[np.ix_(self.mask, self.mask)] = self._inverse(state, gain if added is None else added)
-        return gain
-
-    def kinetic_energy(self, state: BodyState) -> float:
-        """(m v^2 + spin . J spin) / 2."""
-        return 0.5 * float(state.velocities @ self.momentum(state))
-
-    def angular_momentum(self, state: BodyState) -> Floats:
-        """J spin about the centre of mass, in scene directions, (1,) or (3,)."""
-        frame = self._frame(state.orientation)
-        return np.asarray(frame @ (self.inertia.moments * (frame.T @ state.spin)))
-
-    def momentum(self, state: BodyState) -> Floats:
-        """Linear and angular momentum (n,)."""
-        return np.concatenate([self.inertia.mass * state.velocity, self.angular_momentum(state)])
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """True for the free degrees of freedom, (n,)."""
-        return self.freedom.mask
-
-    def driven(
-        self, start: BodyState, time: float, end: float, drive: Floats, root: Root | None = None
-    ) -> BodyState:
-        """The state at a time, or at the first root before it, under a constant drive (n,).
-
-        `end` is that of the time step, over which accelerations imposed on locked degrees are averaged.
-        """
-        rate = self._rate(start.time, end, drive)
-        path = Integrator(rate, self.tolerances, first_step=end - start.time)
-        path.init(start.time, start.packed())
-        path.advance(time, root)
-        return self.consistent(BodyState.unpacked(path.y, path.t))
-
-    def _require_usable(self, dt: float, load: Floats, added: Floats, last: Floats) -> None:
-        n = self.size
-        if load.shape != (n,) or last.shape != (n,) or added.shape != (n, n) or not dt > 0.0:
-            raise ValueError(
-                f"loads and velocities are ({n},), added masses ({n}, {n}), steps positive"
-            )
-        if not all(np.isfinite(part).all() for part in (load, added, last)):
+        if not all(np.isfinite(part).all() for part in (impulse, added, last)):
             raise ConvergenceError(
                 "the load on the body is not finite: the flow did not converge; shorten the step"
             )
-
-    def _field(self, time: float) -> Floats:
-        """The body force per mass; none on a body without mass."""
-        if self.inertia.mass == 0.0:
-            return np.zeros(self.gdim)
-        return np.asarray(
-            self.body_force(time) if callable(self.body_force) else self.body_force, dtype=float
-        )
-
-    def _frame(self, orientation: Floats) -> Floats:
-        """Principal axes in scene directions, as columns: (3, 3) in space; a turn in the plane keeps its axis."""
-        axes = np.asarray(self.inertia.axes)
-        return axes if self.gdim == 2 else rotation_matrix(orientation) @ axes
-
-    def _mobility(self, frame: Floats, power: float = -1.0) -> Floats:
-        """What gives accelerations from a drive, (n, n); with power 1 its inverse."""
-        whole = np.eye(self.size)
-        whole[self.gdim :, self.gdim :] = (frame * self.inertia.shape_moments**power) @ frame.T
-        return whole
-
-    def _acceleration(
-        self, time: float, velocities: Floats, frame: Floats, drive: Floats
-    ) -> Floats:
-        """Accelerations (n,) under a drive."""
-        d, inertia = self.gdim, self.inertia
-        spinning = (
-            inertia.gyroscopic(frame.T @ velocities[d:])
-            + (frame.T @ drive[d:]) / inertia.shape_moments
-        )
-        return np.concatenate([self._field(time) + drive[:d], frame @ spinning])
-
-    def _constrained(
-        self, time: float, velocities: Floats, frame: Floats, drive: Floats, slope: Floats
-    ) -> Floats:
-        """This load with the constraint's share, which gives the locked degrees the accelerations `slope`."""
-        free = self.mask
-        mobility = self._mobility(frame)
-        acceleration = self._acceleration(time, velocities, frame, np.where(free, drive, 0.0))
-        share = np.linalg.solve(mobility[np.ix_(~free, ~free)], slope - acceleration[~free])
-        return np.asarray(acceleration + mobility[:, ~free] @ share)
-
-    def _rate(self, start: float, end: float, drive: Floats) -> Callable[[float, Floats], Floats]:
-        d, n, free = self.gdim, self.size, self.mask
-        imposed, whole = self.freedom.imposed, bool(free.all())
-        slope = (imposed(end) - imposed(start))[~free] / (end - start)
-
-        def rate(t: float, y: Floats) -> Floats:
-            """The derivative of place, orientation and velocities, packed as in `BodyState`."""
-            turned, u = y[d:-n], y[-n:]
-            frame = self._frame(turned)
-            if whole:
-                acceleration = self._acceleration(t, u, frame, drive)
-            else:
-                u = np.where(free, u, imposed(t))
-                acceleration = self._constrained(t, u, frame, drive, slope)
-            return np.concatenate([u[:d], turning(turned, u[d:]), acceleration])
-
-        return rate
-
-    def _solved(
-        self, start: BodyState, dt: float, impulse: Floats, added: Floats, last: Floats
-    ) -> Motion:
-        """The motion whose drive satisfies the balance of momentum."""
-        f, end = self.mask, start.time + dt
-        inverse = self._inverse(start, added)
-        if self.gdim == 2 and f.all() and not callable(self.body_force):
-            # In the plane velocities are linear in time, and the balance is linear in them.
-            falls = np.append(self._field(start.time), 0.0)
-            gain = inverse @ (impulse - added @ (start.velocities + dt * falls - last)) + dt * falls
-            way = dt * (start.velocities + 0.5 * gain)
-            state = BodyState.unpacked(start.packed() + np.concatenate([way, gain]), end)
-            return Motion(self, start, state, gain / dt - falls)
-        frame = self._frame(start.orientation)
-        sizes = self._mobility(frame, 1.0)[np.ix_(f, f)]
-        drive = np.zeros(self.size)
-        free_acceleration = self._acceleration(start.time, start.velocities, frame, drive)
-        drive[f] = sizes @ ((last - start.velocities) / dt - free_acceleration)[f]
-        slope, residual, change = sizes @ inverse / dt, None, np.empty(0)
+        last[~f] = self.freedom.imposed(end)[~f]
+        inverse, path = self._inverse(start, added), self._path_inertia(start)
+        drive = np.where(f, path @ (last - start.velocities) / dt, 0.0)
+        slope, residual, change = path[self._free] @ inverse / dt, None, np.empty(0)
         for _ in range(MAX_ITERATIONS):
-            state = self.driven(start, end, end, drive)
-            before = residual
-            residual = self._residual(start, state, dt, drive, impulse, added, last)[f]
+            state, before = self.driven(start, end, drive), residual
+            gained = self.momentum(state) - self.momentum(start) - impulse
+            residual = (gained + added @ (state.velocities - last))[f]
             gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
             noise = ROUND_OFF * np.abs(inverse) @ gained[f]
             if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
@@ -270,57 +123,90 @@ class RigidBody:
             f"the body turns too far in a step of {dt:.3g} at t = {start.time:.6g}; shorten it"
         )
 
-    def _inverse(self, start: BodyState, added: Floats) -> Floats:
-        """The inverse of mass and added mass in the free degrees."""
-        d = self.gdim
-        frame, whole = self._frame(start.orientation), added.copy()
-        whole[:d, :d] += self.inertia.mass * np.eye(d)
-        whole[d:, d:] += (frame * self.inertia.moments) @ frame.T
-        names = [
-            name for name, free in zip(DEGREES[self.size], self.freedom.free, strict=True) if free
-        ]
-        part = whole[np.ix_(self.mask, self.mask)]
-        scale = np.sqrt(np.maximum(np.diag(part), 0.0))
-        missing = [name for name, size in zip(names, scale, strict=True) if size == 0.0]
-        if not missing and names:
-            scaled = part / np.outer(scale, scale)
-            values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-            if values[0] > SINGULAR:
-                return np.asarray(np.linalg.inv(part))
-            missing = [names[int(np.argmax(np.abs(vectors[:, 0])))]]
-        if missing:
-            raise SceneError(
-                f"neither mass nor fluid resists a change of {', '.join(missing)}: give the body mass"
-            )
-        return part
+    def consistent(self, state: BodyState) -> BodyState:
+        """The state with locked velocities replaced by those imposed at its time."""
+        u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
+        return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
 
-    def _residual(
+    def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
+        """(n, n) velocities that a body gains by unit impulses, with an added mass (n, n); none in locked degrees.
+
+        Raises SceneError if neither mass nor added mass resists.
+        """
+        gain = np.zeros((self.size, self.size))
+        gain[self._free] = self._inverse(state, gain if added is None else added)
+        return gain
+
+    def kinetic_energy(self, state: BodyState) -> float:
+        """(m v^2 + spin . J spin) / 2."""
+        return 0.5 * float(state.velocities @ self.momentum(state))
+
+    def momentum(self, state: BodyState) -> Floats:
+        """Linear and angular momentum (n,), the latter about the centre of mass in scene directions."""
+        inertia = self.inertia
+        return inertia.matrix(state.orientation, inertia.mass, inertia.moments) @ state.velocities
+
+    def driven(
         self,
         start: BodyState,
-        end: BodyState,
-        dt: float,
+        time: float,
         drive: Floats,
-        impulse: Floats,
-        added: Floats,
-        last: Floats,
-    ) -> Floats:
-        """Momentum gained beyond what the load gave, (n,); the body force's part is left out on both sides."""
-        linear = self.inertia.mass * dt * drive[: self.gdim]
-        angular = self.angular_momentum(end) - self.angular_momentum(start)
-        return np.concatenate([linear, angular]) - impulse + added @ (end.velocities - last)
+        root: Callable[[BodyState], float] | None = None,
+    ) -> BodyState:
+        """The state at a time, or at the first root before it, on the path from a start under a constant load (n,)."""
+        d, f = self.gdim, self.mask
+        if d == 2 and root is None and self.freedom.motion is None:
+            dt = time - start.time
+            way = dt * (start.velocities + 0.5 * dt * drive)
+            return BodyState.unpacked(start.packed() + np.concatenate([way, dt * drive]), time)
+        momentum = self._path_inertia(start) @ start.velocities
+
+        def state(t: float, y: Floats) -> BodyState:
+            """The state of place and orientation in y."""
+            u = self.freedom.imposed(t)
+            at = BodyState(y[:d], y[d:], u[:d], u[d:], t)
+            path = self._path_inertia(at)
+            right = (momentum + (t - start.time) * drive)[f] - path[self._bound] @ u[~f]
+            u[f] = np.linalg.solve(path[self._free], right)
+            return at
+
+        def rate(t: float, y: Floats) -> Floats:
+            at = state(t, y)
+            return np.concatenate([at.velocity, turning(at.orientation, at.spin)])
+
+        path = Integrator(rate, self.tolerances, first_step=(time - start.time) or None)
+        path.init(start.time, np.concatenate([start.place, start.orientation]))
+        path.advance(time, None if root is None else lambda t, y: root(state(t, y)))
+        end = state(path.t, path.y)
+        return BodyState.unpacked(end.packed(), path.t)
+
+    def _path_inertia(self, state: BodyState) -> Floats:
+        return self.inertia.matrix(state.orientation, 1.0, self.inertia.path_moments)
+
+    def _inverse(self, state: BodyState, added: Floats) -> Floats:
+        """The inverse of mass and added mass in the free degrees."""
+        inertia, free = self.inertia, self.mask
+        whole = added + inertia.matrix(state.orientation, inertia.mass, inertia.moments)
+        part = whole[self._free]
+        scale = np.sqrt(np.maximum(np.diag(part), 0.0))
+        scale[scale == 0.0] = 1.0
+        scaled = part / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+        if values.min(initial=1.0) <= SINGULAR:
+            weakest = np.flatnonzero(free)[int(np.argmax(np.abs(vectors[:, 0])))]
+            raise SceneError(
+                f"neither mass nor fluid resists a change of {DEGREES[self.size][weakest]}: give the body mass"
+            )
+        return np.asarray(np.linalg.inv(part))
 
     def _small(
         self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats
     ) -> bool:
         """Whether errors of the free velocities are at the integrator's tolerance, relative to their kind, or noise."""
-        scale = np.max([np.abs(state.velocities) for state in states], axis=0)
+        scale, d = np.max([np.abs(state.velocities) for state in states], axis=0), self.gdim
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
-        kinds = np.where(
-            np.arange(self.size) < self.gdim, scale[: self.gdim].max(), scale[self.gdim :].max()
-        )
-        return bool(
-            (np.abs(error) <= np.maximum(self.tolerances.relative * kinds[self.mask], noise)).all()
-        )
+        kinds = np.repeat([scale[:d].max(), scale[d:].max()], [d, self.size - d])[self.mask]
+        return bool((np.abs(error) <= np.maximum(self.tolerances.relative * kinds, noise)).all())
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """What a rigid body is and where: its inertia, its state of motion, and which of its motions are free.
 
-Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in the plane (x, y, counter-clockwise
-turn), n = 6 in space. Units are those of the scene, the fluid's density is one.
+Velocities U = (velocity, spin) are vectors (n,) in scene directions: n = 3 in 2-D (x, y, counter-clockwise turn),
+n = 6 in 3-D. Units are the scene's, the fluid's density is one.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats, quarter_turned
+from ..arrays import Floats, cross, quarter_turned
 from ..errors import SceneError
 from ..geometry.placement import Placement
 
@@ -22,31 +21,15 @@ DEGREES = {
     3: ("velocity along x", "velocity along y", "spin"),
     6: (*(f"velocity along {axis}" for axis in "xyz"), *(f"spin about {axis}" for axis in "xyz")),
 }
-THINNEST = 0.05  # smallest ratio of moments by which a couple's share in the path is divided
-
-
-class Shape(Protocol):
-    """The properties of a grain of `incipient.geometry` that its mass follows from."""
-
-    @property
-    def gdim(self) -> int:
-        """Dimension of the space."""
-
-    @property
-    def volume(self) -> float:
-        """Area or volume."""
-
-    @property
-    def inertia(self) -> Floats:
-        """Inertia (3, 3) about the centroid for unit density, in the body frame."""
+THINNEST = 0.05  # smallest ratio of moments that shapes the path within a step
 
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """Mass, principal moments, and in space the principal axes in the body frame: columns (3, 3), right-handed.
+    """Mass, principal moments, and in 3-D the principal axes in the body frame: columns (3, 3), right-handed.
 
-    One moment (1,) in the plane, three (3,) in space. Mass and moments may be zero: then only the fluid that is
-    moved along resists. Raises SceneError on values that no distribution of mass has.
+    One moment (1,) in 2-D, three (3,) in 3-D. Mass and moments may be zero: then only the fluid resists.
+    Raises SceneError on values that no distribution of mass has.
     """
 
     mass: float
@@ -54,11 +37,7 @@ class Inertia:
     axes: Floats | None = None
 
     def __post_init__(self) -> None:
-        moments = np.atleast_1d(np.array(self.moments, dtype=float))
-        if moments.shape not in ((1,), (3,)):
-            raise SceneError(
-                "a body has one moment of inertia in the plane, three in space; give as many"
-            )
+        moments = self.moments
         if not (np.isfinite([self.mass, *moments]).all() and min(self.mass, *moments) >= 0.0):
             raise SceneError(
                 f"mass {self.mass} and moments of inertia {moments} must be zero or more; change them"
@@ -67,27 +46,12 @@ class Inertia:
             raise SceneError(
                 f"of the moments of inertia {moments} one exceeds the sum of the others; change it"
             )
-        axes = np.eye(len(moments)) if self.axes is None else np.array(self.axes, dtype=float)
-        if axes.shape != (len(moments),) * 2 or not np.allclose(
-            axes.T @ axes, np.eye(len(axes)), atol=1e-9
-        ):
-            raise SceneError(
-                "the principal axes must be the orthonormal columns of a matrix; change them"
-            )
-        object.__setattr__(self, "moments", moments)
-        object.__setattr__(self, "axes", axes)
 
     @classmethod
-    def of(cls, grain: Shape, density: float) -> Inertia:
-        """The inertia of a uniform grain; `density` is relative to the fluid's."""
-        tensor = density * np.asarray(grain.inertia, dtype=float)
-        if grain.gdim == 2:
-            return cls(density * grain.volume, np.array([tensor[2, 2]]))
-        return cls.about(density * grain.volume, tensor)
-
-    @classmethod
-    def about(cls, mass: float, tensor: Floats) -> Inertia:
-        """The inertia in space of a tensor (3, 3) about the centre of mass, in the body frame."""
+    def about(cls, mass: float, tensor: Floats, gdim: int) -> Inertia:
+        """The inertia of a tensor (3, 3) about the centre of mass, in the body frame; in 2-D its last entry counts."""
+        if gdim == 2:
+            return cls(mass, tensor[2, 2:])
         if np.count_nonzero(tensor - np.diag(np.diagonal(tensor))) == 0:
             return cls(mass, np.diagonal(tensor).copy())  # the axes as they are, in their order
         moments, axes = np.linalg.eigh(tensor)
@@ -101,34 +65,31 @@ class Inertia:
         return 2 if len(self.moments) == 1 else 3
 
     @cached_property
-    def shape_moments(self) -> Floats:
-        """Moments over the largest, at least THINNEST; ones without inertia. They shape paths, not balances."""
+    def path_moments(self) -> Floats:
+        """Moments over the largest, at least `THINNEST`; ones without inertia."""
         largest = self.moments.max()
-        return (
-            np.maximum(self.moments / largest, THINNEST)
-            if largest > 0.0
-            else np.ones_like(self.moments)
-        )
+        if largest == 0.0:
+            return np.ones_like(self.moments)
+        return np.asarray(np.maximum(self.moments / largest, THINNEST))
 
-    def gyroscopic(self, spin: Floats) -> Floats:
-        """The free rate of the spin in principal axes, (J W x W) / J: equations (331)-(333) without couple.
-
-        Bounded by the spin squared, whatever the moments; zero about an axis without inertia.
-        """
-        if len(self.moments) == 1:
-            return np.zeros(1)
-        couple = cross(self.moments * spin, spin)
-        return np.asarray(
-            np.divide(couple, self.moments, out=np.zeros(3), where=self.moments > 0.0)
-        )
+    def matrix(self, orientation: Floats, mass: float, moments: Floats) -> Floats:
+        """The inertia (n, n) in scene directions of a body with this one's principal axes."""
+        axes = np.eye(len(self.moments)) if self.axes is None else self.axes
+        if len(orientation) == 4:
+            axes = rotation_matrix(orientation) @ axes
+        d = self.gdim
+        whole = mass * np.eye(3 * d - 3)
+        whole[d:, d:] = (axes * moments) @ axes.T
+        return whole
 
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
     """Where a body is and how it moves at a time.
 
-    Place (gdim,) of the centre of mass; orientation: the angle (1,), unbounded, in the plane, a unit quaternion
-    w, x, y, z (4,) in space; velocity (gdim,); spin (1,) or (3,), in scene directions.
+    place: of the centre of mass (gdim,)
+    orientation: in 2-D the angle (1,), unbounded; in 3-D a unit quaternion w, x, y, z (4,)
+    velocity, spin: (gdim,) and (1,) or (3,), in scene directions
     """
 
     place: Floats
@@ -157,7 +118,7 @@ class BodyState:
         return cls(y[:d], turned, y[d + turns : 2 * d + turns], y[2 * d + turns :], time)
 
     def packed(self) -> Floats:
-        """Place, orientation, velocity, spin as one vector: (6,) in the plane, (13,) in space."""
+        """Place, orientation, velocity, spin as one vector: (6,) in 2-D, (13,) in 3-D."""
         return np.concatenate([self.place, self.orientation, self.velocity, self.spin])
 
     @property
@@ -174,17 +135,13 @@ class BodyState:
         w, x, y, z = self.orientation.tolist()
         return Placement(centre, 0.0, (w, x, y, z))
 
-    def rotation(self) -> Floats:
-        """The matrix (gdim, gdim) that turns body coordinates into scene directions."""
-        return self.placement.rotation
-
 
 @dataclass(frozen=True)
 class Freedom:
     """Which degrees of freedom (n,) are free; the others stand still or follow `motion(time)`.
 
-    In space the rotational ones are the components of the spin in scene directions. `motion` gives all
-    velocities (n,); those of free degrees are not looked at.
+    In 3-D the rotational ones are the components of the spin in scene directions. `motion` gives all
+    velocities (n,), of which those of free degrees are ignored.
     """
 
     free: tuple[bool, ...]
@@ -220,15 +177,9 @@ class Freedom:
 
 def rotation_matrix(quaternion: Floats) -> Floats:
     """The rotation (3, 3) of a quaternion w, x, y, z (4,) of any length but zero."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * (w * across + across @ across))
+    from scipy.spatial.transform import Rotation  # which takes time to import
 
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """a ^ b of two vectors (3,): what numpy's does, in a tenth of the time."""
-    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
-    return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])
+    return np.asarray(Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix())
 
 
 def turning(orientation: Floats, spin: Floats) -> Floats:
@@ -245,7 +196,7 @@ def rigid_velocity(state: BodyState, x: Floats) -> Floats:
 
 
 def turned(spin: Floats, arms: Floats) -> Floats:
-    """spin x arms, (n, gdim); the spin is (1,) in the plane."""
+    """spin x arms, (n, gdim); the spin is (1,) in 2-D."""
     if arms.shape[1] == 2:
         return spin[0] * quarter_turned(arms)
     return np.cross(spin, arms)

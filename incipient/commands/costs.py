@@ -1,17 +1,27 @@
-"""`incipient plan`, `incipient cost` and `incipient calibrate`: what a run takes."""
+"""`incipient plan` and `incipient cost`: what a run takes."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import incipient
 
-from ..cost import command as cost_command
+from ..accuracy.errorbars import coarse_scenes
+from ..adaptive.first_mesh import planned
+from ..cost.frontier import seconds
+from ..cost.ladder import ladder
+from ..cost.measurement import measure
+from ..cost.study import run_ladder
+from ..errors import SceneError
+from ..files import plain
 from ..output.lock import locked
 from ..parallel import Comm, collectively
+from ..planning.flow_setup import order_of
+from ..scene import Scene
 from .drawing import tell_of_pictures
 from .options import alone
 
@@ -21,27 +31,57 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
-            found = cost_command.predicted_plan(scene, options.study)
-            print(json.dumps(found.to_dict(), indent=2) if options.json else found.text())
+            found = planned(scene)
+            if options.json:
+                print(json.dumps(plain(found.to_dict()), indent=2))
+            else:
+                spent = _spent_before(Path("results") / options.scene.stem)
+                print("\n".join([found.text(), *spent, *_further_runs(scene)]))
     return 0
+
+
+def _spent_before(directory: Path) -> list[str]:
+    """What the last run took that the directory for a scene's results holds, in a line; none if it holds none."""
+    try:
+        cost = json.loads((directory / "result.json").read_text(encoding="utf-8"))["cost"]
+        taken, ranks = seconds(cost["wall_time"]["total"]), cost["ranks"]
+        where = f"{cost['unknowns']} unknowns on {ranks} rank{'s' * (ranks > 1)}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [f"  the run in {directory} took {taken} of wall time for {where}"]
+
+
+def _further_runs(scene: Scene) -> list[str]:
+    """The runs that the error bars of a free surface without a grain take, in a line; else none."""
+    wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
+    if not wanted or scene.body is not None or not scene.has_surface:
+        return []
+    runs = [(order_of(run).number, run.time) for run in coarse_scenes(scene)]
+    named = ", ".join(f"P{k}-P{k - 1} in steps of {time.step:.3g}" for k, time in runs if time)
+    said = f"  error bars take {len(runs)} more runs to the same end ({named})"
+    return [f"{said}; numerics.error_bars = false leaves them out"]
 
 
 def cost(options: argparse.Namespace, comm: Comm) -> int:
     """Measures error against time by runs of the scene."""
     alone("cost", comm)
     scene = incipient.load(options.scene, options.overrides, comm)
-    directory = options.out or Path("results") / f"{options.scene.stem}_cost"
-    lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps", "solvers")}
-    spread = cost_command.chosen(scene, options.quick, **lists)
+    ending = "_cost" if options.do == "run" else f"_{options.do}_cost"
+    directory = options.out or Path("results") / f"{options.scene.stem}{ending}"
+    exact = _exact(options.exact)
+    rungs = ladder(scene, options.quick, options.orders, options.sizes, options.steps)
+    say = logging.getLogger("incipient").info
     with locked(directory, comm, make=True):
-        found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
-    print(cost_command.summary(found, directory), flush=True)
+        study = run_ladder(scene, rungs, directory, measure, say, options.do, exact)
+    print(study.text())
+    print(f"numbers: {directory}/cost.csv, cost.json", flush=True)
     tell_of_pictures(directory, True, comm)
     return 0
 
 
-def calibrate(options: argparse.Namespace, comm: Comm) -> int:
-    """Measures this machine."""
-    alone("calibrate", comm)
-    print(cost_command.calibrate(logging.getLogger("incipient").info))
-    return 0
+def _exact(settings: Sequence[str]) -> dict[str, float]:
+    """Exact values by name, from words such as force_x=9.4; raises SceneError."""
+    try:
+        return {name: float(value) for name, value in (text.split("=") for text in settings)}
+    except ValueError as error:
+        raise SceneError(f"--exact {' '.join(settings)}: give NAME=VALUE ...") from error

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import incipient
 
-from ..cost.command import predicted_plan
-from ..cost.prediction import Prediction
 from ..critical.gust_bracket import runs_expected
 from ..critical.gusts import GustSearch
 from ..parallel import Comm
@@ -23,8 +21,7 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
     GustSearch(scene, comm)  # what is wrong is said before anything is expected
     with telling(comm.rank) as voice:
         runs = runs_expected(len(durations), scene.numerics.error_bars)
-        price = _price(predicted_plan(scene).prediction, runs)
-        voice.say(f"{options.scene}: durations: {len(durations)}, about {runs} runs{price}")
+        voice.say(f"{options.scene}: durations: {len(durations)}, about {runs} runs")
         found = incipient.gusts(scene, durations, directory, comm, voice)
     if comm.rank == 0:
         print(found.text())
@@ -45,11 +42,3 @@ def entrainment(options: argparse.Namespace, comm: Comm) -> int:
         print(f"numbers             {directory / 'entrainment.csv'}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
-
-
-def _price(known: Prediction | str, runs: int) -> str:
-    """What a number of runs is expected to cost by what is known of one; a reason where nothing is."""
-    if isinstance(known, str):
-        return ", each as `incipient run`"
-    each = f"each {known.cpu:.2g} s of processor time within a factor of {known.factor:.2g}"
-    return f", {each}, in all about {runs * known.cpu / 60:.2g} min"

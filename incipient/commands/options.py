@@ -110,24 +110,20 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
-    text = "study of incipient cost to predict by (default: the last of this scene on this machine, else of others)"
-    parser.add_argument("--study", type=named, metavar="DIRECTORY", help=text)
 
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient cost`."""
     add = parser.add_argument
     _scene_to(parser, "_cost", "study")
-    add("--quick", action="store_true", help="a few coarse runs only")
+    add("--do", choices=("run", "threshold"), default="run", help="what to run (default: run)")
+    add("--quick", action="store_true", help="the scene's own order, coarser cells and steps only")
     add("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
         add(name, type=float, nargs="+", metavar="FACTOR", help=text)
-    text = (
-        "solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
-        "three coarse meshes)"
-    )
-    add("--solvers", nargs="+", metavar="OPTION", help=text)
+    text = "exact values, such as force_x=9.42, to compare with (default: the finest run)"
+    add("--exact", nargs="+", default=[], metavar="NAME=VALUE", help=text)
 
 
 def of_show(parser: argparse.ArgumentParser) -> None:
@@ -141,11 +137,7 @@ def of_show(parser: argparse.ArgumentParser) -> None:
         help="of a sweep: the abscissa (default: the first varied key)",
     )
     add("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
-    films = parser.add_mutually_exclusive_group()
-    films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
-    films.add_argument(
-        "--turntable", action="store_true", help="write a film round a grain in space instead"
-    )
+    add("--animate", action="store_true", help="write a film of the flow instead")
     add("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     add("--field", choices=fields, help="what to animate (default: velocity)")
@@ -181,8 +173,8 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.csv",
         help="keys in the first row, a case in each other row",
     )
-    text = "add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)"
-    add("--refine", type=_share, nargs="?", const=True, metavar="SHARE", help=text)
+    text = "add cases where the mode changes or the curve bends, to this fraction of the range (default: 0.02)"
+    add("--refine", type=_share, nargs="?", const=True, metavar="FRACTION", help=text)
     add("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
     text = "with --refine: the column whose curve is to be known (see table)"
     add("--quantity", metavar="COLUMN", help=text)
@@ -198,31 +190,18 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file of the sweep (default: results/SCENE_TASK.sqlite)",
     )
-    add("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
-    add("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
-    add(
-        "--executor",
-        metavar="ADDRESS",
-        help="workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler",
-    )
-    text = "of all cases at a time (default: 4/5 of what is free); with --executor of each case"
+    _workers(parser, "case")
+    text = "of each case (default: 4/5 of the free memory over the cases at a time)"
     add("--memory", type=float, metavar="MIB", help=text)
-    add(
-        "--tries",
-        type=int,
-        default=3,
-        metavar="N",
-        help="times that a case is begun whose worker dies (default: 3)",
-    )
-    text = "that a case may take, as 2h, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
-    add("--limit", metavar="TIME", help=text)
+    text = "times that a case is begun whose process dies (default: 3)"
+    add("--tries", type=int, default=3, metavar="N", help=text)
     add(
         "--wall",
         metavar="TIME",
         help="time after which to stop, such as 8h or 1h30m; the same call resumes",
     )
     add("--retry", action="store_true", help="compute cases again that have failed")
-    add("--dry-run", action="store_true", help="say how many cases there are, and what they take")
+    add("--dry-run", action="store_true", help="check the cases and count those to compute")
 
 
 def of_survey(parser: argparse.ArgumentParser) -> None:
@@ -242,17 +221,35 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
     text = "find the thresholds of a scene's grain in so many random orientations, the first being its own"
     add("--orientations", type=int, metavar="N", help=text)
     add("--seeds", type=int, metavar="N", help="the same on random beds of so many seeds")
-    add("--jobs", type=int, metavar="N", help="runs at a time (default: by cores)")
-    text = "workers of Dask: dask://HOST:PORT or dask://FILE.json of its scheduler"
-    add("--executor", metavar="ADDRESS", help=text)
-    text = "that a run may take, as 5m, or as 30x for 30 times its estimate (default: 20x, 10 minutes at least)"
-    add("--limit", metavar="TIME", help=text)
+    _workers(parser, "run")
     add(
         "--wall",
         metavar="TIME",
         help="time after which to stop, such as 8h or 1h30m; the same call resumes",
     )
     add("--retry", action="store_true", help="compute runs again that have failed")
+
+
+def _workers(parser: argparse.ArgumentParser, what: str) -> None:
+    """Adds the options on the workers of a sweep, and old ones, which are refused."""
+    add = parser.add_argument
+    text = f"{what}s at a time on this machine (default: one a core)"
+    add("--jobs", "-n", type=int, metavar="N", help=text)
+    text = "workers of Dask: tcp://HOST:PORT of its scheduler, or its file FILE.json"
+    add("--scheduler", metavar="ADDRESS", help=text)
+    add("--limit", metavar="TIME", help=f"time that a {what} may take, such as 2h (default: a day)")
+    for old in ("--executor", "--ranks"):
+        add(old, help=argparse.SUPPRESS)
+
+
+def refuse_old_workers(options: argparse.Namespace) -> None:
+    """Raise SceneError for options that sweeps no longer have."""
+    if options.executor is not None:
+        address = options.executor.replace("dask://", "tcp://")
+        raise SceneError(f"--executor: is now --scheduler; write --scheduler {address}")
+    if options.ranks is not None:
+        remedy = "leave it out, or give `mpirun incipient run` for a large flow"
+        raise SceneError(f"--ranks: a sweep computes each case on one rank; {remedy}")
 
 
 def _share(text: str) -> float:

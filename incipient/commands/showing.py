@@ -8,7 +8,7 @@ import incipient
 
 from ..errors import OutputError, SceneError
 from ..parallel import Comm, collectively
-from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart, turn_apart
+from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart
 from .options import OF_SWEEPS, require_left_by
 
 # What one of the commands leaves in a directory of results.
@@ -36,8 +36,8 @@ def show(options: argparse.Namespace, comm: Comm) -> int:
     require_left_by(options.directory, RECORDS, comm)
     if options.field is not None and not options.animate:
         raise SceneError("--field says what to animate; add --animate")
-    if options.out is not None and not (options.animate or options.turntable):
-        raise SceneError("--out names the animation; add --animate or --turntable")
+    if options.out is not None and not options.animate:
+        raise SceneError("--out names the animation; add --animate")
     with collectively(comm):
         if comm.rank == 0:
             _show_one(options)
@@ -47,8 +47,6 @@ def show(options: argparse.Namespace, comm: Comm) -> int:
 def _show_one(options: argparse.Namespace) -> None:
     if options.animate:
         print(animate_apart(options.directory, options.out, options.field or "velocity"))
-    elif options.turntable:
-        print(turn_apart(options.directory, options.out))
     else:
         _name(draw_apart(options.directory))
 
@@ -63,7 +61,7 @@ def _name(drawn: Drawn) -> None:
 
 def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
     """Draws the pictures of a sweep next to its file."""
-    if options.animate or options.turntable or options.out is not None or options.field is not None:
+    if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")
     with collectively(comm):

@@ -12,13 +12,14 @@ from ..progress import telling
 from ..survey.orientations import POSES, SUMMARY, Poses, survey_poses
 from ..survey.procedure import FILES, GRAINS, RunMeans, load_request
 from ..survey.procedure import survey as find
-from ..sweep.live import watching
 from .drawing import draw_and_tell
+from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
     """Survey a bed, print what came out, and draw it."""
     directory = options.out or Path("results") / f"{options.bed.stem}_survey"
+    refuse_old_workers(options)
     means = _means(options)
     if options.orientations is not None or options.seeds is not None:
         return _poses(options, directory, means, comm)
@@ -27,8 +28,8 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             named = (getattr(asked.bed, key, None) for key in ("file", "heights", "labels"))
             refuse_foreign(directory, FILES, [options.bed.parent / name for name in named if name])
-    with telling(comm.rank) as voice, watching(comm) as watcher:
-        found = find(asked, options.bed.parent, directory, comm, means, voice, watcher)
+    with telling(comm.rank) as voice:
+        found = find(asked, options.bed.parent, directory, comm, means, voice)
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / GRAINS}", flush=True)
@@ -42,7 +43,7 @@ def _means(options: argparse.Namespace) -> RunMeans:
         if value is not None and value < least:
             raise SceneError(f"--{name} {value}: is not a number of them; give {least} or more")
     return RunMeans(
-        options.runs, options.jobs, options.wall, options.retry, options.executor, options.limit
+        options.runs, options.jobs, options.wall, options.retry, options.scheduler, options.limit
     )
 
 
@@ -56,10 +57,8 @@ def _poses(options: argparse.Namespace, directory: Path, means: RunMeans, comm: 
     with collectively(comm):
         if comm.rank == 0:
             refuse_foreign(directory, (POSES, SUMMARY), [options.bed])
-    with telling(comm.rank) as voice, watching(comm) as watcher:
-        found = survey_poses(
-            options.bed, options.overrides, asked, directory, comm, means, voice, watcher
-        )
+    with telling(comm.rank) as voice:
+        found = survey_poses(options.bed, options.overrides, asked, directory, comm, means, voice)
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / POSES}", flush=True)

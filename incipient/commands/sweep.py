@@ -3,51 +3,49 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ConvergenceError
-from ..parallel import Comm, collectively
+from ..parallel import Comm
 from ..progress import telling
 from ..sweep.axes import parsed
-from ..sweep.call import Means, Prepared, computed
 from ..sweep.cases import Source
-from ..sweep.dry_run import foretold
-from ..sweep.live import watching
-from ..sweep.procedure import SweepProgress
-from ..sweep.request import (
-    RefinementOptions,
-    Request,
-    parsed_limit,
-    parsed_seconds,
-    requested,
-    usual_file,
-)
+from ..sweep.procedure import LIMIT, Means, SweepProgress, computed_into
+from ..sweep.request import RefinementOptions, Request, parsed_seconds, requested
+from ..sweep.store import DONE, FAILED, Store
+from .options import refuse_old_workers
 
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Compute the cases that the file does not hold, and say what came out."""
-    wall = float("inf") if options.wall is None else parsed_seconds(options.wall)
-    given = options.jobs, options.ranks, options.memory, wall, options.retry
-    means = Means(*given, options.executor, options.tries, *parsed_limit(options.limit))
-    places, files = means.places(comm), [Path()]
-    prepared, lines = Prepared(), ""
-    with collectively(comm):
-        if comm.rank == 0:
-            request = _request(options)
-            files = [options.out or usual_file(request)]
-            with telling(comm.rank) as voice:
-                if options.dry_run:
-                    lines = foretold(request, files[0], means, places, voice) + "\n"
-                else:
-                    prepared = Prepared.of(request, voice)
+    """Compute the cases that the file does not hold, and print what came out."""
+    refuse_old_workers(options)
+    wall = float("inf") if options.wall is None else parsed_seconds(options.wall, "wall")
+    limit = LIMIT if options.limit is None else parsed_seconds(options.limit, "limit")
+    own = options.jobs, options.memory, wall, options.retry, options.scheduler
+    means = Means(*own, options.tries, limit)
+    request = _request(options)
+    usual = Path("results") / f"{request.sources[0].name}_{request.task}.sqlite"
+    file = options.out or usual
     if options.dry_run:
-        print(lines, end="", flush=True)
+        with telling(comm.rank) as voice:
+            cases = request.cases(voice)
+        _count([case.identity for case in cases], file)
         return 0
-    with watching(comm) as watcher:
-        progress = computed(prepared, files[0], means, watcher, comm)
-    if comm.rank == 0:
-        _tell(progress, files[0])
+    with telling(comm.rank) as voice:
+        progress = computed_into(file, request, means, voice)
+    _tell(progress, file)
     return ConvergenceError.exit_code if progress.failed else 0
+
+
+def _count(identities: Sequence[str], file: Path) -> None:
+    states = dict[str, str]()
+    if file.is_file():
+        with Store(file) as store:
+            states = store.states()
+    known = sum(states.get(one) in (DONE, FAILED) for one in identities)
+    counts = f"{known} already in {file}, {len(identities) - known} to compute"
+    print(f"cases               {len(identities)}: {counts}")
 
 
 def _request(options: argparse.Namespace) -> Request:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Set
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from ..scene import Scene
 from ..scene.key_units import unit_of
 from ..sweep import table as tables
 from ..sweep.size_classes import HEADS, size_classes
-from ..sweep.store import Store
+from ..sweep.store import DONE, FAILED, Store
 
 WIDE = 160  # columns of a table that goes to a file
-FIRST = 300  # cases of a large sweep that are printed
+FIRST = 300  # cases that are printed
 
 
 def table(options: argparse.Namespace, comm: Comm) -> int:
@@ -29,7 +30,7 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
             classes = size_classes(options.file, options.size_classes, options.size)
             print(csv_text(HEADS, classes), end="", flush=True)
         elif comm.rank == 0 and options.csv:
-            tables.write_csv(options.file, sys.stdout)
+            print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
         elif comm.rank == 0:
             _print(options.file)
     return 0
@@ -41,29 +42,31 @@ def _print(file: Path) -> None:
     from rich.table import Table
 
     with Store(file) as store:
-        keys, is_large = store.keys(), store.is_large
-        counts = store.counts() if is_large else {}
-    found = tables.rows(file, FIRST if is_large else None)
-    heads = [name for name in tables.columns(found) if name in keys or name == "source"]
-    if len({row["source"] for row in found}) == 1:
+        keys = store.keys()
+    rows = tables.rows(file)
+    first = rows[:FIRST]
+    heads = [name for name in tables.columns(first) if name in keys or name == "source"]
+    if len({row["source"] for row in first}) == 1:
         heads.remove("source")
     shown = Table(box=None)
     for head in heads:
-        unit = _unit(head, {row["task"] for row in found})
-        numbers = all(_is_number(row[head]) for row in found if row.get(head) is not None)
+        unit = _unit(head, {row["task"] for row in first})
+        numbers = all(_is_number(row[head]) for row in first if row.get(head) is not None)
         shown.add_column(f"{head}{unit}", overflow="fold", justify="right" if numbers else "left")
     shown.add_column("status", overflow="fold")
     shown.add_column("", overflow="fold")
     shown.add_column("time [s]", overflow="fold", justify="right")
-    for row in found:
-        said = tables.in_words(row) if row["status"] in ("done", "failed", "damaged") else ""
+    for row in first:
+        words = tables.in_words(row) if row["status"] in (DONE, FAILED) else ""
         time = "" if row["wall"] is None else f"{row['wall']:.1f}"
-        shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
+        shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], words, time)
     Console(width=None if sys.stdout.isatty() else WIDE, markup=False, emoji=False).print(shown)
-    if is_large:
-        counted = ", ".join(f"{number} {status}" for status, number in counts.items())
+    if len(rows) > FIRST:
+        counts = ", ".join(
+            f"{n} {one}" for one, n in Counter(row["status"] for row in rows).items()
+        )
         print(
-            f"{sum(counts.values())} cases: {counted}; the first {len(found)} are shown, --csv or --parquet has all"
+            f"{len(rows)} cases: {counts}; the first {FIRST} are shown, --csv or --parquet has all"
         )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .. import scene as scenes
 from ..errors import SceneError
-from ..files import reported
+from ..files import reported, write_fully
 from ..parallel import Comm, collectively
 
 
@@ -23,9 +23,11 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             with reported(path):
                 try:
-                    path.open("x", encoding="utf-8").write(scenes.example(options.space))
+                    stream = path.open("xb", buffering=0)
                 except FileExistsError:
                     raise SceneError(f"{path}: exists already; choose another name") from None
+                with stream:
+                    write_fully(stream, scenes.example(options.space).encode())
             print(f"{path}: edit it, then: incipient run {path}")
     return 0
 

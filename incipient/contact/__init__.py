@@ -6,7 +6,7 @@ from incipient.contact.paper import Classification, Mode, classify
 from incipient.contact.problem import Load, Loads
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.contact.verdict import Verdict, judge
-from incipient.geometry.closest import exposed, require_on_grain, touching
+from incipient.geometry.closest import touching
 from incipient.geometry.contacts import Contacts
 
 __all__ = [
@@ -21,11 +21,9 @@ __all__ = [
     "SafetyFactor",
     "Verdict",
     "classify",
-    "exposed",
     "incipient_motion",
     "judge",
     "judge_many",
-    "require_on_grain",
     "safety_factor",
     "touching",
 ]

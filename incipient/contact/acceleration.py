@@ -4,11 +4,11 @@ In 2-D every motion is found by enumeration. An acceleration y of the grain open
 on it where N_i y = 0, T_i y != 0; these planes cut space into cells in each of which the admissible forces are fixed:
 the free acceleration, those that slide on one contact, and the lines where two contacts stay or one sticks. The ends of
 continuous families are among the motions found, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
-solved by Newton's method from several starts.
+solved by Newton's method from several starts. All else is one code.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -17,21 +17,15 @@ import numpy as np
 from scipy.optimize import lsq_linear, nnls
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.friction import INFINITE
-from incipient.contact.impulses import (
-    PATIENCE,
-    STEPS,
-    CoulombLaw,
-    newton,
-)
-from incipient.contact.problem import ContactProblem, Kernel, Load
+from incipient.contact.friction import FrictionCone
+from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
+from incipient.contact.kernels import Kernel, dot, largest, length
+from incipient.contact.problem import ContactProblem, Law, Load, plain
 from incipient.contact.safety import (
     SafetyFactor,
     can_jam,
-    dot,
+    factors_that_balance,
     forces_that_balance,
-    largest,
-    length,
 )
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts
@@ -41,9 +35,6 @@ SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one
 NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of a cell
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry
-SINGULAR = 1e-9  # singular values below it leave a family of solutions open
-RANK = 1e-10  # singular values below it, relative to the largest, count as zero
-LEAST_STEPS = 50  # of Newton's method for the smallest contact forces
 MOST = 12  # solutions kept of a case, those of least energy
 PARTS = 9  # of the friction, at which solutions are continued where none is found
 
@@ -85,11 +76,6 @@ class Mode(Enum):
     PIVOTING_AND_SLIDING_APART = "pivoting about one contact while sliding on a different one"
 
     @property
-    def moves(self) -> bool:
-        """Whether the grain begins to move."""
-        return self is not Mode.REST
-
-    @property
     def label(self) -> str:
         """The name in words."""
         return self.name.lower().replace("_", " ")
@@ -112,35 +98,22 @@ class Solution:
     """One motion that mechanics allows at the instant of release.
 
     `acceleration` (3,) of the centre of mass, `angular_acceleration` (3,); `contact_forces` (n, 3) on the
-    grain; `contact_accelerations` (n, 3) of the grain at its contacts; `contact_states` (n,); `mode` of the
-    whole; `forces_unique`: if not, other contact forces give the same accelerations, and these are the
-    smallest (sum of squares). `residual`: how far Newton's and Coulomb's laws are missed, relative to the load.
+    grain; `contact_states` (n,); `mode` of the whole; `forces_unique`: if not, other contact forces give the
+    same accelerations. `residual`: how far Newton's and Coulomb's laws are missed, relative to the load.
     """
 
     acceleration: Floats
     angular_acceleration: Floats
     contact_forces: Floats
-    contact_accelerations: Floats
     contact_states: tuple[ContactState, ...]
     mode: Mode
     forces_unique: bool
     residual: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as numbers, strings and lists for JSON."""
-        plain = {item.name: getattr(self, item.name) for item in fields(self)}
-        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in plain.items()}
-        states = [state.name for state in self.contact_states]
-        return plain | {
-            "mode": self.mode.name,
-            "wording": self.mode.value,
-            "contact_states": states,
-        }
-
 
 @dataclass(frozen=True, eq=False)
 class IncipientMotion:
-    """How the grain begins to move: the first of the `solutions` found, which are all different accelerations.
+    """How the grain begins to move: the first of the `solutions`, which are all different accelerations.
 
     Rest comes first if it is one of them, then the motions in the order of their energy of acceleration,
     (m a.a + alpha.J.alpha) / 2. `uniqueness`: whether there can be others; `jams`: contact forces can balance
@@ -152,34 +125,14 @@ class IncipientMotion:
     jams: bool
 
     @property
-    def acceleration(self) -> Floats:
-        """Acceleration (3,) of the centre of mass."""
-        return self.solutions[0].acceleration
-
-    @property
-    def angular_acceleration(self) -> Floats:
-        """(3,)."""
-        return self.solutions[0].angular_acceleration
-
-    @property
-    def contact_forces(self) -> Floats:
-        """The contact forces on the grain, (n, 3)."""
-        return self.solutions[0].contact_forces
-
-    @property
-    def contact_states(self) -> tuple[ContactState, ...]:
-        """Stick, roll, slide or lift, (n,)."""
-        return self.solutions[0].contact_states
-
-    @property
-    def mode(self) -> Mode:
-        """The mode of the whole grain."""
-        return self.solutions[0].mode
+    def first(self) -> Solution:
+        """Rest, or the solution of least energy."""
+        return self.solutions[0]
 
     @property
     def moves(self) -> bool:
         """Whether the grain must move: False if rest is among the solutions."""
-        return self.mode.moves
+        return self.first.mode is not Mode.REST
 
     @property
     def residual(self) -> float:
@@ -188,102 +141,125 @@ class IncipientMotion:
 
     def to_dict(self) -> dict[str, Any]:
         """The first solution, with all of them in `solutions`, for JSON."""
-        every = [solution.to_dict() for solution in self.solutions]
-        verdict = {"uniqueness": self.uniqueness.name, "uniqueness_wording": self.uniqueness.value}
-        return every[0] | verdict | {"jams": self.jams, "moves": self.moves, "solutions": every}
+        return plain(self.first) | plain(self) | {"moves": self.moves}
 
 
 @dataclass(frozen=True, eq=False)
-class AccelerationProblem:
-    """A grain at the instant of its release, dimensionless: the load of length one, the grain's mass one.
+class ReleaseProblem:
+    """n grains at the instant of their release, dimensionless: the load of length one, the grain's mass one.
 
     In 2-D wrenches and accelerations have m = 3 components, in 3-D 6.
     """
 
     contacts: ContactProblem
-    columns: Floats  # (m, 3k): wrenches of unit local forces
-    inverse: Floats  # (m, m), of mass and inertia
-    wrench: Floats  # (m,), of length one, or zero
-    friction: float
-    # A force, and an acceleration, of one in the units of the load and the grain.
-    force_unit: float
-    acceleration_unit: float
+    columns: Floats  # (n, m, 3k): wrenches of unit local forces
+    inverse: Floats  # (n, m, m), of mass and inertia
+    wrench: Floats  # (n, m), of length one, or zero
+    # A force, and an acceleration, of one in the units of the load and the grain, (n,).
+    force_unit: Floats
+    acceleration_unit: Floats
 
     @classmethod
-    def of(
-        cls, load: Load, contacts: Contacts, friction: float, mass: float, inertia: Floats
-    ) -> "AccelerationProblem":
-        """The problem of a case, with friction of at most 1e6; raises SceneError as `incipient_motion` does."""
-        table = checked_inertia(mass, inertia)
-        problem = ContactProblem.of(load, contacts, min(friction, INFINITE), table)
-        wrench, size = problem.wrench(1.0)
-        left = float(np.linalg.norm(wrench))
-        inverse = np.eye(6)
-        inverse[3:, 3:] = np.linalg.inv(table / (mass * problem.reach**2))
-        plane = np.eye(6) if problem.projection is None else problem.projection
+    def of(cls, contacts: ContactProblem, mass: Floats, inertia: Floats) -> "ReleaseProblem":
+        """The problems of grains of mass (n,) and inertia (n, 3, 3) about their centres."""
+        wrench, size = contacts.wrench(1.0)
+        left = np.sqrt((wrench * wrench).sum(axis=1))
+        wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
+        inverse = np.zeros((len(contacts), 6, 6))
+        inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
+        inverse[:, 3:, 3:] = np.linalg.inv(
+            inertia / (mass * contacts.cases.reach**2)[:, None, None]
+        )
+        once = contacts.within(inverse)
         return cls(
-            contacts=problem,
-            columns=plane @ problem.columns,
-            inverse=plane @ inverse @ plane.T,
-            wrench=plane @ wrench / left if left > NO_LOAD else np.zeros(len(plane)),
-            friction=0.0 if problem.cone.is_frictionless else problem.cone.coefficient,
-            force_unit=size * left,
-            acceleration_unit=size * left / mass,
+            contacts,
+            contacts.within(contacts.columns),
+            contacts.within(np.ascontiguousarray(once.swapaxes(1, 2))),
+            contacts.within(wrench[:, :, None])[:, :, 0],
+            size * left,
+            size * left / mass,
         )
+
+    @property
+    def planar(self) -> bool:
+        """Whether the cases are planar."""
+        return self.contacts.plane is not None
 
     @cached_property
-    def scale(self) -> float:
-        """Magnitude of the free acceleration."""
-        return float(np.linalg.norm(self.inverse @ self.wrench))
+    def scale(self) -> Floats:
+        """Magnitude (n,) of the free acceleration."""
+        return np.asarray(np.linalg.norm((self.inverse @ self.wrench[:, :, None])[:, :, 0], axis=1))
+
+    def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
+        """The motions other than rest: how many (n,), accelerations (n, most, m), and local forces (n, most, 3k).
+
+        In 2-D all, in 3-D those found, in the order of energy.
+        """
+        count, motions, forces = MOTIONS(
+            self.columns,
+            self.inverse,
+            self.contacts.law.moving,
+            self.wrench,
+            most,
+            rows=len(self.wrench),
+        )
+        return count, motions[:, :, :-1], forces
+
+    def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
+        """Of accelerations (n, m): (n, 6), and local (n, k, 3), places (n, k) in `ContactState`, (n,) in `MODES`.
+
+        What counts as zero is zero in the first.
+        """
+        projection, zero = self.contacts.projection, ZERO * self.scale[:, None]
+        if projection is not None:
+            accelerations = (accelerations[:, None] @ projection)[:, 0]
+        turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
+        whole = np.concatenate([accelerations[:, :3], turning], axis=1)
+        whole *= (np.abs(whole) > zero).any(axis=1)[:, None]
+        inward = self.contacts.cases.inward
+        at = (whole[:, None] @ self.contacts.columns)[:, 0].reshape(inward.shape)
+        return whole, at, *states_and_modes(at, inward, whole[:, 3:], zero, zero)
 
     @cached_property
-    def law(self) -> CoulombLaw:
-        """Coulomb's law for forces (k, 3) and the local accelerations they give."""
-        gained = self.inverse @ self.columns
-        return CoulombLaw.of(self.columns.T @ gained, self.wrench @ gained, self.friction)
-
-    def spatial(self, acceleration: Floats) -> Floats:
-        """An acceleration (m,) as (6,)."""
-        projection = self.contacts.projection
-        return acceleration if projection is None else np.asarray(acceleration @ projection)
+    def coulomb(self) -> CoulombLaw:
+        """Coulomb's law of a single case, for forces (k, 3) and the local accelerations they give."""
+        gained, friction = self.inverse[0] @ self.columns[0], float(self.contacts.law.moving[0])
+        return CoulombLaw.of(self.columns[0].T @ gained, self.wrench[0] @ gained, friction)
 
 
-def checked_inertia(mass: float, inertia: Floats) -> Floats:
-    """The inertia as an array (3, 3); raises SceneError on what is no mass or inertia."""
-    if not (np.isfinite(mass) and mass > 0.0):
-        raise SceneError(f"mass {mass} is not positive; give the grain's mass")
-    table = np.array(inertia, dtype=float)
-    if table.shape != (3, 3) or not np.isfinite(table).all():
-        raise SceneError(
-            f"inertia has shape {table.shape}; give (3, 3) finite numbers about the centre of mass"
-        )
-    if np.abs(table - table.T).max() > SYMMETRIC * np.abs(table).max():
-        raise SceneError(
-            "inertia is not symmetric; give the inertia tensor about the centre of mass"
-        )
-    if np.linalg.eigvalsh(table)[0] <= 0.0:
-        raise SceneError(
-            "inertia is not positive definite; give positive moments about every axis, also in 2D"
-        )
-    return table
-
-
-def is_inertia(mass: Floats, inertia: Floats) -> Booleans:
-    """Which masses (n,) and inertias (n, 3, 3) `checked_inertia` accepts, (n,)."""
-    finite = np.isfinite(mass) & (mass > 0.0) & np.isfinite(inertia).all(axis=(1, 2))
+def inertia_faults(mass: Floats, inertia: Floats) -> dict[str, Booleans]:
+    """By what is wrong with masses (n,) and inertias (n, 3, 3), of which cases that is so, (n,)."""
+    finite = np.isfinite(inertia).all(axis=(1, 2))
     table = np.where(finite[:, None, None], inertia, np.eye(3))
     skew = np.abs(table - table.transpose(0, 2, 1)).max(axis=(1, 2))
-    right = finite & (skew <= SYMMETRIC * np.abs(table).max(axis=(1, 2)))
-    return np.asarray(right & (np.linalg.eigvalsh(table)[:, 0] > 0.0))
+    return {
+        "mass is not positive; give the grain's mass": ~(np.isfinite(mass) & (mass > 0.0)),
+        "inertia is not finite; give (3, 3) finite numbers about the centre of mass": ~finite,
+        "inertia is not symmetric; give the inertia tensor about the centre of mass": skew
+        > SYMMETRIC * np.abs(table).max(axis=(1, 2)),
+        "inertia is not positive definite; give positive moments about every axis, also in 2D": ~(
+            np.linalg.eigvalsh(table)[:, 0] > 0.0
+        ),
+    }
+
+
+def checked_inertia(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
+    """Mass (1,) and inertia (1, 3, 3); raises SceneError on what is no mass or inertia."""
+    table = np.array(inertia, dtype=float)
+    if table.shape != (3, 3):
+        raise SceneError(f"inertia has shape {table.shape}; give (3, 3) about the centre of mass")
+    for fault, where in inertia_faults(np.array([mass]), table[None]).items():
+        if where[0]:
+            raise SceneError(fault.replace("mass is", f"mass {mass} is"))
+    return np.array([mass]), table[None]
 
 
 def incipient_motion(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    friction: Law,
     mass: float,
     inertia: Floats,
-    safety: SafetyFactor | None = None,
 ) -> IncipientMotion:
     """The accelerations with which a grain at rest answers the load, at contacts that push and rub.
 
@@ -291,13 +267,23 @@ def incipient_motion(
     N >= 0, A_N >= 0, N A_N = 0 (no contact pulls, nothing is penetrated), and |T| <= friction N, where A_T is
     not zero with equality and T against A_T. `inertia` (3, 3) about the centre of mass. Plane cases (the plane's
     normal has to be a principal axis of inertia) are enumerated completely, cases without friction have one
-    solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6. `safety`: the
-    safety factor of the same case, if it is known.
+    solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6.
 
     Raises SceneError on negative friction, a mass that is not positive, an inertia that is not symmetric and
     positive definite, and ConvergenceError if no solution is found.
     """
-    case = AccelerationProblem.of(load, contacts, friction, mass, inertia)
+    known = checked_inertia(mass, inertia)
+    return motion_of(ContactProblem.of(load, contacts, friction, known[1][0]), *known)
+
+
+def motion_of(
+    problem: ContactProblem, mass: Floats, inertia: Floats, safety: SafetyFactor | None = None
+) -> IncipientMotion:
+    """The incipient motion of a single case, of mass (1,) and inertia (1, 3, 3), with its safety factor if known."""
+    law = problem.law
+    if law.moving[0] != law.coefficient[0]:
+        problem = replace(problem, law=FrictionCone(law.moving))
+    case = ReleaseProblem.of(problem, mass, inertia)
     accelerations, forces, complete = _motions(case, safety is None or safety.held)
     if len(accelerations) == 0:
         raise ConvergenceError(
@@ -313,145 +299,136 @@ def incipient_motion(
     return IncipientMotion(solutions, unique, jams)
 
 
-def _motions(case: AccelerationProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
-    """Accelerations and forces found, rest first if it is one of them, and whether these are all."""
-    rest = np.zeros((1, len(case.wrench))), np.zeros((1, len(case.contacts), 3))
-    motions, forces = _frictionless(case)
-    if np.abs(motions).max() <= ZERO * case.scale:
-        return *rest, True  # to move would take energy that the load does not have
-    if case.friction == 0.0:
-        return motions, forces, True
-    held = forces_that_balance(case.contacts, case.spatial(case.wrench)) if may_rest else None
-    row = case.columns[None], case.inverse[None], np.array([case.friction]), case.wrench[None]
-    (count,), accelerations, local = MOTIONS(*row, MOST)
-    motions, forces = (
-        accelerations[0, :count, :-1],
-        local[0, :count].reshape(count, *rest[1].shape[1:]),
-    )
+def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
+    """Accelerations (s, m) and forces (s, k, 3) found, rest first if it is one of them, and whether these are all."""
+    law, scale = case.contacts.law, case.scale[0]
+    free = _frictionless(case)
+    if np.abs(free[0]).max() <= ZERO * scale:
+        return np.zeros_like(free[0]), np.zeros_like(free[1]), True  # to move takes energy
+    if law.is_frictionless:
+        return *free, True
+    held = forces_that_balance(case.contacts, 1.0) if may_rest else None
+    (count,), motions, local = case.motions(MOST)
+    accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
     if held is None and count == 0:
-        more = case.law.solutions(rest[1][0])
-        forces = next((reached for reached in more if len(reached)), forces)
-        motions = (case.wrench + forces.reshape(len(forces), -1) @ case.columns.T) @ case.inverse
+        reached = case.coulomb.solutions(np.zeros_like(free[1][0]))
+        forces = next((some for some in reached if len(some)), forces)
+        whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
+        accelerations = whole @ case.inverse[0]
     if held is not None:
-        moves = np.abs(motions).max(axis=1, initial=0.0) > SAME * case.scale
-        motions = np.concatenate([rest[0], motions[moves]])
-        forces = np.concatenate([held[None], forces[moves]])
-    return motions, forces, len(case.wrench) == 3
+        moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
+        accelerations = np.concatenate([np.zeros_like(free[0]), accelerations[moves]])
+        forces = np.concatenate([held / case.force_unit[0], forces[moves]])
+    return accelerations, forces, case.planar
 
 
-def _frictionless(case: AccelerationProblem) -> tuple[Floats, Floats]:
-    """The only motion without friction, (1, m), and its forces: the accelerations that enter no contact nearest to the
-    free one, by non-negative least squares for the pressures."""
-    root, forces = np.linalg.cholesky(case.inverse), np.zeros((1, len(case.contacts), 3))
-    forces[0, :, 0] = _nonnegative(root.T @ case.columns[:, ::3], -root.T @ case.wrench)[0]
-    return (case.wrench + forces[0].ravel() @ case.columns.T)[None] @ case.inverse, forces
+def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
+    """The only motion without friction, (1, m), and its forces (1, k, 3), by non-negative least squares.
 
-
-def _nonnegative(columns: Floats, target: Floats) -> tuple[Floats, float]:
-    """The factors >= 0 whose sum of columns is nearest to the target, and what that misses."""
-    if columns.shape[1] == 0:
-        return np.zeros(0), float(np.linalg.norm(target))
+    Of the accelerations that enter no contact it is that nearest to the free one.
+    """
+    root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
+    system, target = root.T @ columns[:, ::3], -root.T @ case.wrench[0]
     try:
-        factors = nnls(columns, target)[0]
+        pressures = nnls(system, target)[0]
     except RuntimeError:  # it cycles, which it rarely does
-        factors = lsq_linear(columns, target, (0.0, np.inf), tol=1e-15).x
-    return factors, float(np.linalg.norm(columns @ factors - target))
+        pressures = lsq_linear(system, target, (0.0, np.inf), tol=1e-15).x
+    forces = np.zeros((1, len(pressures), 3))
+    forces[0, :, 0] = pressures
+    return (case.wrench + forces.reshape(1, -1) @ columns.T) @ case.inverse[0], forces
 
 
 def _families(
-    case: AccelerationProblem, accelerations: Floats, forces: Floats
+    case: ReleaseProblem, accelerations: Floats, forces: Floats
 ) -> tuple[bool, list[int]]:
     """Whether there is a continuous family, and which solutions to keep: of a family its ends."""
-    law, moving = case.law, [i for i in range(len(forces)) if accelerations[i].any()]
-    if len(case.wrench) == 3:
+    law, moving = case.coulomb, [i for i in range(len(forces)) if accelerations[i].any()]
+    if case.planar:
         pairs = [(i, j) for j in moving for i in moving if i < j]
-        mean = [law.residual((forces[i] + forces[j]) / 2) <= NEARLY for i, j in pairs]
-        within = {i for pair, is_one in zip(pairs, mean, strict=True) if is_one for i in pair}
+        within = {
+            i
+            for pair in pairs
+            if law.residual(forces[list(pair)].mean(axis=0)) <= NEARLY
+            for i in pair
+        }
         if len(moving) < len(forces):
             within |= {i for i in moving if _reaches_rest(case, accelerations[i])}
     else:
-        within = {i for i in moving if case.friction > 0.0 and _is_open(law, forces[i])}
+        within = {i for i in moving if law.friction > 0.0 and law.is_open(forces[i])}
     dropped = set(sorted(within)[1:-1])
     return bool(within), [i for i in range(len(forces)) if i not in dropped]
 
 
-def _reaches_rest(case: AccelerationProblem, acceleration: Floats) -> bool:
+def _reaches_rest(case: ReleaseProblem, acceleration: Floats) -> bool:
     """Whether forces that a motion in 2-D admits also balance the load: it may then be as slow as one likes."""
     assert case.contacts.generators is not None
-    at = (acceleration @ case.columns).reshape(-1, 3)
-    edges = case.columns.reshape(3, -1, 3) @ case.contacts.generators[-2:].T
-    zero = ZERO * case.scale
+    at, zero = (acceleration @ case.columns[0]).reshape(-1, 3), ZERO * case.scale[0]
     slips = np.stack([at[:, 1] <= zero, at[:, 1] >= -zero], axis=1)
-    return bool(_nonnegative(edges[:, slips & (at[:, :1] <= zero)], -case.wrench)[1] <= NEARLY)
-
-
-def _is_open(law: CoulombLaw, local: Floats) -> bool:
-    """Whether the equations at a solution leave a direction open in which accelerations change."""
-    trial = (local.ravel() @ law.onto + law.offset).reshape(-1, 3)
-    pressure = np.maximum(trial[:, 0], 0.0)
-    shear = np.maximum(np.hypot(trial[:, 1], trial[:, 2]), 1e-300)
-    kept = np.minimum(law.friction * pressure / shear, 1.0)
-    along = trial[:, 1:] * ((kept < 1.0) / shear)[:, None]
-    projection = np.zeros((len(trial), 3, 3))
-    projection[:, 0, 0] = pressure > 0.0
-    projection[:, 1:, 0] = along * law.friction
-    projection[:, 1:, 1:] = np.eye(2) - along[:, :, None] * along[:, None]
-    projection[:, 1:, 1:] *= kept[:, None, None]
-    moved = projection @ law.onto.T.reshape(len(trial), 3, -1)
-    derivative = np.eye(trial.size) - moved.reshape(trial.size, -1)
-    if np.linalg.cond(derivative, 1) < 0.01 / SINGULAR:
-        return False
-    _, sizes, right = np.linalg.svd(derivative)
-    ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
-    return bool((np.abs(ways @ law.gain) > 1e3 * SINGULAR).any())
-
-
-def _solution(case: AccelerationProblem, acceleration: Floats, forces: Floats) -> Solution:
-    """A solution with its states, smallest forces and units."""
-    problem = case.contacts
-    whole = case.spatial(acceleration)[None].copy()
-    at_contacts, kinds, modes = classify_motions(
-        whole, problem.columns[None], np.array([case.scale]), problem.frames[None, :, 0]
+    edges = case.columns[0].reshape(3, -1, 3) @ case.contacts.generators[0, -2:].T
+    admitted = edges[:, slips & (at[:, :1] <= zero)]
+    balancing = admitted.shape[1] > 0
+    return balancing and (
+        factors_that_balance(admitted, case.wrench[0], admitted.shape[1]) is not None
     )
-    y = whole[0] if problem.projection is None else problem.projection @ whole[0]
-    needed = case.wrench - np.linalg.solve(case.inverse, y)
-    local, unique = smallest_forces(case, needed, kinds[0], at_contacts[0])
+
+
+def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Solution:
+    """A solution with its states, forces that are determined as far as they can be, and units."""
+    problem, unit = case.contacts, case.acceleration_unit[0]
+    whole, at, kinds, modes = case.classified(acceleration[None])
+    y = problem.within(whole[:, :, None])[0, :, 0]
+    needed = case.wrench[0] - np.linalg.solve(case.inverse[0], y)
 
     def missed(tried: Floats) -> float:
         """How far Newton's and Coulomb's laws are missed."""
-        balance = np.abs(needed + case.columns @ tried.ravel()).max()
-        return max(float(balance), case.law.residual(tried)) / max(1.0, float(np.abs(tried).max()))
+        balance = float(np.abs(needed + case.columns[0] @ tried.ravel()).max())
+        return max(balance, case.coulomb.residual(tried)) / max(1.0, float(np.abs(tried).max()))
 
-    options = [forces] if local is None else [local, forces]
-    misses = [missed(tried) for tried in options]
-    best = 0 if misses[0] <= NEARLY else int(np.argmin(misses))
-    local, unit = problem.cone.project(options[best]), case.acceleration_unit
-    states = [list(ContactState)[kind] for kind in kinds[0]]
+    local, unique = inner_forces(case, needed, kinds[0], at[0])
+    residual = np.inf if local is None else missed(local)
+    if local is None or (residual > NEARLY and residual > missed(forces)):
+        local, residual = forces, missed(forces)
+    states = list(ContactState)
     return Solution(
         acceleration=unit * whole[0, :3],
-        angular_acceleration=unit / problem.reach * whole[0, 3:],
-        contact_forces=case.force_unit * problem.forces(local),
-        contact_accelerations=unit * (at_contacts[0][:, None] @ problem.frames)[problem.copy, 0],
-        contact_states=tuple(states[i] for i in problem.copy.tolist()),
+        angular_acceleration=unit / problem.cases.reach[0] * whole[0, 3:],
+        contact_forces=case.force_unit[0] * problem.forces(problem.law.project(local[None])[0]),
+        contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],
         forces_unique=unique,
-        residual=misses[best],
+        residual=residual,
     )
 
 
-def classify_motions(
-    accelerations: Floats, columns: Floats, scale: Floats, inward: Floats
-) -> tuple[Floats, Integers, Integers]:
-    """Local accelerations (n, k, 3) at contacts, places (n, k) in `ContactState`, and (n,) in `MODES`.
+def inner_forces(
+    case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats
+) -> tuple[Floats | None, bool]:
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others do; None: not found.
 
-    accelerations: (n, 6), of which what counts as zero becomes zero; columns: (n, 6, 3k) wrenches of unit local forces
-    scale: (n,) of the free acceleration; inward: (n, k, 3) normals
+    Contacts that lift have none, those that slide friction in full against the sliding. Of several the shortest if
+    they are inside the cones, otherwise those farthest inside.
     """
-    zero = ZERO * scale[:, None]
-    accelerations[:, 3:] *= (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
-    accelerations *= (np.abs(accelerations) > zero).any(axis=1)[:, None]
-    at = (accelerations[:, None] @ columns)[:, 0].reshape(*inward.shape)
-    return at, *states_and_modes(at, inward, accelerations[:, 3:], zero, zero)
+    problem, slides, stays = case.contacts, np.flatnonzero(kinds == 2), np.flatnonzero(kinds < 2)
+    edges = problem.generators
+    spans = np.diag(problem.law.scaling[0]) if edges is None else edges[0]
+    opposing = problem.law.edge(-at[None, :, 1:])[0, slides]
+    units = np.concatenate([opposing, np.tile(spans, (len(stays), 1))])
+    owners = np.concatenate([slides, np.repeat(stays, len(spans))])
+    local = np.zeros_like(at)
+    if len(owners) == 0:
+        return local, True
+    columns = (case.columns[0].reshape(len(wrench), -1, 3)[:, owners] * units).sum(axis=2)
+    try:
+        factors = factors_that_balance(
+            columns, wrench, len(slides) if edges is None else len(owners)
+        )
+    except ConvergenceError:
+        factors = None
+    unique = bool(np.linalg.matrix_rank(columns, 1e-10 * np.abs(columns).max()) == len(owners))
+    if factors is None:
+        return None, unique
+    np.add.at(local, owners, factors[:, None] * units)
+    return local, unique
 
 
 def states_and_modes(
@@ -482,71 +459,7 @@ def states_and_modes(
     return kinds, modes
 
 
-def smallest_forces(
-    case: AccelerationProblem, wrench: Floats, kinds: Integers, at_contacts: Floats
-) -> tuple[Floats | None, bool]:
-    """The shortest local forces (k, 3) that balance a wrench (m,), and whether no others do; None: not found.
-
-    Contacts that lift have none, those that slide only friction in full against the sliding. With G the wrenches of
-    unit forces and P the projection on what is admissible, they are P(G^T v) for the v that minimises
-    |P(G^T v)|^2 / 2 + wrench.v.
-    """
-    problem, slides, lifts = case.contacts, (kinds == 2)[:, None], (kinds == 3)[:, None]
-    cosine, sine = problem.cone.scaling[:2]
-    axes = 1 if case.friction == 0.0 else (3 if problem.plane is None else 2)
-
-    def edge(shear: Floats) -> tuple[Floats, Floats]:
-        """The unit forces (k, 3) on the edges of the cones along shears (k, 2), and the magnitudes (k, 1) of these."""
-        size = np.maximum(np.hypot(shear[:, :1], shear[:, 1:]), 1e-300)
-        return np.concatenate([np.full_like(size, cosine), sine * shear / size], axis=1), size
-
-    opposing = edge(-at_contacts[:, 1:])[0]
-    span = np.where(slides[:, None], 0.0, np.diag(np.arange(3.0) < axes))
-    span[:, 0] = np.where(slides, opposing, span[:, 0])
-    span[lifts[:, 0]] = 0.0
-    rows = case.columns.reshape(len(wrench), -1, 3)
-    columns = np.einsum("mkj,kaj->mka", rows, span).reshape(len(wrench), -1)
-    factors, _, rank, _ = np.linalg.lstsq(columns, -wrench, rcond=RANK)
-    if np.abs(columns @ factors + wrench).max() > NEARLY:
-        return None, False
-    local = (factors.reshape(-1, 1, 3) @ span)[:, 0]
-    inside = np.where(slides[:, 0] | (axes == 1), local[:, 0], problem.cone.margin(local))
-    unique = bool(rank == span.any(axis=2).sum())
-    if unique or inside.min() >= -1e-13:
-        return local, unique
-    v = np.linalg.lstsq(columns.T, factors, rcond=RANK)[0]
-
-    def projected(v: Floats) -> tuple[Floats, Floats, Floats, float]:
-        """The forces P(G^T v), their second derivatives (k, 3, 3), what they miss, and the function minimised."""
-        pulled = (v @ case.columns).reshape(-1, 3)
-        unit, shear = edge(pulled[:, 1:])
-        unit = np.where(slides, opposing, unit)
-        size = np.maximum((unit * pulled).sum(axis=1, keepdims=True), 0.0)
-        within = ~slides & (problem.cone.margin(pulled) >= 0.0)[:, None]
-        across = unit[:, [0, 2, 1]] * [0.0, -1.0, 1.0] * np.sqrt(size / (shear * max(sine, 1e-300)))
-        turning = across[:, :, None] * across[:, None] * ~slides[:, None]
-        bent = unit[:, :, None] * unit[:, None] * (size > 0.0)[:, None] + turning
-        bent = np.where(within[:, None], np.eye(3), bent) * ~lifts[:, None]
-        forces = np.where(lifts, 0.0, np.where(within, pulled, size * unit))
-        missed = wrench + case.columns @ forces.ravel()
-        return forces, bent, missed, 0.5 * float((forces * forces).sum()) + float(wrench @ v)
-
-    forces, bent, missed, value = projected(v)
-    for _ in range(LEAST_STEPS):
-        worst = np.abs(missed).max()
-        if worst <= 1e-12 * max(1.0, np.abs(forces).max()):
-            return forces, False
-        curvature = np.einsum("mki,kij,nkj->mn", rows, bent, rows)
-        change = np.linalg.solve(curvature + max(1e-3 * worst, 1e-13) * np.eye(len(v)), missed)
-        for part in 0.5 ** np.arange(12):
-            tried = projected(v - part * change)
-            if tried[3] <= value + 1e-14 * abs(value):
-                break
-        v, (forces, bent, missed, value) = v - part * change, tried
-    return None, False
-
-
-# From here on kernels, which numba compiles (`problem.Kernel`).
+# From here on kernels, which numba compiles (`kernels.Kernel`).
 
 
 class Case(NamedTuple):

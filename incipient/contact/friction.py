@@ -1,4 +1,6 @@
-"""Coulomb's friction cone at a contact; local forces are (normal, two tangential)."""
+"""The law of a contact: Coulomb's friction cone; local forces are (normal, two tangential)."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,71 +11,103 @@ from incipient.arrays import Floats
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
-INFINITE = (
-    1e6  # a coefficient above it counts as infinite; in the equations of motion it stands for one
-)
+# A coefficient above it counts as infinite; the equations of motion use this value instead.
+INFINITE = 1e6
+# Local forces: the normal, the edges of a cone of 45 degrees in 2-D, and all directions along the surface.
+NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
+SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrictionCone:
-    """Forces N >= 0, |T| <= coefficient N, with a coefficient of static friction of at least 0 or infinite.
+    """Forces N >= 0, |T| <= coefficient N.
 
-    Raises SceneError if the coefficient is negative or not a number.
+    `coefficient`: static friction of at least 0, or infinite: a number, or (n,) of n cases, all of them
+    frictionless, or all infinite, or none. Raises SceneError if it is negative or not a number.
     """
 
-    coefficient: float
+    coefficient: Floats
 
     def __post_init__(self) -> None:
-        if not self.coefficient >= 0.0:
+        coefficient = np.asarray(self.coefficient, dtype=float)
+        if not (coefficient >= 0.0).all():
             raise SceneError(
                 f"friction {self.coefficient} is not a coefficient; give a number that is not negative"
             )
+        object.__setattr__(self, "coefficient", coefficient)
+
+    @classmethod
+    def of(cls, law: FrictionCone | float) -> FrictionCone:
+        """A law as it is, or that of a coefficient."""
+        return law if isinstance(law, FrictionCone) else cls(np.asarray(law, dtype=float))
+
+    def repeated(self, count: int) -> FrictionCone:
+        """The law of so many cases alike."""
+        return FrictionCone(np.full(count, self.coefficient))
+
+    def part(self, rows: np.ndarray) -> FrictionCone:
+        """The law of some of the cases."""
+        return FrictionCone(self.coefficient[rows])
 
     @property
     def is_frictionless(self) -> bool:
         """Whether the coefficient counts as zero."""
-        return self.coefficient < FRICTIONLESS
+        return bool(self.coefficient.flat[0] < FRICTIONLESS)
+
+    @cached_property
+    def moving(self) -> Floats:
+        """The coefficient that the equations of motion use, zero to INFINITE, shaped as the coefficient."""
+        return np.where(
+            self.coefficient < FRICTIONLESS, 0.0, np.minimum(self.coefficient, INFINITE)
+        )
 
     @cached_property
     def scaling(self) -> Floats:
-        """(3,): cosine, sine, sine of the friction angle; the unit circular cone times it is the friction cone."""
-        cosine = 1.0 / float(np.hypot(1.0, self.coefficient))
-        sine = self.coefficient * cosine if np.isfinite(self.coefficient) else 1.0
-        return np.array([cosine, sine, sine])
+        """(..., 3): cosine, sine, sine of the friction angle; the unit circular cone times it is the friction cone."""
+        scaling = np.empty((*self.coefficient.shape, 3))
+        scaling[..., 0] = 1.0 / np.hypot(1.0, self.coefficient)
+        scaling[..., 1:] = np.sin(np.arctan(self.coefficient))[..., None]
+        return scaling
 
     def generators(self, planar: bool) -> Floats | None:
-        """Local forces (g, 3) whose non-negative combinations are the cone; None if it is circular.
+        """Local forces (..., g, 3) whose non-negative combinations are the cone; None if it is circular.
 
         In 2-D the last two are its edges, toward the first tangent and against it.
         """
-        normal, sides = np.eye(3)[:1], np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
         if self.is_frictionless:
-            return normal
-        infinite = self.coefficient > INFINITE
-        if planar:
-            return np.vstack([normal, sides]) if infinite else self.scaling * (normal + sides)
-        return np.vstack([normal, sides, sides[:, [0, 2, 1]]]) if infinite else None
+            rigid = NORMAL
+        elif self.coefficient.flat[0] > INFINITE:
+            rigid = np.vstack([NORMAL, SIDES[: 2 if planar else 4]])
+        else:
+            return self.scaling[..., None, :] * EDGES if planar else None
+        return np.broadcast_to(rigid, (*self.coefficient.shape, *rigid.shape))
 
     def margin(self, local: Floats) -> Floats:
-        """Distance (...) of local forces (..., 3) from the edge of the cone, negative outside."""
-        cosine, sine = self.scaling[:2]
+        """Distance (..., k) of local forces (..., k, 3) from the edge of the cone, negative outside."""
+        cosine, sine = self.scaling[..., 0, None], self.scaling[..., 1, None]
         return np.asarray(sine * local[..., 0] - cosine * np.hypot(local[..., 1], local[..., 2]))
 
+    def edge(self, shear: Floats) -> Floats:
+        """Unit forces (..., k, 3) on the edge of the cone along tangential directions (..., k, 2)."""
+        edge = np.ones((*shear.shape[:-1], 3))
+        size = np.maximum(np.hypot(shear[..., :1], shear[..., 1:]), 1e-300)
+        np.divide(shear, size, out=edge[..., 1:])
+        return self.scaling[..., None, :] * edge
+
     def project(self, local: Floats) -> Floats:
-        """Nearest forces in the cone to local forces (k, 3)."""
-        cosine, sine = self.scaling[:2]
-        shear = np.hypot(local[:, 1], local[:, 2])
-        along = np.maximum(cosine * local[:, 0] + sine * shear, 0.0)
-        edge = np.empty_like(local)
-        edge[:, 0] = cosine * along
-        edge[:, 1:] = (sine * along / np.maximum(shear, 1e-300))[:, None] * local[:, 1:]
-        return np.where((self.margin(local) >= 0.0)[:, None], local, edge)
+        """Nearest forces in the cone to local forces (..., k, 3)."""
+        outside = self.margin(local) < 0.0
+        if not outside.any():
+            return local
+        edge = self.edge(local[..., 1:])
+        along = np.maximum((edge * local).sum(axis=-1), 0.0)
+        return np.where(outside[..., None], along[..., None] * edge, local)
 
     def mobilised(self, pressure: Floats, shear: Floats) -> Floats:
-        """Fraction (k,) of the shear that friction answers: 1 where a contact sticks.
+        """Fraction (..., k) of the shear that friction answers: 1 where a contact sticks.
 
-        pressure, shear: magnitudes (k,) of the normal and tangential forces.
+        pressure, shear: magnitudes (..., k) of the normal and tangential forces.
         """
-        limit = self.coefficient * pressure
+        limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))

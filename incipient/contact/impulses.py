@@ -21,29 +21,23 @@ from itertools import chain, product
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import brentq
 
 from incipient.arrays import Floats
 from incipient.contact.friction import INFINITE, FrictionCone
-from incipient.contact.problem import Kernel
-from incipient.contact.safety import add, dot
+from incipient.contact.kernels import Kernel, add, dot
 from incipient.errors import ConvergenceError
 
 GOOD = 1e-9  # what a solution may miss the laws by, dimensionless
 EXACT = 1e-13  # the same where the laws are linear: what is held must not creep
+SINGULAR = 1e-9  # singular values below it leave a family of solutions open
 RANK = 1e-9  # singular values below it, relative to the largest, count as zero
-REGULAR = (
-    1e-12  # added to the diagonal of W, relative to its mean, for impulses that are not unique
-)
+REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that are not unique
 STEPS, PATIENCE = 14, 300  # of Newton's method, the latter where the former do not converge
-CONVERGED, STALLED = (
-    1e-12,
-    1e-11,
-)  # residuals of a solution; the latter if one more step leaves no better
+# Residuals of a solution; the latter if one more step leaves no better.
+CONVERGED, STALLED = 1e-12, 1e-11
 HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
 SHIFT = 1e-11  # of the derivative, which may be singular
-SWEEPS = (100, 5000)  # of the Gauss-Seidel iteration
-RANDOM_STARTS = 40
+RANDOM_STARTS = (40, 200)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +62,19 @@ class CoulombLaw:
         trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
         pressure = np.maximum(trial[:, 0], 0.0)
         shear = np.hypot(trial[:, 1], trial[:, 2])
-        projected = trial * FrictionCone(self.friction).mobilised(pressure, shear)[:, None]
+        projected = trial * FrictionCone.of(self.friction).mobilised(pressure, shear)[:, None]
         projected[:, 0] = pressure
         return float(np.abs(local - projected).max())
+
+    def is_open(self, local: Floats) -> bool:
+        """Whether the equations at a solution (k, 3) leave a direction open in which velocities change."""
+        derivative = np.empty_like(self.onto)
+        differentiate(self.onto, self.friction, local.ravel() @ self.onto + self.offset, derivative)
+        if np.linalg.cond(derivative, 1) < 0.01 / SINGULAR:
+            return False
+        _, sizes, right = np.linalg.svd(derivative)
+        ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
+        return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
 
     def newton(self, starts: Floats, steps: int = PATIENCE) -> Floats:
         """Solutions (s', k, 3) reached from starts (s, k, 3), by STEPS steps or, if these reach none, by `steps`."""
@@ -86,33 +90,18 @@ class CoulombLaw:
             path.extend(replace(self, friction=part * self.friction).newton(path[-1][None]))
         yield self.newton(np.array(path))
         random = np.random.default_rng(0)  # the same every time: answers must not change
-        sizes = 10.0 ** random.uniform(-2.0, 1.0, (RANDOM_STARTS, 1, 1))
-        for sweeps in SWEEPS:
-            yield self.newton(self._gauss_seidel(start, sweeps)[None])
-            yield self.newton(sizes * random.normal(size=(RANDOM_STARTS, *start.shape)))
-
-    def _gauss_seidel(self, start: Floats, sweeps: int) -> Floats:
-        """p (k, 3) after solving for one contact after the other."""
-        local = start.copy()
-        for _ in range(sweeps):
-            for k in range(len(local)):
-                here = slice(3 * k, 3 * k + 3)
-                own = self.gain[here, here]
-                others = self.free[here] + self.gain[here] @ local.ravel() - own @ local[k]
-                local[k] = one_contact(own, others, self.friction)
-        return local
+        for count in RANDOM_STARTS:
+            sizes = 10.0 ** random.uniform(-2.0, 1.0, (count, 1, 1))
+            yield self.newton(sizes * random.normal(size=(count, *start.shape)))
 
 
-def contact_impulses(
-    gain: Floats, free: Floats, friction: Floats, start: Floats | None = None
-) -> Floats:
-    """The impulses (k, 3) at contacts that obey both laws; of several solutions that next to `start`.
+def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
+    """The impulses (k, 3) at contacts that obey both laws.
 
     Args:
         gain: W (3k, 3k), the velocities at the contacts per impulse there; need not be symmetric.
         free: b (3k,), the velocities there without impulses.
         friction: (k,) coefficients of the contacts.
-        start: (k, 3) impulses to start from, such as those of the last step.
 
     Raises:
         ConvergenceError: no impulses were found.
@@ -134,10 +123,8 @@ def contact_impulses(
     w += REGULAR * np.eye(3 * count)
     law = CoulombLaw.of(w, b, most)
     sticking = np.linalg.solve(w + 1e-9 * np.eye(3 * count), -b).reshape(-1, 3)
-    starts = [np.zeros((count, 3)), sticking]
-    if start is not None:
-        starts.insert(0, start / (np.where(weight > 0.0, weight, 1.0) * unit))
-    for solutions in chain([law.newton(np.array(starts))], law.solutions(sticking)):
+    starts = np.stack([np.zeros((count, 3)), sticking])
+    for solutions in chain([law.newton(starts)], law.solutions(sticking)):
         for local in solutions:
             if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
                 return np.asarray(unit * weight * local)
@@ -191,42 +178,7 @@ def _by_cases(law: CoulombLaw) -> Floats | None:
     return None
 
 
-def one_contact(gain: Floats, free: Floats, friction: float) -> Floats:
-    """The impulse (3,) at a single contact, W (3, 3) positive definite: none, sticking, or sliding.
-
-    Sliding, p_T = -(W_TT + a)^-1 (W_TN p_N + b_T) and u_N = 0 for the a >= 0 at which |p_T| = friction p_N, which
-    exists, since the friction needed falls to none as a grows.
-    """
-    if free[0] >= 0.0:
-        return np.zeros(3)
-    stuck = np.linalg.solve(gain, -free)
-    if stuck[0] >= 0.0 and np.hypot(stuck[1], stuck[2]) <= friction * stuck[0]:
-        return np.asarray(stuck)
-    if friction == 0.0:
-        return np.array([-free[0] / gain[0, 0], 0.0, 0.0])
-
-    def sliding(part: float) -> Floats:
-        """The impulse (3,) that leaves no normal velocity, with a = trace part/(1 - part)."""
-        a = float(np.trace(gain)) * part / (1.0 - part)
-        answer = np.linalg.inv(gain[1:, 1:] + a * np.eye(2))
-        normal = (-free[0] + gain[0, 1:] @ answer @ free[1:]) / (
-            gain[0, 0] - gain[0, 1:] @ answer @ gain[1:, 0]
-        )
-        return np.array([normal, *(-answer @ (gain[1:, 0] * normal + free[1:]))])
-
-    def lacking(part: float) -> float:
-        """The friction needed beyond the coefficient."""
-        if part >= 1.0:
-            return -1.0
-        normal, first, second = sliding(part)
-        return float(np.hypot(first, second) / normal - friction) if normal > 0.0 else 1.0
-
-    if lacking(0.0) <= 0.0:
-        return sliding(0.0)
-    return sliding(float(brentq(lacking, 0.0, 1.0, xtol=1e-15, rtol=1e-14)))
-
-
-# From here on kernels, which numba compiles (`problem.Kernel`).
+# From here on kernels, which numba compiles (`kernels.Kernel`).
 
 
 def newton(
@@ -254,7 +206,7 @@ def newton(
                 add(solutions[reached], -1.0, miss[i])
                 reached += 1
                 continue
-            _differentiate(onto, friction, trial[i], derivative)
+            differentiate(onto, friction, trial[i], derivative)
             change, part, lowest, best = miss[i].copy(), 1.0, np.inf, 1.0
             solve(derivative, change)
             start[:] = force[i]
@@ -288,7 +240,7 @@ def _miss(
     return dot(miss, miss)
 
 
-def _differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> None:
+def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> None:
     """Fill in the generalised Jacobian (h, h) of the miss; at kinks one of the one-sided derivatives."""
     for i in range(0, len(trial), 3):
         pressure = max(trial[i], 0.0)
@@ -319,9 +271,8 @@ def solve(matrix: Floats, right: Floats) -> None:
             continue
         right[pivot], right[column] = right[column], right[pivot]
         for entry in range(column, count):
-            held = matrix[column, entry]
-            matrix[column, entry] = matrix[pivot, entry]
-            matrix[pivot, entry] = held
+            above, below = matrix[column, entry], matrix[pivot, entry]
+            matrix[column, entry], matrix[pivot, entry] = below, above
         for row in range(column + 1, count):
             factor = matrix[row, column] / matrix[column, column]
             if factor != 0.0:

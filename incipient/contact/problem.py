@@ -1,32 +1,32 @@
-"""The contact problem of a rigid grain, made dimensionless.
+"""Contact problems of rigid grains, dimensionless: a single case is a batch of one.
 
 Lengths are divided by the longest arm from the centre of mass and forces by their own magnitude, so that nothing
-below depends on units. A wrench (6,) is force and torque about the centre of mass. In a plane case third components
-are zero and torques act along the third axis; cases in any other plane through the centre are recognised.
+depends on units. A wrench (6,) is force and torque about the centre of mass. Planar cases, in any plane through the
+centre, have three equations, all others six.
 """
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
 from functools import cached_property
-from types import FunctionType
 from typing import Any
 
 import numpy as np
 
-from incipient.arrays import Floats, Integers, cross
+from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact.friction import FrictionCone
 from incipient.errors import SceneError
+from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, freeze
 
 PLANAR = 1e-12  # dimensionless distance from its plane up to which a case is planar
-SOLID = 1e-6  # determinant of the normals' second moments above which they span space
+SOLID = 1e-6  # determinant of the vectors' second moments above which they are in no plane
 SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal normals are one
-# Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
-INTERPRETED = 240
-AT_ONCE = 20  # rows in one call that are always compiled, so that tables do not depend on what was called before
+TINY = 1e-300  # divides instead of zero
 SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
+Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +59,10 @@ class Load:
         """F_flow&g of (9): flow force and weight together, (3,)."""
         return self.flow_force + self.weight
 
-    @property
-    def couple(self) -> Floats:
-        """tau_flow&g of (21) about the centre of mass, where the weight has no torque, (3,)."""
-        return self.flow_couple
-
-    def shifted(self, change: Floats) -> "Load":
+    def shifted(self, change: Floats) -> Load:
         """The load with the flow's force and torque changed by (6,)."""
-        return Load(
-            self.flow_force + change[:3], self.flow_couple + change[3:], self.weight, self.centre
-        )
+        force, torque = self.flow_force + change[:3], self.flow_couple + change[3:]
+        return Load(force, torque, self.weight, self.centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,229 +99,237 @@ class Loads:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
-    """k distinct contacts and the load on them, dimensionless.
+class Scaled:
+    """n cases of k contacts and the loads on them, dimensionless.
 
-    `plane` (3, 3): two axes in the plane of a planar case and its normal, otherwise None. `copy` (n,): the
-    distinct contact of each one given, `fraction` (n,): its fraction of that contact's force.
+    `arms`, `inward` (n, k, 3): contact points from the centre of mass over `reach` (n,), and inward normals. `wrenches`
+    (n, 2, 6): unit wrenches of flow and weight, or zero, and their magnitudes `sizes` (n, 2) in the caller's units.
     """
 
-    frames: Floats  # (k, 3, 3): rows inward normal and two tangents, the second across a plane
-    basis: Floats  # (6, k, 3): wrenches of unit local forces
+    arms: Floats
+    inward: Floats
+    reach: Floats
+    wrenches: Floats
+    sizes: Floats
+
+    @classmethod
+    def of(cls, arms: Floats, normals: Floats, loads: tuple[Floats, Floats, Floats]) -> Scaled:
+        """Cases of arms and unit normals (n, k, 3) under force, torque and weight (n, 3)."""
+        reach = np.sqrt((arms * arms).sum(axis=2).max(axis=1))
+        reach[reach == 0.0] = 1.0
+        wrenches = np.zeros((len(arms), 2, 6))
+        wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
+        wrenches[:, 0, 3:] = loads[1] / reach[:, None]
+        sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
+        wrenches /= np.maximum(sizes, TINY)[:, :, None]
+        return cls(arms / reach[:, None, None], -normals, reach, wrenches, sizes)
+
+    def part(self, rows: Integers | Booleans) -> Scaled:
+        """Some of the cases."""
+        return Scaled(*(getattr(self, item.name)[rows] for item in fields(self)))
+
+    def planes(self, inertia: Floats | None = None) -> tuple[Floats, Booleans]:
+        """The nearest planes of the cases (n, 3, 3): two axes and the normal; and which cases are planar, (n,).
+
+        inertia: (n, 3, 3); a planar load gives a planar motion only if the normal is a principal axis.
+        """
+        vectors = np.concatenate([self.arms, self.inward, self.wrenches[:, :, :3]], axis=1)
+        torque = self.wrenches[:, 0, 3:]
+        axes = np.empty((len(vectors), 3, 3))
+        axes[:] = np.eye(3)
+        other = vectors[:, :, 2].any(axis=1) | torque[:, :2].any(axis=1)
+        planar = ~other
+        if other.any():
+            other &= np.linalg.det(vectors.swapaxes(1, 2) @ vectors) <= SOLID
+        if other.any():
+            axes[other] = _axes(vectors[other], torque[other])
+            normal = axes[other, 2]
+            along = (torque[other] * normal).sum(axis=1, keepdims=True)
+            outside = np.abs(vectors[other] @ normal[:, :, None]).max(axis=(1, 2))
+            outside = np.maximum(outside, np.abs(torque[other] - along * normal).max(axis=1))
+            planar[other] = outside <= PLANAR
+        if inertia is not None:
+            along = (inertia @ axes[:, 2, :, None])[:, :, 0]
+            across = np.abs((axes[:, :2] @ along[:, :, None])[:, :, 0]).max(axis=1)
+            planar &= ~(across > PLANAR * np.abs(inertia).max(axis=(1, 2)))
+        return axes, planar
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """n cases of k distinct contacts each, with the loads on them, dimensionless.
+
+    `plane` (n, 3, 3): two axes in the plane of planar cases and its normal, otherwise None. `copy` (j,): the distinct
+    contact of each contact of the caller, `fraction` (j,): its fraction of that contact's force.
+    """
+
+    cases: Scaled
+    law: FrictionCone
+    plane: Floats | None
     copy: Integers
     fraction: Floats
-    reach: float  # the unit of length
-    cone: FrictionCone
-    plane: Floats | None
-    # Unit wrenches (6,), or zero, and their magnitudes in the caller's units of force.
-    flow: Floats
-    weight: Floats
-    flow_size: float
-    weight_size: float
 
     @classmethod
     def of(
-        cls, load: Load, contacts: Contacts, friction: float, inertia: Floats | None = None
-    ) -> "ContactProblem":
-        """The problem of a case; its plane is used only if `inertia` (3, 3) keeps the motion in it.
+        cls, load: Load, contacts: Contacts, law: Law, inertia: Floats | None = None
+    ) -> ContactProblem:
+        """The problem of a single case; it is planar only if `inertia` (3, 3) keeps the motion in the plane.
 
         Raises SceneError if friction is negative or not a number, or all normals point into the grain.
         """
-        cone, arms = FrictionCone(float(friction)), contacts.points - load.centre
-        reach = max(map(_length, arms)) or 1.0
-        require_outward(contacts, load.centre)
-        kept, copy, fraction = _distinct(arms / reach, contacts.normals)
-        arms, inward = arms[kept] / reach, -contacts.normals[kept]
-        plane = _plane(arms, inward, load, inertia)
-        frames = contact_frames(inward, None if plane is None else plane[2])
-        flow = np.concatenate([load.flow_force, load.flow_couple / reach])
-        weight = np.concatenate([load.weight, np.zeros(3)])
-        sizes = _length(flow), _length(weight)
-        unit_flow, unit_weight = flow / (sizes[0] or 1.0), weight / (sizes[1] or 1.0)
-        basis = wrench_basis(arms, frames)
-        return cls(
-            frames, basis, copy, fraction, reach, cone, plane, unit_flow, unit_weight, *sizes
-        )
+        arms = contacts.points - load.centre
+        require_outward(arms, contacts.normals)
+        kept, copy, fraction = _distinct(arms, contacts.normals)
+        loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
+        scaled = Scaled.of(arms[None, kept], contacts.normals[None, kept], loads)
+        axes, planar = scaled.planes(None if inertia is None else inertia[None])
+        law = FrictionCone.of(law).repeated(1)
+        return cls(scaled, law, axes if planar[0] else None, copy, fraction)
+
+    @classmethod
+    def of_rows(cls, cases: Scaled, law: FrictionCone, plane: Floats | None) -> ContactProblem:
+        """The problems of cases of distinct contacts, all planar or none."""
+        count = cases.arms.shape[1]
+        return cls(cases, law, plane, np.arange(count), np.ones(count))
 
     def __len__(self) -> int:
-        return len(self.frames)
+        return len(self.cases.arms)
+
+    def part(self, rows: Integers | Booleans) -> ContactProblem:
+        """The problems of some of the cases."""
+        plane = None if self.plane is None else self.plane[rows]
+        return replace(self, cases=self.cases.part(rows), law=self.law.part(rows), plane=plane)
 
     @cached_property
+    def frames(self) -> Floats:
+        """(n, k, 3, 3): rows inward normal and two tangents, in planar cases the second across the plane."""
+        across = None if self.plane is None else self.plane[:, None, 2, :, None]
+        return contact_frames(self.cases.inward, across)
+
+    @cached_property
+    def basis(self) -> Floats:
+        """(n, 6, k, 3): wrenches of unit local forces."""
+        moments = _skew(self.cases.arms) @ self.frames.swapaxes(2, 3)
+        basis = np.empty((len(self), 6, *self.cases.arms.shape[1:]))
+        basis[:, :3] = self.frames.transpose(0, 3, 1, 2)
+        basis[:, 3:] = moments.transpose(0, 2, 1, 3)
+        return basis
+
+    @property
     def columns(self) -> Floats:
-        """`basis` as (6, 3k)."""
-        return self.basis.reshape(6, -1)
+        """`basis` as (n, 6, 3k)."""
+        return self.basis.reshape(len(self), 6, -1)
 
     @cached_property
     def generators(self) -> Floats | None:
-        """Local forces (g, 3) that span the friction cone; None if it is circular."""
-        return self.cone.generators(self.plane is not None)
-
-    @cached_property
-    def projection(self) -> Floats | None:
-        """(3, 6): takes wrenches into the plane of a planar case."""
-        return None if self.plane is None else plane_projection(self.plane)
+        """Local forces (n, g, 3) that span the friction cones; None if these are circular."""
+        return self.law.generators(self.plane is not None)
 
     @cached_property
     def cone_columns(self) -> Floats:
-        """Wrenches (m, h) of the generators of all cones, or of unit circular cones, three columns each."""
+        """Wrenches (n, m, h) of the generators of all cones, or of unit circular cones, three columns each."""
         if self.generators is None:
-            return (self.basis * self.cone.scaling).reshape(6, -1)
-        columns = (self.basis @ self.generators.T).reshape(6, -1)
-        return columns if self.projection is None else self.projection @ columns
+            columns = self.basis * self.law.scaling[:, None, None]
+        else:
+            columns = self.basis @ self.generators[:, None].swapaxes(2, 3)
+        return self.within(columns.reshape(len(self), 6, -1))
+
+    @property
+    def linear(self) -> int:
+        """How many factors on `cone_columns` need only be non-negative: all or none."""
+        return 0 if self.generators is None else self.cone_columns.shape[2]
 
     def local(self, factors: Floats) -> Floats:
-        """Local forces (k, 3) of the factors (h,) on `cone_columns`."""
+        """Local forces (n, k, 3) of the factors (n, h) on `cone_columns`."""
+        parts = factors.reshape(len(self), self.cases.arms.shape[1], -1)
         if self.generators is None:
-            return np.asarray(factors.reshape(-1, 3) * self.cone.scaling)
-        return np.asarray(factors.reshape(-1, len(self.generators)) @ self.generators)
+            return np.asarray(parts * self.law.scaling[:, None])
+        return np.asarray(parts @ self.generators)
 
-    def within(self, wrench: Floats) -> Floats:
-        """A wrench (6,) with as many rows as `cone_columns`."""
-        return wrench if self.projection is None else np.asarray(self.projection @ wrench)
+    @cached_property
+    def projection(self) -> Floats | None:
+        """(n, 3, 6): takes wrenches and accelerations into the planes of planar cases."""
+        if self.plane is None:
+            return None
+        rows = np.zeros((len(self), 3, 6))
+        rows[:, :2, :3], rows[:, 2, 3:] = self.plane[:, :2], self.plane[:, 2]
+        return rows
+
+    def within(self, wrenches: Floats) -> Floats:
+        """Wrenches (n, 6, j) with as many rows as there are equations, (n, m, j)."""
+        return wrenches if self.projection is None else np.asarray(self.projection @ wrenches)
+
+    def wrench(self, factor: float) -> tuple[Floats, Floats]:
+        """(factor flow + weight) over the sum of both magnitudes, (n, 6), and that sum (n,)."""
+        sizes = self.cases.sizes * [factor, 1.0]
+        size = sizes.sum(axis=1)
+        whole = (sizes[:, :, None] * self.cases.wrenches).sum(axis=1)
+        return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:
-        """Local forces (k, 3) as forces (n, 3) on the grain at the contacts given."""
-        return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames)[self.copy, 0])
-
-    def wrench(self, factor: float) -> tuple[Floats, float]:
-        """(factor flow + weight) over the sum of both magnitudes, and that sum."""
-        size = factor * self.flow_size + self.weight_size
-        whole = factor * self.flow_size * self.flow + self.weight_size * self.weight
-        return (whole / size if size > 0.0 else whole), size
+        """Local forces (k, 3) of a single case as forces (j, 3) on the grain at the contacts of the caller."""
+        return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
 
-def require_outward(contacts: Contacts, centre: Floats) -> None:
-    """Refuse contacts whose normals all point toward the centre of mass: a mistaken sign. Raises SceneError."""
-    if (((contacts.points - centre) * contacts.normals).sum(axis=1) < 0.0).all():
+def require_outward(arms: Floats, normals: Floats) -> None:
+    """Refuse normals (k, 3) that all point toward the centre of mass: a mistaken sign. Raises SceneError."""
+    if ((arms * normals).sum(axis=1) < 0.0).all():
         raise SceneError(
             "contacts: all normals point into the grain; give them pointing out, into the bed"
         )
 
 
-def plane_projection(plane: Floats) -> Floats:
-    """The rows (3, 6) that take wrenches and accelerations into a plane (3, 3) of two axes and its normal."""
-    rows = np.zeros((3, 6))
-    rows[:2, :3], rows[2, 3:] = plane[:2], plane[2]
-    return rows
-
-
-def leave_plane(plane: Floats, changes: Floats) -> bool:
-    """Whether changes (6, m) of force and torque leave the plane (3, 3) of a case."""
-    across = np.vstack([plane[2] @ changes[:3], plane[:2] @ changes[3:]])
-    return bool((np.abs(across) > PLANAR * np.linalg.norm(changes, axis=0)).any())
-
-
 def contact_frames(inward: Floats, across: Floats | None) -> Floats:
-    """(k, 3, 3): inward normal and two tangents; the last is `across` if that is given."""
-    turns, frames = _skew(inward), np.empty((*inward.shape, 3))
+    """(n, k, 3, 3): inward normal and two tangents; the last is `across` (n, 1, 3, 1) if that is given."""
+    turns = _skew(inward)
     if across is None:
-        first = turns[np.arange(len(inward)), :, np.abs(inward).argmin(axis=1)]
-        first /= np.sqrt((first * first).sum(axis=1))[:, None]
+        least = np.abs(inward).argmin(axis=2).ravel()
+        first = turns.reshape(-1, 3, 3)[np.arange(len(least)), :, least].reshape(
+            turns[..., :1].shape
+        )
+        first /= np.sqrt((first * first).sum(axis=2, keepdims=True))
     else:
         first = -turns @ across
-    frames[:, 0], frames[:, 1] = inward, first
-    frames[:, 2] = (turns @ first[:, :, None])[:, :, 0]
+    frames = np.empty((*inward.shape, 3))
+    frames[:, :, 0], frames[:, :, 1] = inward, first[..., 0]
+    frames[:, :, 2] = (turns @ first)[..., 0]
     return frames
 
 
-def wrench_basis(arms: Floats, frames: Floats) -> Floats:
-    """(6, k, 3): wrenches of unit local forces in frames (k, 3, 3) at the ends of arms (k, 3)."""
-    basis = np.empty((6, *frames.shape[:2]))
-    basis[:3] = frames.transpose(2, 0, 1)
-    basis[3:] = (_skew(arms) @ frames.transpose(0, 2, 1)).transpose(1, 0, 2)
-    return basis
-
-
-class Kernel:
-    """A function of loops over numbers that runs as it is at first and is compiled by numba if it is called often.
-
-    Compiled code is kept in `__pycache__`, or where NUMBA_CACHE_DIR says.
-
-    Args:
-        function: its first argument ends in a matrix for each row.
-        interpreted: rows with three equations before it is compiled.
-    """
-
-    def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
-        self.function, self.left = function, interpreted
-        self.compiled: Callable[..., Any] | None = None
-
-    def __call__(self, *arguments: Any, rows: int = 1) -> Any:
-        """Call it for so many rows, whose work goes by the cube of the number of equations."""
-        work = rows * (arguments[0].shape[-2] / 3) ** 3
-        self.left -= work
-        if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
-            self.compiled = _compiled(self.function) or self.function
-        return (self.compiled or self.function)(*arguments)
-
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """The function and all that it calls, compiled at its first call; None without numba."""
-    try:
-        from numba import njit  # takes a third of a second
-    except ImportError:
-        return None
-    scope: dict[str, Any] = {}
-    for value in list(function.__globals__.values()):
-        if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
-            scope |= value.__globals__
-    scope |= function.__globals__
-    options = {"error_model": "numpy", "no_cfunc_wrapper": True}
-    for name, value in list(scope.items()):
-        if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
-            scope[name] = njit(**options)(FunctionType(value.__code__, scope, name))
-    entry = FunctionType(function.__code__, scope, function.__name__)
-    entry.__module__ = function.__module__
-    try:
-        return njit(cache=True, **options)(entry)
-    except RuntimeError:  # there is no directory that numba can write to
-        return njit(**options)(entry)
+def plain(value: Any) -> Any:
+    """Results as dictionaries, lists, names, numbers and None (no number, or infinite), for JSON."""
+    if is_dataclass(value):
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return of_numbers(value)
 
 
 def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
     """Indices of the distinct contacts, for every contact which of them it is, and its fraction."""
-    rows = np.concatenate([arms, normals], axis=1)
-    same = np.abs(rows[:, None] - rows).max(axis=2) <= SAME_PLACE
-    count = len(rows)
+    count, near = len(arms), SAME_PLACE * np.abs(arms).max()
+    same = np.abs(arms[:, None] - arms).max(axis=2) <= near
+    if np.count_nonzero(same) > count:
+        same &= np.abs(normals[:, None] - normals).max(axis=2) <= SAME_PLACE
     if np.count_nonzero(same) == count:
         return np.arange(count), np.arange(count), np.ones(count)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
     return kept, copy, 1.0 / same.sum(axis=1)
 
 
-def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
-    """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
-    if len(inward) > 2 and np.linalg.det(inward.T @ inward) > SOLID:
-        return None
-    inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
-    vectors = np.vstack([arms, inward, *inside])
-    torque = load.flow_couple / (_length(load.flow_couple) or 1.0)
-    axes = _axes(vectors, torque)
-    outside = [vectors @ axes[2], torque - torque @ axes[2] * axes[2]]
-    if inertia is not None:
-        # A planar load gives a planar motion only if the normal of the plane is a principal axis.
-        along = inertia @ axes[2]
-        outside.append((along - along @ axes[2] * axes[2]) / np.abs(inertia).max())
-    return axes if max(np.abs(part).max() for part in outside) <= PLANAR else None
-
-
 def _axes(vectors: Floats, torque: Floats) -> Floats:
-    """Axes (3, 3) of the plane nearest to vectors; where they are on one line, of that across the torque."""
-    if not (vectors[:, 2].any() or torque[:2].any()):
-        return np.eye(3)
+    """Axes (n, 3, 3) of the planes nearest to vectors (n, m, 3); of those on one line, across the torque (n, 3)."""
     _, sizes, axes = np.linalg.svd(vectors)
-    if sizes[1] <= PLANAR * sizes[0] and torque.any():
-        across = torque - torque @ axes[0] * axes[0]
-        if _length(across) > 0.5:
-            axes[2] = across / _length(across)
-    axes[1] = cross(axes[2], axes[0])
+    across = torque - (torque * axes[:, 0]).sum(axis=1, keepdims=True) * axes[:, 0]
+    left = np.linalg.norm(across, axis=1)
+    line = (sizes[:, 1] <= PLANAR * sizes[:, 0]) & (left > 0.5 * np.linalg.norm(torque, axis=1))
+    axes[line, 2] = across[line] / left[line, None]
+    axes[:, 1] = cross(axes[:, 2], axes[:, 0])
     return np.asarray(axes)
 
 
 def _skew(vectors: Floats) -> Floats:
-    """The matrices (k, 3, 3) of the vector products with vectors (k, 3)."""
-    return np.asarray((vectors @ SKEW).reshape(-1, 3, 3))
-
-
-def _length(vector: Floats) -> float:
-    return math.hypot(*vector.tolist())  # neither overflows nor underflows, whatever the units
+    """The matrices (..., 3, 3) of the vector products with vectors (..., 3)."""
+    return np.asarray((vectors @ SKEW).reshape(*vectors.shape, 3))

@@ -20,16 +20,21 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.batch import judge_batch
+from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
+from incipient.contact.friction import FrictionCone
 from incipient.contact.paper import classify
-from incipient.contact.problem import ContactProblem, Load, Loads, leave_plane
-from incipient.contact.safety import FAILED, HELD, SAFETY, TOLERANCE, balanced_interval
+from incipient.contact.problem import PLANAR, TINY, ContactProblem, Law, Load, Loads
+from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]
 CLASSES = 20  # at most, of an input, with ten cases in each at least
-AXES = "xyz"
+INPUTS = (
+    *(f"{name} {axis}" for name in ("flow_force", "flow_couple") for axis in "xyz"),
+    "friction",
+)
 WITHIN = 2.0  # standard errors of every input within which bounds are proved
 DOUBT = 0.05  # chance that a probability of which no case was drawn is larger than said
 
@@ -82,27 +87,21 @@ class SafetyRange:
         return _extent(self.possible) - _extent(self.guaranteed)
 
 
-def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox) -> SafetyRange:
+def safety_range(load: Load, contacts: Contacts, friction: Law, box: ErrorBox) -> SafetyRange:
     """The factors at which some load of a box and every load of it are held. Raises SceneError as `safety_factor`."""
-    firm = _spatial(ContactProblem.of(load, contacts, friction + box.friction), box)
-    loose = firm
-    if box.friction > 0.0:
-        loose = ContactProblem.of(load, contacts, max(friction - box.friction, 0.0))
-        loose = _spatial(loose, box)
-    every, worst, loose_holds = _guaranteed(loose, box, load)
-    try:
-        low, high, firm_holds, _ = balanced_interval(firm)
-        some = None if math.isnan(low) else (low, high)
-        if box.error_directions.shape[1]:
-            some = _possible(firm, box, firm_holds)
-    except ConvergenceError:  # what is not answered excludes no load
-        some, firm_holds = (0.0, math.inf), True
+    law = FrictionCone.of(friction)
+    firm, loose = (
+        _problem(load, contacts, FrictionCone(np.maximum(law.coefficient + change, 0.0)), box)
+        for change in (box.friction, -box.friction)
+    )
+    some, firm_holds = _possible(firm, box)
+    every, worst, loose_holds = _guaranteed(loose, box)
     return SafetyRange(
         possible=some,
         guaranteed=every,
         low=every[1] if loose_holds and every is not None else 0.0,
         high=some[1] if firm_holds and some is not None else 0.0,
-        worst=worst,
+        worst=load.shifted(box.corners()[worst]),
     )
 
 
@@ -112,80 +111,86 @@ def held_words(some: Interval | None, every: Interval | None) -> str:
         return "no multiple of the flow's load holds it"
     if some[1] == 0.0:
         return "any part of the flow's load moves it"
-    may = f"{_ends(some)} times the flow's load may hold it"
+    may = f"{some[0]:.4g} to {some[1]:.4g} times the flow's load may hold it"
     if every is None:
         return f"{may}, none for certain"
-    return f"{may}, {_ends(every)} times do for certain"
+    return f"{may}, {every[0]:.4g} to {every[1]:.4g} times do for certain"
 
 
-def _spatial(problem: ContactProblem, box: ErrorBox) -> ContactProblem:
-    """The problem without its plane if errors leave it."""
-    plane, directions = problem.plane, box.error_directions
-    leaves = plane is not None and leave_plane(plane, directions)
-    return replace(problem, plane=None) if leaves else problem
+def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -> ContactProblem:
+    """The problem of a load, planar only if all loads of the box are."""
+    problem = ContactProblem.of(load, contacts, law)
+    if problem.plane is None:
+        return problem
+    changes, (first, second, normal) = box.error_directions, problem.plane[0]
+    across = [normal @ changes[:3], first @ changes[3:], second @ changes[3:]]
+    leaves = np.abs(across) > PLANAR * np.linalg.norm(changes, axis=0)
+    return replace(problem, plane=None) if leaves.any() else problem
 
 
-def _possible(problem: ContactProblem, box: ErrorBox, weight_held: bool) -> Interval | None:
-    """The smallest and the largest factor at which some load of the box is held.
+def _flows(problem: ContactProblem, changes: Floats) -> Floats:
+    """Changes (6, j) of the flow's load as wrenches with the equations of the problem, (m, j)."""
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.cases.reach[0]]])
+    return problem.within((changes / units[:, None])[None])[0]
+
+
+def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, bool]:
+    """The smallest and the largest factor at which some load of the box is held, and whether the weight is.
 
     s (flow + D u) is s (flow - D 1) + D p with p + q = 2 s 1 and p, q >= 0, which count as further contact forces.
+    What has no answer excludes no load.
     """
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach]])
-    flow = problem.flow * problem.flow_size
-    ways = np.array([problem.within(way) for way in (box.error_directions.T / units)]).T
-    size = problem.flow_size + float(np.linalg.norm(ways))
-    ways, count = ways / size, ways.shape[1]
-    columns, unity = problem.cone_columns, np.eye(count)
-    none = np.zeros((count, columns.shape[1]))
-    rows = np.block([[ways, np.zeros_like(ways), columns], [unity, unity, none]])
-    target = np.append(problem.within(flow) / size - ways.sum(axis=1), np.full(count, -2.0))
-    unit = float(np.linalg.norm(target))
-    weight = np.append(problem.within(problem.weight), np.zeros(count))
-    linear = 2 * count + (0 if problem.generators is None else columns.shape[1])
-    low, high, state, _ = SAFETY(rows[None], target[None] / unit, weight[None], linear)
-    if state[0] == FAILED:
-        return 0.0, math.inf
-    if math.isnan(low[0]):
-        return (0.0, 0.0) if weight_held else None
-    ratio = (problem.weight_size or size * unit) / (size * unit)
-    largest = float(high[0]) * ratio
-    return (0.0 if weight_held else float(low[0]) * ratio), largest if largest > TOLERANCE else 0.0
+    (low,), (high,), (state,), _ = intervals(problem)
+    weight_held, count = state == HELD, box.error_directions.shape[1]
+    if count and state != FAILED:
+        ways = _flows(problem, box.error_directions)
+        flow, weight = problem.within(problem.cases.wrenches.swapaxes(1, 2))[0].T
+        flow_size, weight_size = problem.cases.sizes[0]
+        size = flow_size + float(np.linalg.norm(ways))
+        columns, unity = problem.cone_columns[0], np.eye(count)
+        rows = np.block(
+            [
+                [ways / size, np.zeros_like(ways), columns],
+                [unity, unity, np.zeros((count, columns.shape[1]))],
+            ]
+        )
+        target = np.append((flow_size * flow - ways.sum(axis=1)) / size, np.full(count, -2.0))
+        unit = float(np.linalg.norm(target))
+        weight = np.append(weight, np.zeros(count))
+        (low,), (high,), (state,), _ = INTERVALS(
+            rows[None], target[None] / unit, weight[None], 2 * count + problem.linear
+        )
+        ratio = (weight_size or size * unit) / (size * unit)
+        low, high = (0.0 if weight_held else low * ratio), high * ratio
+        high = high if high > TOLERANCE else 0.0
+        if weight_held and not high >= 0.0:
+            low, high = 0.0, 0.0
+    if state == FAILED:
+        return (0.0, math.inf), True
+    return (None if math.isnan(low + high) else (float(low), float(high))), bool(weight_held)
 
 
-def _guaranteed(
-    problem: ContactProblem, box: ErrorBox, load: Load
-) -> tuple[Interval | None, Load, bool]:
-    """The factors at which loads at all corners are held, the load held at the fewest, and whether the weight is."""
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach]])
+def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, int, bool]:
+    """The factors at which loads at all corners are held, the corner held at the fewest, and whether the weight is."""
     corners = box.corners()
-    flows = problem.flow * problem.flow_size + corners / units
+    every = problem.part(np.zeros(len(corners), dtype=int))
+    cases = every.cases
+    units = np.array([1.0, 1.0, 1.0, *3 * [cases.reach[0]]])
+    flows = cases.sizes[:, :1] * cases.wrenches[:, 0] + corners / units
     sizes = np.linalg.norm(flows, axis=1)
-    flows = np.array([problem.within(flow) for flow in flows / np.maximum(sizes, 1e-300)[:, None]])
-    count, columns = len(flows), problem.cone_columns
-    weights = np.tile(problem.within(problem.weight), (count, 1))
-    linear = 0 if problem.generators is None else columns.shape[1]
-    low, high, state, _ = SAFETY(
-        np.repeat(columns[None], count, axis=0), flows, weights, linear, rows=count
-    )
-    ratio = (problem.weight_size or sizes) / np.where(sizes > 0.0, sizes, 1.0)
-    low, high = low * ratio, np.where(np.isinf(high), high, high * ratio)
+    cases.wrenches[:, 0], cases.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    low, high, state, _ = intervals(every)
     lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
-    worst = load.shifted(corners[int(np.argmin(lengths))])
     common = float(low.max()), float(high.min())
     is_common = not np.isnan(low).any() and common[0] <= common[1]
-    return (common if is_common else None), worst, bool((state == HELD).all())
+    held = bool((state == HELD).all())
+    return (common if is_common else None), int(np.argmin(lengths)), held
 
 
 def _contains(interval: Interval | None, factor: float) -> bool:
-    return (
-        interval is not None
-        and interval[0] <= factor + TOLERANCE
-        and interval[1] >= factor - TOLERANCE
+    return interval is not None and (
+        interval[0] <= factor + TOLERANCE and interval[1] >= factor - TOLERANCE
     )
-
-
-def _ends(interval: Interval) -> str:
-    return f"{interval[0]:.4g} to {interval[1]:.4g}"
 
 
 def _extent(interval: Interval | None) -> float:
@@ -221,11 +226,9 @@ class StandardErrors:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """The standard error of each input that has one, by its name."""
-        named = {f"flow_force {AXES[k]}": float(self.flow_force[k]) for k in range(3)}
-        named |= {f"flow_couple {AXES[k]}": float(self.flow_couple[k]) for k in range(3)}
-        named["friction"] = float(self.friction)
-        return {name: size for name, size in named.items() if size > 0.0}
+        """The standard error of each input by its name: ``flow_force x`` ... ``flow_couple z``, ``friction``."""
+        values = [*self.flow_force, *self.flow_couple, self.friction]
+        return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
     def arm(self, centre: Floats) -> Floats:
         """From the centre of mass to the point that the torque is measured about, (3,)."""
@@ -268,9 +271,8 @@ class Probability:
 
 @dataclass(frozen=True)
 class Within:
-    """What is certain while no input is off by more than two standard errors."""
+    """The range of safety factors while no input is off by more than two standard errors, and what is certain then."""
 
-    # The smallest and the largest safety factor.
     low: float
     high: float
     certain: bool  # whether all of these cases rest, or all move
@@ -279,14 +281,14 @@ class Within:
     @classmethod
     def of(cls, bounds: SafetyRange) -> "Within":
         """A range of safety factors in words."""
-        certain = bounds.rests or bounds.moves
-        says = "it moves for certain" if bounds.moves else "it rests for certain"
-        says = says if certain else "it may rest and it may move"
+        says = "it may rest and it may move"
+        if bounds.rests or bounds.moves:
+            says = f"it {'moves' if bounds.moves else 'rests'} for certain"
         factors = f"safety factor between {bounds.low:.4g} and {bounds.high:.4g}"
         if bounds.high == 0.0:
             factors = f"safety factor 0, {held_words(bounds.possible, bounds.guaranteed)}"
         words = f"while no input is off by more than {WITHIN:g} standard errors {says}, {factors}"
-        return cls(bounds.low, bounds.high, certain, words)
+        return cls(bounds.low, bounds.high, bounds.rests or bounds.moves, words)
 
 
 @dataclass(frozen=True)
@@ -303,8 +305,7 @@ class Probabilities:
     moves_equilibrium: Probability
     same: Probability  # that the judges agree on whether it does
     margin: tuple[float, float, float]  # 5%, 50% and 95% of the safety factor
-    influence: dict[str, float]  # first-order share of each input
-    interactions: float  # what is left of the variance
+    influence: dict[str, float]  # first-order fraction of the variance, of each input
     most: str | None  # the input that matters most; None: the margin does not vary
     within: Within  # what is certain
 
@@ -313,8 +314,8 @@ class Probabilities:
         """The outcome in a sentence."""
         said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
-            share = self.influence[self.most]
-            said += f"; what matters most is {self.most}, {share:.0%} of the variance of the margin"
+            part = self.influence[self.most]
+            said += f"; what matters most is {self.most}, {part:.0%} of the variance of the margin"
         return said
 
 
@@ -336,32 +337,27 @@ def probabilities(
     if samples < 1:
         raise SceneError(f"samples is {samples}; draw at least one case")
     drawn = draw(load, friction, errors, samples, seed)
-    force, torque = (
-        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES])
-        for name in ("flow_force", "flow_couple")
-    )
-    loads = Loads(
-        force, torque + np.cross(errors.arm(load.centre), force), load.weight, load.centre
-    )
-    coefficients = drawn["friction"]
+    inputs = np.column_stack(list(drawn.values()))
+    force, coefficients = inputs[:, :3], inputs[:, 6]
+    torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
+    loads = Loads(force, torque, load.weight, load.centre)
     paper = [classify(loads.load(i), contacts, coefficients[i]).mode for i in range(samples)]
     exact = judge_batch(loads, contacts, coefficients, mass_and_inertia)
     moves = np.array([mode.moves for mode in paper])
-    finite = np.isfinite(exact.factors)
-    margin = np.where(finite, np.divide(exact.factors, 1.0 + exact.factors, where=finite), 1.0)
-    influence = influences({name: drawn[name] for name in errors.sizes}, margin)
+    margin = 1.0 - 1.0 / (1.0 + exact.factors)
+    varied = {name: drawn[name] for name, size in errors.sizes.items() if size > 0.0}
+    influence = influences(varied, margin)
     return Probabilities(
         samples=samples,
         seed=seed,
-        criteria=_shares(mode.label for mode in paper),
-        equilibrium=_shares(exact.mode_names),
+        criteria=_fractions(mode.label for mode in paper),
+        equilibrium=_fractions(exact.mode_names),
         moves_criteria=Probability.of(int(moves.sum()), samples),
         moves_equilibrium=Probability.of(int((~exact.held).sum()), samples),
         same=Probability.of(int((moves != exact.held).sum()), samples),
         # The nearest of the factors, since some may be infinite.
         margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
-        interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
         within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
     )
@@ -370,17 +366,16 @@ def probabilities(
 def draw(
     load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
 ) -> dict[str, Floats]:
-    """Independent values (samples,) of every input by name: ``flow_force x`` ... ``flow_couple z``, ``friction``.
+    """Independent values (samples,) of every input by its name in INPUTS.
 
     Torques are about `errors.about`; an input without error keeps its value.
     """
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
-    force = load.flow_force + noise[:, :3] * errors.flow_force
     torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
-    torque = torque + noise[:, 3:6] * errors.flow_couple
-    drawn = {f"flow_force {AXES[k]}": force[:, k] for k in range(3)}
-    drawn |= {f"flow_couple {AXES[k]}": torque[:, k] for k in range(3)}
-    return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
+    means = np.array([*load.flow_force, *torque, friction])
+    drawn = means + noise * np.array(list(errors.sizes.values()))
+    drawn[:, 6] = np.maximum(drawn[:, 6], 0.0)
+    return dict(zip(INPUTS, drawn.T, strict=True))
 
 
 def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
@@ -392,17 +387,16 @@ def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]
 
 def _correlation_ratio(values: Floats, output: Floats) -> float:
     """Epsilon squared of the output over classes of the input of equal size."""
-    classes = max(2, min(CLASSES, len(output) // 10))
+    count, classes = len(output), max(2, min(CLASSES, len(output) // 10))
+    if count <= classes:
+        return 0.0
     parts = np.array_split(output[np.argsort(values, kind="stable")], classes)
     within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
     total = float(((output - output.mean()) ** 2).sum())
-    free = len(output) - classes
-    if free <= 0:
-        return 0.0
-    return min(1.0, max(0.0, 1.0 - within / free * (len(output) - 1) / total))
+    return min(1.0, max(0.0, 1.0 - within / (count - classes) * (count - 1) / total))
 
 
-def _shares(labels: Iterable[str]) -> dict[str, Probability]:
+def _fractions(labels: Iterable[str]) -> dict[str, Probability]:
     counted = Counter(labels)
     total = counted.total()
     return {label: Probability.of(count, total) for label, count in counted.most_common()}

@@ -186,7 +186,7 @@ class _Pocket:
     def rest(self, factor: float, start: Placement) -> Rest | None:
         """The stable rest in the same pocket as `start` under the load at a factor."""
         acting = self.load_at(factor, start)
-        force, couple = acting.force, acting.couple
+        force, couple = acting.force, acting.flow_couple
         if self.grain.gdim == 2:
             force, couple = force[:2], couple[2:]
         if not force.any():

@@ -6,19 +6,19 @@ contacts alone, or of contact forces that brace one another.
 """
 
 import math
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, replace
+from enum import Enum, Flag, auto
 from typing import Any
 
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.acceleration import IncipientMotion, checked_inertia, incipient_motion
+from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
-from incipient.contact.problem import Load
-from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor
+from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor, safety_of
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -26,42 +26,38 @@ MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the cent
 NEAR = 1e-6  # a safety factor nearer to one is a boundary case
 
 
-class AgreementPart(Enum):
-    """What a motion is made of."""
+class Family(Flag):
+    """What a motion is made of; REST of nothing."""
 
-    LIFTS = "lifting"
-    SLIDES = "sliding"
-    TURNS = "turning"
+    REST = 0
+    LIFTS = auto()
+    SLIDES = auto()
+    TURNS = auto()
 
 
-Family = frozenset[AgreementPart]
-_LIFTS = frozenset({AgreementPart.LIFTS})
-_SLIDES = frozenset({AgreementPart.SLIDES})
-_TURNS = frozenset({AgreementPart.TURNS})
-
-# What the paper's outcomes are called by one who watches the contacts. Pivotting combined with lifting keeps a
-# contact or leaves it; a rotation away from the surface leaves all, whether it is called lifting or not.
+# The families of the paper's outcomes, seen at the contacts. Pivoting combined with lifting keeps a contact or leaves
+# it; a rotation away from the surface leaves all, whether it is called lifting or not.
 FAMILIES: dict[Mode, tuple[Family, ...]] = {
-    Mode.SLIDING: (_SLIDES,),
-    Mode.LIFTING: (_LIFTS,),
-    Mode.SLIDING_WITH_AWAY_ROTATION: (_SLIDES | _TURNS,),
-    Mode.LIFTING_WITH_AWAY_ROTATION: (_LIFTS | _TURNS,),
-    Mode.LIFTING_WITH_PIVOTTING: (_LIFTS | _TURNS, _TURNS),
-    Mode.PIVOTTING: (_TURNS,),
-    Mode.AWAY_ROTATION: (_LIFTS | _TURNS, _TURNS),
-    Mode.SLIDING_AND_PIVOTTING: (_SLIDES | _TURNS,),
-    Mode.NO_INCIPIENT_MOTION: (frozenset(),),
+    Mode.SLIDING: (Family.SLIDES,),
+    Mode.LIFTING: (Family.LIFTS,),
+    Mode.SLIDING_WITH_AWAY_ROTATION: (Family.SLIDES | Family.TURNS,),
+    Mode.LIFTING_WITH_AWAY_ROTATION: (Family.LIFTS | Family.TURNS,),
+    Mode.LIFTING_WITH_PIVOTTING: (Family.LIFTS | Family.TURNS, Family.TURNS),
+    Mode.PIVOTTING: (Family.TURNS,),
+    Mode.AWAY_ROTATION: (Family.LIFTS | Family.TURNS, Family.TURNS),
+    Mode.SLIDING_AND_PIVOTTING: (Family.SLIDES | Family.TURNS,),
+    Mode.NO_INCIPIENT_MOTION: (Family.REST,),
 }
 FAMILY: dict[ExactMode, Family] = {
-    ExactMode.REST: frozenset(),
-    ExactMode.SLIDING: _SLIDES,
-    ExactMode.LIFTING: _LIFTS,
-    ExactMode.LIFTING_AND_ROTATING: _LIFTS | _TURNS,
-    ExactMode.ROLLING: _TURNS,
-    ExactMode.PIVOTING: _TURNS,
-    ExactMode.SPINNING: _TURNS,
-    ExactMode.PIVOTING_AND_SLIDING: _SLIDES | _TURNS,
-    ExactMode.PIVOTING_AND_SLIDING_APART: _SLIDES | _TURNS,
+    ExactMode.REST: Family.REST,
+    ExactMode.SLIDING: Family.SLIDES,
+    ExactMode.LIFTING: Family.LIFTS,
+    ExactMode.LIFTING_AND_ROTATING: Family.LIFTS | Family.TURNS,
+    ExactMode.ROLLING: Family.TURNS,
+    ExactMode.PIVOTING: Family.TURNS,
+    ExactMode.SPINNING: Family.TURNS,
+    ExactMode.PIVOTING_AND_SLIDING: Family.SLIDES | Family.TURNS,
+    ExactMode.PIVOTING_AND_SLIDING_APART: Family.SLIDES | Family.TURNS,
 }
 
 
@@ -70,8 +66,8 @@ class Reason(Enum):
 
     BOUNDARY = "the load is on the boundary between rest and motion, where round-off decides"
     JAMMED = "the contacts wedge the grain: bracing one another they hold any load, which no contact does alone"
-    STICK_ANSWERS_FORCE_AND_COUPLE = (
-        "the contact can hold the load, but the paper lets its friction answer the couple besides the force (24), "
+    STICK_ANSWERS_FORCE_AND_TORQUE = (
+        "the contact can hold the load, but the paper lets its friction answer the torque besides the force (24), "
         "and a force is left over"
     )
     EQUAL_SHARING = "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
@@ -87,12 +83,12 @@ class Reason(Enum):
         "the paper lets a contact slip that cannot hold the load at rest; "
         "turning as it moves, the grain asks less of it"
     )
-    FRICTION_COUPLE = (
-        "friction's own couple turns the grain, "
-        "and without a couple of the flow the paper calls that translation"
+    FRICTION_TORQUE = (
+        "friction's own torque turns the grain, "
+        "and without a torque of the flow the paper calls that translation"
     )
     FORCES_NOT_ACCELERATIONS = (
-        "the paper reads the motion off the force and couple left over; "
+        "the paper reads the motion off the force and torque left over; "
         "it depends on mass and inertia as well"
     )
     NOT_UNIQUE = "with dry friction several motions are possible here, or none, and the exact judge names that"
@@ -120,16 +116,6 @@ class Agreement:
         """The reason in a sentence; empty where there is nothing to explain."""
         return "" if self.reason is None else self.reason.value
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {
-            "agree": self.agree,
-            "same_moves": self.same_moves,
-            "same_family": self.same_family,
-            "reason": None if self.reason is None else self.reason.name,
-            "explanation": self.explanation,
-        }
-
 
 @dataclass(frozen=True, eq=False)
 class Exact:
@@ -152,65 +138,54 @@ class Exact:
     def label(self) -> str:
         """The mode in words; where it is not known only that the grain moves."""
         if self.motion is not None and self.motion.moves:
-            return self.motion.mode.label
+            return self.motion.first.mode.label
         return "moves" if self.moves else "rest"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Both answers as plain data for JSON."""
-        motion = None if self.motion is None else self.motion.to_dict()
-        said = {"moves": self.moves, "mode": self.label, "unsolved": self.unsolved}
-        return said | {"safety": self.safety.to_dict(), "motion": motion}
 
 
 def judged(
-    load: Load, contacts: Contacts, friction: float, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Exact:
     """The safety factor and, if the grain moves, how it does.
 
     Raises SceneError as `safety_factor` and `incipient_motion` do.
     """
-    if mass_and_inertia is not None:  # also where the grain rests, and neither is used
-        checked_inertia(*mass_and_inertia)
-    safety = safety_factor(load, contacts, friction)
-    if safety.held or mass_and_inertia is None:
+    known = None if mass_and_inertia is None else checked_inertia(*mass_and_inertia)
+    problem = ContactProblem.of(load, contacts, friction, known and known[1][0])
+    safety = safety_of(problem)
+    if safety.held or known is None:
         return Exact(safety, None)
     try:
-        motion = incipient_motion(load, contacts, friction, *mass_and_inertia, safety)
-        return Exact(safety, motion)
+        return Exact(safety, motion_of(problem, *known, safety))
     except ConvergenceError as error:
         return Exact(safety, None, str(error))
 
 
 def compare(paper: Classification, exact: Exact) -> Agreement:
     """Compare the two judges' answers to the same case; of several motions that are possible one must agree."""
-    families = families_of(exact)
-    same_moves = paper.moves == exact.moves
-    same_family: bool | None = None
-    if same_moves:
-        same_family = not families.isdisjoint(FAMILIES[paper.mode]) if families else None
-    return Agreement(same_moves, same_family, _reason(paper, exact, same_family))
-
-
-def families_of(exact: Exact) -> frozenset[Family]:
-    """The families of all motions that the exact judge found possible; empty where it names none."""
-    if not exact.moves:
-        return frozenset({FAMILY[ExactMode.REST]})
-    if exact.motion is None:
-        return frozenset()
-    return frozenset(FAMILY[solution.mode] for solution in exact.motion.solutions)
-
-
-def _reason(paper: Classification, exact: Exact, same_family: bool | None) -> Reason | None:
     if paper.moves != exact.moves:
-        return _why_only_one_moves(paper, exact)
-    if same_family is None:
-        return Reason.MODE_UNKNOWN
-    return None if same_family else _why_another_motion(paper, exact)
+        return Agreement(False, None, _why_only_one_moves(paper, exact))
+    if exact.moves and exact.motion is None:
+        return Agreement(True, None, Reason.MODE_UNKNOWN)
+    families = _families(exact)
+    if families.isdisjoint(FAMILIES[paper.mode]):
+        return Agreement(True, False, _why_another_motion(paper, exact, families))
+    return Agreement(True, True, None)
+
+
+def _families(exact: Exact) -> set[Family]:
+    """The families of all motions that the exact judge found possible."""
+    if exact.motion is None or not exact.moves:
+        return {Family.REST}
+    return {FAMILY[solution.mode] for solution in exact.motion.solutions}
+
+
+def _at_boundary(exact: Exact) -> bool:
+    return any(abs(end - 1.0) <= NEAR for end in exact.safety.interval or ())
 
 
 def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
-    if any(abs(end - 1.0) <= NEAR for end in exact.safety.interval or ()) or exact.moves:
-        return Reason.BOUNDARY  # contact forces that satisfy the paper's rest satisfy statics, too
+    if _at_boundary(exact) or exact.moves:
+        return Reason.BOUNDARY  # contact forces that satisfy the paper's rest also satisfy statics
     if exact.safety.jams and np.isinf(exact.safety.value):
         return Reason.JAMMED
     some = list(paper.significant)
@@ -219,37 +194,28 @@ def _why_only_one_moves(paper: Classification, exact: Exact) -> Reason:
         return Reason.ONE_CONTACT_AT_A_TIME
     if paper.criterion is Criterion.TRANSLATION_ONLY:
         return Reason.EQUAL_SHARING
-    return Reason.STICK_ANSWERS_FORCE_AND_COUPLE
+    return Reason.STICK_ANSWERS_FORCE_AND_TORQUE
 
 
-def _why_another_motion(paper: Classification, exact: Exact) -> Reason:
+def _why_another_motion(paper: Classification, exact: Exact, families: set[Family]) -> Reason:
     assert exact.motion is not None
-    family = FAMILY[exact.motion.mode]
-    if len(families_of(exact)) > 1:
+    if len(families) > 1:
         return Reason.NOT_UNIQUE
-    if not family or any(abs(end - 1.0) <= NEAR for end in exact.safety.interval or ()):
+    (family,), said = families, FAMILIES[paper.mode]
+    if not family or _at_boundary(exact):
         return Reason.BOUNDARY
-    if set(paper.obstructed_by) - set(paper.significant) or _others_pressed(paper, exact):
+    others = np.linalg.norm(exact.motion.first.contact_forces, axis=1)
+    others[list(paper.significant)] = 0.0
+    pressed = bool(others.max() > NEAR * paper.force_scale)
+    if pressed or set(paper.obstructed_by) - set(paper.significant):
         return Reason.ONE_CONTACT_AT_A_TIME
-    said = FAMILIES[paper.mode]
-    if family == _TURNS and all(AgreementPart.SLIDES in one for one in said):
+    if family is Family.TURNS and all(Family.SLIDES in one for one in said):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
-    if (
-        paper.criterion is Criterion.TRANSLATION_ONLY
-        and AgreementPart.TURNS in family
-        and _SLIDES in said
-    ):
-        return Reason.FRICTION_COUPLE
+    translates = paper.criterion is Criterion.TRANSLATION_ONLY and Family.SLIDES in said
+    if translates and Family.TURNS in family:
+        return Reason.FRICTION_TORQUE
     return Reason.FORCES_NOT_ACCELERATIONS
-
-
-def _others_pressed(paper: Classification, exact: Exact) -> bool:
-    """Whether contacts beside the significant ones carry force in the exact motion."""
-    assert exact.motion is not None
-    sizes = np.linalg.norm(exact.motion.contact_forces, axis=1)
-    sizes[list(paper.significant)] = 0.0
-    return bool(sizes.max() > NEAR * paper.force_scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,23 +238,27 @@ class Verdict:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain data for JSON; an infinite safety factor is None with the status UNLIMITED."""
-        safety = self.equilibrium.safety
+        exact, agreement = self.equilibrium, self.agreement
+        motion = None if exact.motion is None else exact.motion.to_dict()
+        factor = plain(exact.safety.value)
         return {
             "moves": self.moves,
-            "mode": self.equilibrium.label,
+            "mode": exact.label,
             "sentence": self.sentence,
-            "safety_factor": safety.value if math.isfinite(safety.value) else None,
-            "safety_status": safety.status.name,
+            "safety_factor": factor,
+            "safety_status": exact.safety.status.name,
             "judges": {
                 "criteria": self.criteria.to_dict(),
-                "equilibrium": self.equilibrium.to_dict(),
+                "equilibrium": plain(replace(exact, motion=None))
+                | {"moves": exact.moves, "mode": exact.label, "motion": motion},
             },
-            "agreement": self.agreement.to_dict(),
+            "agreement": plain(agreement)
+            | {"agree": agreement.agree, "explanation": agreement.explanation},
         }
 
 
 def judge(
-    load: Load, contacts: Contacts, friction: float, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Verdict:
     """Both judges on one case; without mass and inertia the exact one does not say how the grain moves.
 
@@ -301,58 +271,41 @@ def judge(
 
 def exact_sentence(exact: Exact) -> str:
     """Rest or motion by the exact judge, and the safety factor with what it means."""
+    margin = _margin(exact.safety)
     if not exact.moves:
-        return f"the grain stays at rest, {_margin(exact.safety)}"
-    return f"the grain begins to move{_how(exact)}, {_margin(exact.safety)}"
-
-
-def _how(exact: Exact) -> str:
+        return f"the grain stays at rest, {margin}"
     if exact.motion is None or not exact.motion.moves:
-        return ""
-    several = len(exact.motion.solutions) > 1
-    return f" ({exact.label}{', one of several motions that are possible' if several else ''})"
+        return f"the grain begins to move, {margin}"
+    several = ", one of several motions that are possible" * (len(exact.motion.solutions) > 1)
+    return f"the grain begins to move ({exact.label}{several}), {margin}"
 
 
 def paper_sentence(verdict: Verdict) -> str:
     """What the paper's criteria say, whether that agrees, and why not."""
-    said = f"by the paper's criteria {_of_paper(verdict.criteria)}"
-    agreement = verdict.agreement
+    paper, agreement = verdict.criteria, verdict.agreement
+    said = "by the paper's criteria there is no incipient motion"
+    if paper.moves:
+        item = "" if paper.category is None else f" [{paper.category.item}]"
+        said = f"by the paper's criteria it begins to move, {paper.mode.wording}{item}"
     if agreement.agree:
         return f"{said}, in agreement"
-    alone = verdict.criteria.moves and not verdict.moves and agreement.reason is not Reason.BOUNDARY
-    rests = ", so it rests" if alone else ""
-    return f"{said}; they differ: {agreement.explanation}{rests}"
-
-
-def _of_paper(paper: Classification) -> str:
-    if not paper.moves:
-        return "there is no incipient motion"
-    words = (
-        paper.mode.wording
-        if paper.category is None
-        else f"{paper.mode.wording} [{paper.category.item}]"
-    )
-    return f"it begins to move, {words}"
+    alone = paper.moves and not verdict.moves and agreement.reason is not Reason.BOUNDARY
+    return f"{said}; they differ: {agreement.explanation}{', so it rests' if alone else ''}"
 
 
 def _margin(safety: SafetyFactor) -> str:
-    match safety.status:
-        case SafetyStatus.NO_FLOW:
-            return "there being no load of the flow"
-        case SafetyStatus.UNLIMITED:
-            return "safety factor infinite: no multiple of the flow's load moves it"
-        case SafetyStatus.NO_RESERVE:
-            return "safety factor 0: any part of the flow's load moves it"
-        case SafetyStatus.UNHELD:
-            return "safety factor 0: its weight alone moves it"
-        case SafetyStatus.HELD_BY_FLOW:
-            low, high = (_number(end) for end in safety.interval or (math.nan, math.nan))
-            return f"safety factor 0: its weight alone moves it, {low} to {high} times the flow's load hold it"
-        case SafetyStatus.CRITICAL:
-            word = "would hold" if safety.value < 1.0 else "could still be held"
-            return f"safety factor {_number(safety.value)}: that multiple of the flow's load {word}"
-    raise AssertionError(safety.status)
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "any number of"
+    low, high = (
+        f"{end:.4g}" if math.isfinite(end) else "any number of"
+        for end in safety.interval or (math.nan, math.nan)
+    )
+    held = "would hold" if safety.value < 1.0 else "could still be held"
+    return {
+        SafetyStatus.NO_FLOW: "there being no load of the flow",
+        SafetyStatus.UNLIMITED: "safety factor infinite: no multiple of the flow's load moves it",
+        SafetyStatus.NO_RESERVE: "safety factor 0: any part of the flow's load moves it",
+        SafetyStatus.UNHELD: "safety factor 0: its weight alone moves it",
+        SafetyStatus.HELD_BY_FLOW: "safety factor 0: its weight alone moves it, "
+        f"{low} to {high} times the flow's load hold it",
+        SafetyStatus.CRITICAL: f"safety factor {safety.value:.4g}: "
+        f"that multiple of the flow's load {held}",
+    }[safety.status]

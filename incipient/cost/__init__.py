@@ -1,1 +1,1 @@
-"""What accuracy costs in time: ladders of runs and their law, this machine's calibration, and predictions from it."""
+"""What accuracy costs in time: a ladder of runs, their errors, and the frontier of error against time."""

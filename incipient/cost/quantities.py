@@ -1,206 +1,149 @@
-"""What the accuracy of a run is measured by: numbers of its outcome, and which errors of them matter.
+"""Results by which the runs of a ladder are compared.
 
-A held grain: force, couple and safety factor, in time the largest and least of force and couple. A moving one:
-where it is at the end. Without a grain: the elevations of a free surface at its stations in time, the extreme
-velocities on a box's centrelines, u* at the walls of a turbulent flow, else the kinetic energy.
+A held grain: force, torque and safety factor, of an unsteady flow the largest and least force and torque. A moving
+grain: where it ends. Without a grain: the elevations of a free surface at its stations, the extreme velocities on the
+centrelines of a box, u* at the walls of a turbulent flow, otherwise the kinetic energy. A threshold: the critical flow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..planning.flow_setup import Setup
+from ..arrays import Floats
+from ..critical.outcome import Threshold
 from ..results.result import Result
 from ..scene import Scene, Surface
-from ..scene.numerics import OF_WALLS
 from ..scene.surface import stations_of
 
-SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error is relative to that
-SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's size
-SMALLEST_PART = 1e-3  # of the force: below it a component has no error of its own
+SMALLEST_TORQUE = 0.01  # of force times grain size: below it a torque's error is relative to that
+SMALLEST_TURN = 0.1  # the same for a rotation, of the path in units of the grain's size
 SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
 TIMES = 16  # in the time of a run, at which elevations are compared
-WALLS = {"outflow_shear_velocity": "u* at the outflow", "mean_shear_velocity": "mean u*"}
-LOADS = ("force_x", "force_y", "couple")
-LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
-LINES_IN_SPACE = {"u_min": "minimum of v1", "w_max": "maximum of v3", "w_min": "minimum of v3"}
 
 
 @dataclass(frozen=True)
-class ErrorNorm:
-    """Numbers whose error is one error: the norm of their differences over a scale.
+class Quantity:
+    """Numbers of a result, by name, whose error is the norm of their differences over a scale."""
 
-    leading: whether it counts for the accuracy of the whole; the others are shown beside it
-    """
-
-    name: str
-    columns: tuple[str, ...]
+    numbers: Mapping[str, float]
     scale: float
-    leading: bool = True
 
-    def error(self, found: Mapping[str, float], reference: Mapping[str, float]) -> float:
-        """The relative error; NaN where a number is missing."""
-        differences = [found.get(name, np.nan) - reference[name] for name in self.columns]
+    def error(self, numbers: Mapping[str, float]) -> float:
+        """Relative error of numbers with this as the reference."""
+        differences = [numbers[name] - value for name, value in self.numbers.items()]
         return float(np.linalg.norm(differences)) / self.scale
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedNumbers:
-    """The numbers that the runs of a scene are compared by, and which errors of them matter."""
+Quantities = dict[str, Quantity]
 
-    scene: Scene
 
-    @cached_property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the numbers."""
-        scene = self.scene
-        if scene.body is None:
-            of_walls = (*WALLS,) if scene.is_averaged else ("kinetic_energy",)
-            return self._elevations or ((*self._lines,) if scene.has_centrelines else of_walls)
-        if scene.body.moves:
-            return ("x", "y", "angle", "end_time", "path")
-        if scene.time is None:
-            return (*LOADS, "safety_factor")
-        return tuple(f"{which}_{part}" for part in LOADS for which in ("most", "least"))
+def of_threshold(threshold: Threshold) -> Quantities:
+    """The critical flow of a scene relative to its own."""
+    return _single("critical flow", threshold.factor)
 
-    def of_run(self, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """The numbers of a finished run, by the names of `columns`; NaN where it has none. Collective."""
-        if self.scene.body is None:
-            return self._of_surface(history) if self._elevations else self._of_flow(result)
-        if result.trajectory is not None:
-            return self._of_path(result.trajectory, history)
-        if self.scene.time is not None:
-            return self._of_extremes(history)
-        assert result.force is not None and result.couple is not None
-        factor = (result.verdict or {}).get("safety_factor")
-        loads = (
-            *result.force.flow[:2],
-            result.couple.flow[2],
-            np.nan if factor is None else factor,
-        )
-        return {name: float(load) for name, load in zip(self.columns, loads, strict=True)}
 
-    def goals(self, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
-        """The errors to look at, relative to what the reference says the sizes are."""
-        if self._elevations:
-            size = _norm(reference, self.columns)
-            return (ErrorNorm("elevation", self.columns, size),) if size else ()
-        if self.scene.body is None:
-            return tuple(
-                self._single(name, abs(reference[name])) for name in self.columns if reference[name]
-            )
-        return (
-            self._goals_of_path(reference)
-            if self.scene.body.moves
-            else self._goals_of_loads(reference)
-        )
+def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> Quantities:
+    """Quantities of a finished run, `history` being its rows, one a time step. Collective."""
+    if scene.body is None:
+        stations = scene.has_surface and stations_of(scene.surface, scene.domain)
+        return _of_surface(scene, history) if stations else _of_flow(scene, result)
+    if result.trajectory is not None:
+        return _of_path(scene, result.trajectory, history)
+    if scene.time is not None:
+        return _of_extremes(scene, history)
+    assert result.force is not None and result.couple is not None
+    force = dict(zip((f"force_{axis}" for axis in "xyz"), result.force.flow, strict=True))
+    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.couple.flow, strict=True))
+    found = _of_loads(scene, force, torque)
+    safety = (result.verdict or {}).get("safety_factor")
+    return found | _single("safety factor", safety or np.nan)
 
-    @property
-    def _lines(self) -> dict[str, str]:
-        return LINES if self.scene.gdim == 2 else LINES_IN_SPACE
 
-    @cached_property
-    def _elevations(self) -> tuple[str, ...]:
-        """Names of the elevations at the stations, at equal intervals of time; none with a grain or no surface."""
-        scene, times = self.scene, range(1, TIMES + 1)
-        waves = scene.has_surface and scene.body is None
-        stations = stations_of(scene.surface, scene.domain) if waves else ()
-        return tuple(f"elevation_{k}_{n}" for k in range(1, len(stations) + 1) for n in times)
+def _of_flow(scene: Scene, result: Result) -> Quantities:
+    if result.centrelines is not None:
+        singles = (_single(name, extreme.value) for name, extreme in result.centrelines.items())
+        return {name: quantity for single in singles for name, quantity in single.items()}
+    if (walls := result.turbulence) is not None:
+        return _single("shear velocity", float(walls.shear_velocities[walls.leading]))
+    return _single("kinetic energy", _kinetic_energy(result.velocity))
 
-    def _of_surface(self, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """The elevations at the stations, between steps by a cubic spline from the first elevation on."""
-        from scipy.interpolate import CubicSpline
 
-        scene, values = self.scene, list[float]()
-        assert scene.time is not None
-        surface = scene.surface or Surface()
-        times = np.array([0.0, *(row["time"] for row in history)])
-        asked = scene.time.end * np.arange(1, TIMES + 1) / TIMES
-        for k, place in enumerate(stations_of(scene.surface, scene.domain), 1):
-            first = surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
-            trace = [float(first[0]), *(row[f"elevation_{k}"] for row in history)]
-            values += CubicSpline(times, trace)(asked).tolist()
-        return dict(zip(self.columns, values, strict=True))
+def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
+    """Elevations at the stations at equal intervals, between steps by a cubic spline from time zero on."""
+    from scipy.interpolate import CubicSpline
 
-    def _of_flow(self, result: Result) -> dict[str, float]:
-        if result.centrelines is not None:
-            return {name: result.centrelines[key].value for name, key in self._lines.items()}
-        if result.turbulence is not None:
-            return dict(zip(WALLS, result.turbulence.shear_velocities.tolist(), strict=True))
-        return {"kinetic_energy": _kinetic_energy(result.velocity)}
+    assert scene.time is not None
+    surface, numbers = scene.surface or Surface(), dict[str, float]()
+    times = np.array([0.0, *(row["time"] for row in history)])
+    for k, place in enumerate(stations_of(scene.surface, scene.domain), 1):
+        first = surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
+        spline = CubicSpline(times, [float(first[0]), *(row[f"elevation_{k}"] for row in history)])
+        for n in range(1, TIMES + 1):
+            numbers[f"elevation_{k}_{n}"] = float(spline(scene.time.end * n / TIMES))
+    return {"elevation": Quantity(numbers, _norm(numbers))}
 
-    def _of_path(
-        self, trajectory: Mapping[str, Any], history: Sequence[Mapping[str, Any]]
-    ) -> dict[str, float]:
-        assert self.scene.placement is not None
-        places = np.array(
-            [self.scene.placement.centre[:2], *((row["x"], row["y"]) for row in history)]
-        )
-        (x, y), end = trajectory["place"][:2], trajectory["ended"]["time"]
-        path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-        return {
-            "x": float(x),
-            "y": float(y),
-            "angle": trajectory["angle"],
-            "end_time": end,
-            "path": path,
-        }
 
-    def _of_extremes(self, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """Largest and least loads: of all times if the inflow changes or waves pass, else of the last quarter."""
-        scene, found = self.scene, dict[str, float]()
-        assert scene.time is not None
-        changing = scene.flow.kind == "expression" and scene.flow.unsteady
-        changing = changing or (scene.has_surface and scene.flow.kind == "still")
-        begin = 0.0 if changing else SETTLED * scene.time.end
-        for part in LOADS:
-            trace = np.array([(row["time"], row[part]) for row in history if row["time"] >= begin])
-            found[f"most_{part}"] = peak(*trace.T)
-            found[f"least_{part}"] = -peak(trace[:, 0], -trace[:, 1])
-        return found
+def _of_path(
+    scene: Scene, trajectory: Mapping[str, Any], history: Sequence[Mapping[str, Any]]
+) -> Quantities:
+    assert scene.placement is not None and scene.grain is not None and scene.time is not None
+    axes, start = "xyz"[: scene.gdim], scene.placement
+    places = [start.centre[: scene.gdim], *([row[axis] for axis in axes] for row in history)]
+    path = sum(float(np.linalg.norm(np.subtract(*pair))) for pair in pairwise(places))
+    path = path or scene.grain.size
+    if (angle := trajectory.get("angle")) is not None:
+        turn, turned = {"angle": angle}, abs(angle - start.angle)
+    else:  # twice the vector part of a quaternion is a small rotation
+        w, *axis = trajectory["quaternion"]
+        turn = {f"rotation_{x}": 2.0 * np.sign(w) * a for x, a in zip("xyz", axis, strict=True)}
+        turned = _norm(turn)
+    end, size = trajectory["ended"]["time"], scene.grain.size
+    found = {
+        "position": Quantity(dict(zip(axes, map(float, trajectory["place"]), strict=False)), path),
+        "rotation": Quantity(turn, max(turned, SMALLEST_TURN * path / size)),
+    }
+    early = end < scene.time.end * (1.0 - 1e-6)
+    return found | (_single("time of contact", end) if early else {})
 
-    def _single(self, name: str, size: float) -> ErrorNorm:
-        of_walls = (*WALLS,)[0 if Setup(self.scene).walls.plane else 1]
-        words = LINES | LINES_IN_SPACE | WALLS | {of_walls: OF_WALLS}
-        said = words.get(name, name.replace("_", " "))
-        return ErrorNorm(said, (name,), size, name == of_walls or name not in WALLS)
 
-    def _goals_of_path(self, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
-        scene = self.scene
-        assert scene.grain is not None and scene.body is not None and scene.time is not None
-        path = reference["path"] or scene.grain.size
-        turned = abs(reference["angle"] - np.radians(getattr(scene.body, "angle", 0.0)))
-        turn = max(turned, SMALLEST_TURN * path / scene.grain.size)
-        found = [ErrorNorm("place", ("x", "y"), path), ErrorNorm("angle", ("angle",), turn)]
-        if reference["end_time"] < scene.time.end * (1.0 - 1e-6):
-            found.append(ErrorNorm("time of contact", ("end_time",), reference["end_time"]))
-        return tuple(found)
+def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
+    """Largest and least loads: of all times if the inflow changes or waves pass, otherwise of the last quarter."""
+    assert scene.time is not None
+    changing = scene.flow.kind == "expression" and scene.flow.unsteady
+    changing = changing or (scene.has_surface and scene.flow.kind == "still")
+    begin = 0.0 if changing else SETTLED * scene.time.end
+    rows = [row for row in history if row["time"] >= begin]
+    times = np.array([row["time"] for row in rows])
+    found: dict[str, dict[str, float]] = {"force": {}, "couple": {}}
+    for part, numbers in found.items():
+        for column in (name for name in rows[0] if name.startswith(part)):
+            low, high = extremes(times, np.array([row[column] for row in rows]))
+            name = column.replace("couple", "torque")
+            numbers |= {f"least_{name}": low, f"most_{name}": high}
+    return _of_loads(scene, found["force"], found["couple"])
 
-    def _goals_of_loads(self, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
-        assert self.scene.grain is not None
-        parts = {
-            axis: tuple(name for name in self.columns if name.endswith(axis)) for axis in LOADS
-        }
-        couples = parts.pop("couple")
-        sizes = {axis: _norm(reference, part) for axis, part in parts.items()}
-        force = float(np.linalg.norm([*sizes.values()]))
-        if force == 0.0:
-            return ()
-        couple = max(_norm(reference, couples), SMALLEST_COUPLE * force * self.scene.grain.size)
-        forces = (*parts["force_x"], *parts["force_y"])
-        found = [ErrorNorm("force", forces, force), ErrorNorm("couple", couples, couple)]
-        safety = reference.get("safety_factor", np.nan)
-        if np.isfinite(safety) and safety > 0.0:
-            found.append(ErrorNorm("safety factor", ("safety_factor",), safety))
-        for name, axis in (("drag", "force_x"), ("lift", "force_y")):
-            if sizes[axis] > SMALLEST_PART * force:
-                found.append(ErrorNorm(name, parts[axis], sizes[axis], leading=False))
-        return tuple(found)
+
+def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -> Quantities:
+    assert scene.grain is not None
+    scale = _norm(force)
+    if scale == 0.0:
+        return {}
+    least = SMALLEST_TORQUE * scale * scene.grain.size
+    return {
+        "force": Quantity(force, scale),
+        "torque": Quantity(torque, max(_norm(torque), least)),
+    }
+
+
+def _single(name: str, value: float) -> Quantities:
+    """A quantity of one number; none where that is zero or missing."""
+    known = bool(np.isfinite(value)) and value != 0.0
+    return {name: Quantity({name.replace(" ", "_"): value}, abs(value))} if known else {}
 
 
 def _kinetic_energy(velocity: Any) -> float:
@@ -215,16 +158,15 @@ def _kinetic_energy(velocity: Any) -> float:
     return float(mesh.comm.allreduce(float(np.real(local))))
 
 
-def peak(times: np.ndarray, values: np.ndarray) -> float:
-    """The largest value of a sampled function, between samples by the parabola through three of them."""
-    at = int(np.argmax(values))
-    if at == 0 or at == len(values) - 1:
-        return float(values[at])
-    near = slice(at - 1, at + 2)
-    t = (times[near] - times[at]) / (times[at + 1] - times[at - 1])
-    a, b, c = np.linalg.solve(np.vander(t, 3), values[near])
-    return float(c - b**2 / (4.0 * a)) if a < 0.0 else float(values[at])
+def extremes(times: Floats, values: Floats) -> tuple[float, float]:
+    """Least and largest value of a sampled function, between samples by a cubic spline."""
+    from scipy.interpolate import CubicSpline
+
+    if len(times) > 1:
+        spline = CubicSpline(times, values)
+        values = np.append(values, spline(spline.derivative().roots(extrapolate=False)))
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
-def _norm(reference: Mapping[str, float], names: tuple[str, ...]) -> float:
-    return float(np.linalg.norm([reference[name] for name in names]))
+def _norm(numbers: Mapping[str, float]) -> float:
+    return float(np.linalg.norm([*numbers.values()]))

@@ -198,11 +198,8 @@ class SurfacePart:
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:
-        """Potential energy above that of the still level, and with surface tension that of the surface's area."""
-        found = self._sum(self._potential)
-        if self._load.tension is not None:
-            found += float(self._load.tension.value) * self._sum(self._area)
-        return self._whole * found
+        """Potential energy above that of the still level."""
+        return self._whole * self._sum(self._potential)
 
     def crossed(self) -> float:
         """(v - v_mesh) . n on the surface, root mean square: it should be small beside the velocity."""

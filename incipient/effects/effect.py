@@ -129,10 +129,6 @@ class Effect:
         """The entry of result.json for the effect, apart from its quantities; None: none. Not collective."""
         return None
 
-    def kind_of_cost(self, setup: Setup) -> str:
-        """What the effect adds to the name of a kind of scenes that have laws of cost of their own. Not collective."""
-        return ""
-
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """What the effect, which the plan has decided to leave out, would have changed. Collective."""
         return iter(())

@@ -61,8 +61,8 @@ class UnsteadinessEffect(Effect):
         """The rate of change at fixed places of the mesh, and the form of convection in time."""
         if not unsteady:
             return model
-        stable, base_flow = setup.scene.numerics.form == "energy-stable", setup.base_flow
-        model = replace(model, unsteady=True, convection=plan.convection, energy_stable=stable)
+        base_flow = setup.base_flow
+        model = replace(model, unsteady=True, convection=plan.convection)
         if base_flow.gust is None:
             return model
         from ..planning.driving_force import driven

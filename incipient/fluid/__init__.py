@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .conditions import Carried, Condition, Open, Prescribed, Seeping, Slip, no_slip
+from .conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
 from .flow import Fluid
 from .model import FlowModel
 from .steady import solve_steady
@@ -14,7 +14,6 @@ __all__ = [
     "Fluid",
     "Open",
     "Prescribed",
-    "Seeping",
     "Slip",
     "no_slip",
     "solve_steady",

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import dolfinx
 import numpy as np
 import ufl
 from petsc4py import PETSc
+from scipy.spatial import cKDTree
 
 from .. import compat
 from ..compat import petsc
+from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
@@ -26,7 +28,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for
+    those that k stands for; facets (m, 2) by the numbers of their ends, of a resolved wall in the plane
     """
 
     places: np.ndarray
@@ -34,6 +36,7 @@ class AlongWall:
     lengths: np.ndarray
     velocities: np.ndarray
     shear_velocities: np.ndarray
+    facets: np.ndarray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     @property
     def speeds(self) -> np.ndarray:
@@ -53,17 +56,22 @@ class AlongWall:
         even = np.linalg.norm(self.normals, axis=1) > CORNER
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
-    def coarse_share(self, order: int, largest: float) -> float:
-        """The share of the change of the stress along a wall in the plane in cells in which it changes too much.
+    def coarse_share(self, largest: float) -> float:
+        """The fraction of the change of the stress along a wall in the plane in cells in which it changes too much.
 
-        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean one if that is
-        larger still. `velocities` are stresses; `order` is that of the velocity, whose nodes are the places.
+        Too much is more than `largest` times the larger stress at both ends of the cell, or the mean stress if that is
+        larger still. `velocities` are stresses. Where they are singular, at corners and at the ends of the wall, two
+        facets to both sides do not count, since stresses are means over two.
         """
-        stress = self.velocities[self._level, 0]
-        if len(stress) <= order:
-            return 0.0
-        change, size = np.abs(stress[order:] - stress[:-order]), np.abs(stress)
-        bound = np.maximum(np.maximum(size[order:], size[:-order]), size.mean())
+        across = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
+        stress = self.velocities[:, 1] * across[:, 0] - self.velocities[:, 0] * across[:, 1]
+        count = np.bincount(self.facets.ravel(), minlength=len(stress))
+        singular = (count == 1) | (np.linalg.norm(self.normals, axis=1) < CORNER)
+        for _ in range(2):
+            singular[self.facets[singular[self.facets].any(axis=1)]] = True
+        ends = stress[self.facets[~singular[self.facets].any(axis=1)]]
+        change, size = np.abs(ends[:, 1] - ends[:, 0]), np.abs(stress)
+        bound = np.maximum(np.abs(ends).max(axis=1, initial=0.0), size.mean())
         return float(change[change > largest * bound].sum() / max(change.sum(), 1e-300))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
@@ -98,6 +106,18 @@ def _from_faces(
 def at_end(x: np.ndarray) -> np.ndarray:
     """Which of places (n,) are the farthest, but for rounding, wherever the domain lies."""
     return np.asarray(x >= x.max() - ROUNDING * np.ptp(x))
+
+
+def coarse_along(
+    walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
+) -> float | None:
+    """The largest `coarse_share` of walls in the plane but the rough ones; None without one, and in space."""
+    shares = [
+        one.coarse_share(largest)
+        for name, one in walls.items()
+        if name not in rough and len(one.facets)
+    ]
+    return max(shares, default=None)
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
@@ -168,15 +188,19 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
     whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
     places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
     lengths = length[:, 0]
+    ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
+    facets = np.unique(np.sort(ends, axis=1), axis=0)  # some are known to several ranks
     if boundary != "body":
         pull, lengths = _mean_of_facets(pull)[1:-1], _mean_of_facets(length)[1:-1, 0]
         normal = _mean_of_facets(normal)[1:-1]
         places = places[1:-1]
+        facets = facets[((facets > 0) & (facets <= len(places))).all(axis=1)] - 1
     normals = normal / lengths[:, None]
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     stress = pull / lengths[:, None]
     along = stress - (stress * units).sum(axis=1, keepdims=True) * units
-    return AlongWall(places, normals, lengths, along, np.sqrt(np.linalg.norm(along, axis=1)))
+    shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
+    return AlongWall(places, normals, lengths, along, shear_velocities, facets)
 
 
 def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:

@@ -20,11 +20,6 @@ class Prescribed:
 
 
 @dataclass(frozen=True)
-class Seeping(Prescribed):
-    """Velocity given on a boundary below a free surface, through which fluid seeps in or out."""
-
-
-@dataclass(frozen=True)
 class Slip:
     """No flow through a boundary whose normal is a coordinate axis, and no shear on it."""
 
@@ -102,18 +97,18 @@ class Carried:
 
 @dataclass(frozen=True)
 class Sponge:
-    """A zone at an end of a channel in which the flow is relaxed to the base flow, so that waves die out there.
+    """A zone before the end of a channel in which the flow is relaxed to the base flow, so that waves die out there.
 
     start:  x at which it begins
     end:    x of the end of the channel
     rate:   at the end; it rises with the square of the distance from the start
-    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n); None: stream and wave that come in
+    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
     """
 
     start: float
     end: float
     rate: float
-    stream: Velocity | None
+    stream: Velocity
 
 
 @dataclass(frozen=True)
@@ -123,18 +118,16 @@ class FreeSurface:
     gravity:  acceleration (gdim,); its hydrostatic pressure acts on the surface where this is above the still level
     origin:   a place (gdim,) of the still level, at which the flow's pressure is that above the surface
     pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
-    tension:  surface tension over the fluid's density
     pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
-    sponges:  zones at the ends of a channel in which waves die out
+    sponge:   zone at the end of a channel in which waves die out; None: there is none
     """
 
     boundary: str
     gravity: tuple[float, ...]
     origin: tuple[float, ...]
     pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
-    tension: float = 0.0
     pinned: tuple[str, ...] = ()
-    sponges: tuple[Sponge, ...] = ()
+    sponge: Sponge | None = None
 
 
 Condition = Prescribed | Slip | Friction | Open | Entering | Carried | FreeSurface

@@ -7,7 +7,6 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from .. import compat
@@ -20,7 +19,6 @@ from .conditions import (
     Friction,
     Open,
     Prescribed,
-    Seeping,
     Slip,
 )
 from .entry import Entry
@@ -57,8 +55,6 @@ class Constraints:
         self.entries = tuple(
             Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
         )
-        self._seepage = self._through([c.boundary for c in prescribed if isinstance(c, Seeping)])
-        self.seeps, self.seepage = self._seepage is not None, 0.0
         self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
@@ -90,8 +86,8 @@ class Constraints:
 
     @property
     def influx(self) -> float:
-        """What enters per time through all entries and by seepage, at the last `update`."""
-        return sum((entry.influx for entry in self.entries), self.seepage)
+        """What enters per time through all entries, at the last `update`."""
+        return sum(entry.influx for entry in self.entries)
 
     def crossed(self) -> Any:
         """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
@@ -117,9 +113,6 @@ class Constraints:
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
         for entry in self.entries:
             entry.update(t)
-        if self._seepage is not None:
-            mine = float(np.real(dolfinx.fem.assemble_scalar(self._seepage)))
-            self.seepage = float(self._domain.comm.allreduce(mine))
 
     def prescribe(self, conditions: Sequence[Condition]) -> None:
         """Take the prescribed velocities among conditions; they hold from the next `update`. Not collective."""
@@ -142,14 +135,6 @@ class Constraints:
     def boundary_points_moved(self) -> None:
         """Read the nodes' places again after the mesh has moved."""
         self.points = self.space.velocity_points()
-
-    def _through(self, names: list[str]) -> Any:
-        """What the prescribed velocities bring in through boundaries, as a form; None: there are none."""
-        if not names:
-            return None
-        measure = self.space.boundary_quadrature(self._domain.facets)
-        inwards = -ufl.inner(self._values, ufl.FacetNormal(self.space.mixed.mesh))
-        return compat.form(inwards * measure(tuple(self._domain.names[name] for name in names)))
 
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
         whole = self.space.mixed.sub(0)

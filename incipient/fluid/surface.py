@@ -20,7 +20,7 @@ from .space import TaylorHood, cell_size
 class SurfaceLoad:
     """The load of a free surface, by functions on the mesh's own nodes that a step sets. Making it is collective.
 
-    With it comes what acts where a stream enters, and in a sponge.
+    With it comes what acts where a stream enters, and in the sponge.
 
     Args:
         rate: coefficient a0 of the present elevation in its backward difference, UFL.
@@ -41,11 +41,10 @@ class SurfaceLoad:
         self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
         self.unfelt = dolfinx.fem.Function(self.space) if condition.pinned else None
         self._pressure = None if condition.pressure is None else dolfinx.fem.Function(self.space)
-        self.gravity, self.origin, tension = (
+        self.gravity, self.origin = (
             dolfinx.fem.Constant(mesh, PETSc.ScalarType(one))
-            for one in (condition.gravity, condition.origin, condition.tension)
+            for one in (condition.gravity, condition.origin)
         )
-        self.tension = tension if condition.tension > 0.0 else None
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self.place, self.normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
         self._held, self._entering = (
@@ -54,7 +53,7 @@ class SurfaceLoad:
         )
         self._coming = next((entry.wave for entry in held.entries if entry.wave is not None), None)
         self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
-        self._sponges = [_Sponge(flow, one, self._wave) for one in condition.sponges]
+        self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         """The part in the residual of momentum, tested with w, in UFL. Not collective."""
@@ -63,7 +62,7 @@ class SurfaceLoad:
             brought = v if self._wave is None else v - self._wave
             for measure in self._entering:
                 found += terms.entering_boundary(brought, carrier, w, self.normal) * measure
-        return sum((one.integral(v, w, self.place) for one in self._sponges), found)
+        return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
 
     def of_component(self, u: Any, w: Any, way: Any) -> Any:
         """What it adds to the operator of the velocity's component along a unit vector, in UFL. Not collective."""
@@ -78,7 +77,7 @@ class SurfaceLoad:
     def _acting(self) -> SurfaceTerms:
         return SurfaceTerms(
             *(self.gravity, self.origin, self.rate, self.known, self.elevation),
-            *(self._pressure, self.tension, self.unfelt),
+            *(self._pressure, self.unfelt),
         )
 
     def update(self, time: float) -> None:
@@ -92,14 +91,12 @@ class SurfaceLoad:
 
 
 class _Sponge:
-    """A sponge and the base flow in it, at the nodes of the mesh as it was made, or with a wave, where they are."""
+    """A sponge and the base flow in it, at the nodes of the mesh as it was made."""
 
-    def __init__(self, flow: TaylorHood, sponge: Sponge, wave: Any):
-        self._given, self._stream = sponge, wave
-        if sponge.stream is not None:
-            self._stream = dolfinx.fem.Function(flow.velocity)
-            values = sponge.stream(flow.velocity_points().T, 0.0)
-            self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
+    def __init__(self, flow: TaylorHood, sponge: Sponge):
+        self._given, self._stream = sponge, dolfinx.fem.Function(flow.velocity)
+        values = sponge.stream(flow.velocity_points().T, 0.0)
+        self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
 
     def integral(self, v: Any, w: Any, place: Any) -> Any:
         within = (place[0] - self._given.start) / (self._given.end - self._given.start)

@@ -15,7 +15,7 @@ from incipient.geometry.plane.grains import (
     Superellipse,
 )
 from incipient.geometry.settle import Settled, SettlingOutcome, settle
-from incipient.geometry.space.beds import Hemispheres, Plane, Ridges, Terrain
+from incipient.geometry.space.beds import Plane, Ridges, SphereBed, Terrain
 from incipient.geometry.space.grains import (
     Box,
     Cylinder,
@@ -44,7 +44,6 @@ __all__ = [
     "Grain",
     "HalfDiscs",
     "HeightMap",
-    "Hemispheres",
     "Line",
     "Placement",
     "Plane",
@@ -58,6 +57,7 @@ __all__ = [
     "Sinusoidal",
     "Solid",
     "Sphere",
+    "SphereBed",
     "Spheres",
     "Spline",
     "Star",

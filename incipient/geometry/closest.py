@@ -91,12 +91,12 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
         """The distance after a lift, less the gap."""
         return near.clearance(touching_at.raised(lift))[0] - gap
 
-    low, high = gap, 2.0 * gap
-    while excess(high) < 0.0:
-        low, high = high, 2.0 * high
-    if excess(low) >= 0.0:
-        return touching_at.raised(low)
-    return touching_at.raised(brentq(excess, low, high, xtol=CONVERGED * grain.size))
+    low, lift = gap, gap
+    while excess(lift) < -CONVERGED * grain.size:
+        low, lift = lift, 2.0 * lift
+    if lift > gap:
+        lift = brentq(excess, low, lift, xtol=CONVERGED * grain.size)
+    return touching_at.raised(lift)
 
 
 def touching(
@@ -119,49 +119,6 @@ def touching(
             f"contact tolerance {tolerance} is not a positive length; give a positive number"
         )
     return proximity(grain, bed).contacts(placement, tolerance)
-
-
-def exposed(
-    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, points: Floats, tolerance: float
-) -> np.ndarray:
-    """Which points (n, gdim) of a grain's surface belong to Gamma_e, (n,) of bool: the rest touches the bed.
-
-    `points` are in the body frame; what is within `tolerance` (a length) of the bed touches it.
-    """
-    near = proximity(grain, bed)  # refuses what is planar together with what is not
-    return np.asarray(near.bed.distance(placement.to_scene(points)) > tolerance)
-
-
-def require_on_grain(
-    contacts: Contacts, grain: Grain | Solid, placement: Placement, tolerance: float
-) -> None:
-    """Refuse contacts that are farther than `tolerance` (a length) from the grain, or whose normal points into it.
-
-    For contacts that come from elsewhere than `touching`. Raises SceneError, which names the first such contact.
-    """
-    d = grain.gdim
-    x = placement.to_body(contacts.points[:, :d])
-    normals = contacts.normals[:, :d] @ placement.rotation
-    away = np.hypot(_distance(grain, x), np.linalg.norm(contacts.points[:, d:], axis=1))
-    if (away > tolerance).any():
-        k = int(np.argmax(away > tolerance))
-        raise SceneError(
-            f"contacts: point {k} is {away[k]:.3g} off the grain; move it onto the surface"
-        )
-    inward = (grain.normal(x) * normals).sum(axis=1) < 0.0
-    if inward.any():
-        raise SceneError(
-            f"contacts: normal {int(np.argmax(inward))} points into the grain; turn it round"
-        )
-
-
-def _distance(grain: Grain | Solid, x: Floats) -> Floats:
-    """How far points (n, gdim) near the surface are from it, to first order: f / |grad f|."""
-    h = 1e-6 * grain.size
-    rises = [grain.level(x + h * e) - grain.level(x - h * e) for e in np.eye(grain.gdim)]
-    slope = np.linalg.norm(rises, axis=0) / (2.0 * h)
-    # In a sharp edge the differences of two sides partly cancel; distances of at least f remain.
-    return np.asarray(np.abs(grain.level(x)) / np.clip(slope, 1e-3, None))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,56 +31,42 @@ class Contacts:
     areas: Floats | None = None
 
     def __post_init__(self) -> None:
-        points, normals = _table("points", self.points), _table("normals", self.normals)
-        if len(points) == 0:
-            raise SceneError(
-                "contacts: there is none; a grain that touches nothing cannot be judged, rest it"
-            )
-        if len(points) != len(normals):
-            raise SceneError(
-                f"contacts: {len(points)} points but {len(normals)} normals; give one normal a point"
-            )
+        points, normals = np.array(self.points, float), np.array(self.normals, float)
+        _require(
+            len(points) > 0, "there is none; a grain that touches nothing cannot be judged, rest it"
+        )
+        for name, table in (("points", points), ("normals", normals)):
+            flat = table.ndim == 2 and table.shape[1] == 3
+            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in the plane with zeros")
+            remedy = "contain a number that is not finite; give finite numbers"
+            _require(np.isfinite(table).all(), f"{name} {remedy}")
+        number = f"{len(points)} points but {len(normals)} normals; give one normal a point"
+        _require(len(points) == len(normals), number)
         lengths = np.linalg.norm(normals, axis=1)
-        worst = int(np.argmax(np.abs(lengths - 1.0)))
-        if abs(lengths[worst] - 1.0) > UNIT_TOLERANCE:
-            raise SceneError(
-                f"contacts: normal {worst} has length {lengths[worst]:g}; give unit normals"
-            )
+        k = int(np.argmax(np.abs(lengths - 1.0)))
+        is_unit = abs(lengths[k] - 1.0) <= UNIT_TOLERANCE
+        _require(is_unit, f"normal {k} has length {lengths[k]:g}; give unit normals")
         freeze(self, "points", points)
         freeze(self, "normals", normals / lengths[:, None])
         if self.areas is not None:
-            freeze(self, "areas", _areas(self.areas, len(points)))
+            areas, number = (
+                np.array(self.areas, float),
+                f"give one for each of {len(points)} points",
+            )
+            _require(areas.shape == (len(points),), f"areas have shape {areas.shape}; {number}")
+            _require(
+                bool(np.isfinite(areas).all() and (areas >= 0.0).all()),
+                "areas must be finite and not negative; give 0 for point contacts",
+            )
+            freeze(self, "areas", areas)
 
     def __len__(self) -> int:
         return len(self.points)
 
 
-def _table(name: str, value: Floats) -> Floats:
-    table = np.array(value, dtype=float)
-    if table.size == 0:
-        return np.empty((0, 3))
-    if table.ndim != 2 or table.shape[1] != 3:
-        raise SceneError(
-            f"contacts: {name} have shape {table.shape}; give (n, 3), in the plane with zeros"
-        )
-    if not np.isfinite(table).all():
-        raise SceneError(
-            f"contacts: {name} contain a number that is not finite; give finite numbers"
-        )
-    return table
-
-
-def _areas(value: Floats, count: int) -> Floats:
-    areas = np.array(value, dtype=float)
-    if areas.shape != (count,):
-        raise SceneError(
-            f"contacts: areas have shape {areas.shape}; give one for each of {count} points"
-        )
-    if not (np.isfinite(areas).all() and (areas >= 0.0).all()):
-        raise SceneError(
-            "contacts: areas must be finite and not negative; give 0 for point contacts"
-        )
-    return areas
+def _require(met: bool, otherwise: str) -> None:
+    if not met:
+        raise SceneError(f"contacts: {otherwise}")
 
 
 def freeze(owner: object, name: str, value: Floats) -> None:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, cross, planar_cross, quarter_turned
+from incipient.arrays import Floats, cross, planar_cross, quarter_turned, spatial
 from incipient.errors import SceneError
 from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts
@@ -31,12 +31,11 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
-ON_POLE, POLE_STEPS = 1e-5, 100  # the same where round-off of the angle counts, and steps to it
+NEWTON_STEPS, ROLLS = 12, 30
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
-STALLED = 0.99  # part of the error from which on a step of that method counts as one that did not reduce it
-USED = 1e-9  # share of the weight from which on a contact takes part in carrying it
+USED = 1e-9  # fraction of the weight from which on a contact takes part in carrying it
 SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
 
 
@@ -104,17 +103,13 @@ def settle_under(
     """Where the grain comes to rest from `start` under a dead load, which does not turn with it; else as `settle`.
 
     `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
-
-    Raises SceneError as `settle` does.
     """
     if not friction >= 0.0:
-        raise SceneError(
-            f"friction {friction} is not a coefficient; give a number that is not negative"
-        )
+        why = f"friction {friction} is not a coefficient"
+        raise SceneError(f"{why}; give a number that is not negative")
     if start.gdim != grain.gdim:
-        raise SceneError(
-            f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
-        )
+        why = f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
+        raise SceneError(f"{why}; give one in {grain.gdim}")
     load = np.append(force, np.asarray(couple) / grain.size) / float(np.linalg.norm(force))
     return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
 
@@ -133,21 +128,12 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """An equilibrium, its largest gap [grain sizes], what is left of weight and couple, the carrying contacts.
-
-    `way_down` is the free motion in which it falls, None if it is stable.
-    """
+    """An equilibrium, the contacts that carry the weight, and the free motion in which it falls (stable: None)."""
 
     placement: Placement
-    gap: float
-    imbalance: float
     carrying: ClosestPoints
+    imbalance: float
     way_down: Floats | None
-
-    @property
-    def stable(self) -> bool:
-        """Whether the grain stays when it is nudged."""
-        return self.way_down is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,34 +161,28 @@ class _Descent:
         for step in range(max_steps):
             near = self._proximity.minima(placement, 2.5 * length * self.size)
             touching = self._touching(placement, near, TOUCHING)
-            pull = self._pull(placement, touching)
-            strength = float(np.linalg.norm(pull))
+            held = self._hold(placement, touching)
+            strength = float(np.linalg.norm(held.remainder))
             # An attempt costs some steps: it is made when the pull has halved, or when there is no other way;
             # not again next to an unstable equilibrium that the grain is leaving.
             tried = np.inf if strength >= PROMISING else tried
-            if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
-                result = self._at_rest(placement, near)
-                if result is not None and (result.stable or (step == 0 and strength <= BALANCED)):
-                    return self._settled(result, step)
+            promising = strength < min(PROMISING, 0.5 * tried)
+            if promising or length < SHORTEST_STEP:
+                rest = self._at_rest(placement, near)
                 tried = strength
-                if result is None and len(touching) == 1:
-                    result = self._on_pole(placement)
-                    if result is not None and result.stable:
-                        return self._settled(result, step)
-                pushed = None if result is None else self._pushed(result)
-                if pushed is not None and self._work(placement, pushed) > 0.0:
-                    placement, length, tried = pushed, FIRST_STEP, 0.0
-                    continue
+                if rest is not None:
+                    if rest.way_down is None or (step == 0 and strength <= BALANCED):
+                        return self._settled(rest, step)
+                    pushed = self._pushed(rest, rest.way_down)
+                    if self._work(placement, pushed) > 0.0:
+                        placement, length, tried = pushed, FIRST_STEP, 0.0
+                        continue
             if length < SHORTEST_STEP:
-                result = self._on_pole(placement)
-                if result is not None and result.stable:
-                    return self._settled(result, step)
                 return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
-            motion = self._step(placement, ahead, touching, pull, length)
+            motion = self._step(placement, ahead, held, length)
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
-            gain = self._work(placement, trial)
-            expected = self.size * float(motion @ self.load)
+            gain, expected = self._work(placement, trial), self.size * float(motion @ self.load)
             if gain > max(0.1 * expected, 0.0):
                 placement = trial
                 length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
@@ -215,8 +195,6 @@ class _Descent:
     def _work(self, before: Placement, after: Placement) -> float:
         """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
         shift = np.asarray(after.centre) - np.asarray(before.centre)
-        if not self.load[len(shift) :].any():
-            return float(self.load[: len(shift)] @ shift)
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
@@ -224,10 +202,11 @@ class _Descent:
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
-        turned = (
-            np.linalg.norm(placement.turn_since(start)) if self.load[len(x) + 1 :].any() else 0.0
+        apart = (
+            np.linalg.norm(x - x0),
+            0.25 * self.size * np.linalg.norm(placement.turn_since(start)),
         )
-        return bool(beyond.any() or max(np.linalg.norm(x - x0), 0.25 * turned * self.size) > reach)
+        return bool(beyond.any() or max(apart) > reach)
 
     def _touching(
         self, placement: Placement, near: ClosestPoints, tolerance: float
@@ -240,7 +219,7 @@ class _Descent:
         return np.asarray(near.points - np.asarray(placement.centre))
 
     def _hold(self, placement: Placement, near: ClosestPoints) -> Hold:
-        """How contacts carry the load."""
+        """How contacts carry the load, and the part of it that they leave unbalanced."""
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
@@ -248,51 +227,31 @@ class _Descent:
         """Rows by which motions change the gaps, in grain sizes."""
         return wrenches(near.normals, self._arms(placement, near), self.size)
 
-    def _pull(self, placement: Placement, touching: ClosestPoints) -> Floats:
-        """The part of the load that contacts leave unbalanced."""
-        return self._hold(placement, touching).remainder
-
-    def _step(
-        self,
-        placement: Placement,
-        near: ClosestPoints,
-        touching: ClosestPoints,
-        pull: Floats,
-        length: float,
-    ) -> Floats:
+    def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
-        rows = self._hold(placement, touching).rows
         closing = self._closing(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
-        wish = self.load / max(float(np.linalg.norm(pull)), 1e-6)
+        wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
         if self.friction == 0.0:
             motion = length * nearest_motion(closing, -gaps / length, wish)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
         # With friction the motion ends where a contact is made, because that will hold the grain.
-        motion = length * nearest_motion(rows, np.zeros(len(rows)), wish)
+        motion = length * nearest_motion(held.rows, np.zeros(len(held.rows)), wish)
         approach = -(closing @ motion)
         meets = (gaps > TOUCHING) & (approach > 0.0)
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
         """The placement after a motion, those contacts closed again that it keeps or makes."""
-        closing = self._closing(placement, near)
-        after = near.gaps / self.size + closing @ motion
+        after = near.gaps / self.size + self._closing(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
-        return self._in_touch(placement, kept, motion)
-
-    def _in_touch(self, placement: Placement, contacts: ClosestPoints, motion: Floats) -> Placement:
-        """The placement after a motion, its contacts closed again; lowering the grain closes a single one."""
-        if len(contacts) > 1:
-            return self._moved_in_contact(placement, contacts, motion)
-        return self._moved(placement, motion)
+        # Lowering the grain closes a single one.
+        return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
         """The placement after a motion in grain sizes and radians."""
         d = self.grain.gdim
         return placement.moved(self.size * motion[:d], motion[d:])
-
-    # Near equilibrium.
 
     def _carrying(self, placement: Placement, touching: ClosestPoints) -> ClosestPoints:
         """The contacts that take part in holding the weight."""
@@ -313,101 +272,90 @@ class _Descent:
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
-        """The equilibrium next to a placement, found by Newton's method.
+        """The equilibrium next to a placement, found by Newton's method or by rolling onto it.
 
         Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
         then with those only that are local minima of the distance.
         """
         close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
-        for contacts in (close, self._proximity.locally_least(placement, close)):
+        least = self._proximity.locally_least(placement, close)
+        for contacts in (close, least) if len(least) < len(close) else (close,):
             carrying = self._carrying(placement, contacts)
             result = self._newton(placement, carrying) if len(carrying) else None
             rest = None if result is None else self._verified(result, placement)
             if rest is not None:
                 return rest
-        return None
+        return self._verified(self._rolled(placement), placement)
 
     def _verified(self, result: Placement, before: Placement) -> _Rest | None:
-        """The equilibrium, if it is one that is not above the placement before; at once where it is unstable."""
+        """The equilibrium, if it is one that is not above the placement before."""
+        result = self._proximity.lowered(result)
+        if self._work(result, before) > TOUCHING * self.size:
+            return None
         near = self._proximity.minima(result, 0.01 * self.size)
-        climb = self._work(result, before)
-        if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
-            return None
         touching = self._touching(result, near, CLOSED)
-        pull = float(np.abs(self._pull(result, touching)).max())
-        if pull > BALANCED:
+        carrying = self._beneath(result, self._carrying(result, touching))
+        imbalance = float(np.abs(self._hold(result, carrying).remainder).max())
+        if imbalance > BALANCED:
             return None
-        carrying = self._carrying(result, touching)
-        gap = float(np.abs(carrying.gaps).max(initial=0.0)) / self.size
-        return _Rest(result, gap, pull, carrying, self._way_down(result, carrying))
+        return _Rest(result, carrying, imbalance, self._way_down(result, carrying))
+
+    def _rolled(self, placement: Placement) -> Placement:
+        """The grain turned until it touches where a single contact would balance the load.
+
+        Without curvature the place of a contact is a root of the angle, so that Newton's method for the angle fails,
+        but the angle is a smooth function of the place.
+        """
+        last = np.inf
+        for _ in range(ROLLS):
+            near = self._proximity.minima(placement, TOUCHING * self.size)
+            touching = self._touching(placement, near, TOUCHING)
+            shift = self._shift(placement, touching)
+            length = float(np.linalg.norm(shift))
+            if len(touching) != 1 or not CLOSED * self.size < length < 0.99 * last:
+                break
+            last = length
+            ends = placement.to_body(np.vstack([touching.points, touching.points + shift]))
+            here, there = self.grain.normal(ends) @ placement.rotation.T
+            turn = cross(there, here) if len(here) == 3 else planar_cross(there, here)
+            placement = self._proximity.lowered(placement.moved(0.0 * here, turn))
+        return placement
+
+    def _shift(self, placement: Placement, contacts: ClosestPoints) -> Floats:
+        """How far (k, gdim) contacts are from the line of action of the load."""
+        force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
+        forces = np.tile(force, (len(arms), 1))
+        couple = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
+        return cross(forces, couple) if len(force) == 3 else -couple * quarter_turned(forces)
+
+    def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
+        """A single contact moved along the bed onto the line of action of the load, if the grain is as near there.
+
+        Where grain and bed hardly curve apart, the place of their contact is known far worse than its gap.
+        """
+        remainder = self._hold(placement, carrying).remainder
+        if len(carrying) != 1 or np.abs(remainder).max() <= BALANCED:
+            return carrying
+        points = self.bed.nearest(carrying.points + self._shift(placement, carrying))
+        anchors = placement.to_body(points)
+        as_near = abs(self.grain.level(anchors)[0]) <= CLOSED * self.size
+        return replace(carrying, points=points, anchors=anchors) if as_near else carrying
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
-        last, rises = np.inf, 0
-        for _ in range(20):
+        last = np.inf
+        for _ in range(NEWTON_STEPS):
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
-            if size < 1e-15 or (size > 0.5 * last and size < 1e-12):
+            if size < 1e-15 or 0.1 * last < size < BALANCED:
                 return placement
-            rises += size > STALLED * last
-            if size > 2.0 * last or size > 2.0 * PROMISING or rises > 2:
-                return placement if size < BALANCED else None
-            last = size
             motion = self._correction(placement, carrying, error)
-            if np.linalg.norm(motion) > LONGEST_STEP:
+            if size > 2.0 * min(last, PROMISING) or np.linalg.norm(motion) > LONGEST_STEP:
                 return None
+            last = size
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
-        return placement if last < 1e-11 else None
-
-    def _on_pole(self, placement: Placement) -> _Rest | None:
-        """The rest on a single contact where the grain has no curvature, or none in one direction.
-
-        There the place of the contact is a root of the angle, so that Newton's method for the angle fails, but the
-        angle is a smooth function of the place: the place is moved to where it balances the couple, and the grain
-        turned until it touches there. Round-off of the angle may leave some of the couple. None if that is much.
-        """
-        d, carrying, last = self.grain.gdim, self._touching_at(placement), np.inf
-        for _ in range(POLE_STEPS):
-            pull = self._pull(placement, carrying)
-            strength = float(np.abs(pull).max())
-            if len(carrying) != 1 or strength <= BALANCED or strength > STALLED * last:
-                break
-            last = strength
-            force, couple = self.load[:d], pull[d:]
-            shift = cross(force, couple) if d == 3 else -couple * quarter_turned(force)
-            ends = np.vstack([carrying.points, carrying.points + self.size * shift])
-            body = placement.to_body(ends)
-            here, there = self.grain.normal(body) @ placement.rotation.T
-            turn = cross(there, here) if d == 3 else planar_cross(there, here)
-            placement = placement.moved(np.zeros(d), turn)
-            for _ in range(4):
-                carrying = self._proximity.tracked(placement, carrying)
-                placement = placement.raised(-float(carrying.gaps[0] / carrying.normals[0, -1]))
-            carrying = self._proximity.tracked(placement, carrying)
-            if isinstance(self.grain, Solid) and not self.grain.cores:
-                carrying = self._nearer(placement, carrying, self.grain.project(body[1:]))
-        imbalance = float(np.abs(self._pull(placement, carrying)).max())
-        gap = float(np.abs(carrying.gaps).max(initial=0.0))
-        if len(carrying) == 0 or gap > CLOSED * self.size or imbalance > ON_POLE:
-            return None
-        way_down = self._way_down(placement, carrying)
-        return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
-
-    def _nearer(
-        self, placement: Placement, carrying: ClosestPoints, anchors: Floats
-    ) -> ClosestPoints:
-        """A contact of a smooth grain at a wanted place (1, 3) of its surface, if that is as close to the bed."""
-        points = placement.to_scene(anchors)
-        gaps = self.bed.distance(points)
-        if np.abs(gaps).max() > CLOSED * self.size:
-            return carrying
-        return replace(carrying, points=points, anchors=anchors, gaps=gaps)
-
-    def _touching_at(self, placement: Placement) -> ClosestPoints:
-        """The places that carry the grain there."""
-        near = self._proximity.minima(placement, TOUCHING * self.size)
-        return self._carrying(placement, self._touching(placement, near, TOUCHING))
+        return None
 
     def _correction(self, placement: Placement, carrying: ClosestPoints, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""
@@ -441,76 +389,55 @@ class _Descent:
             columns.append((ahead - behind) / (2.0 * h))
         return np.column_stack(columns)
 
-    # Stability.
-
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
         free = free_motions(self._constraints(placement, carrying)).T
         if len(free) == 0:
             return None
-        values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
+        # The second derivatives of the centre's height, in grain sizes.
+        stiffness = -free @ self._derivative(placement, carrying)[len(carrying) :] @ free.T
+        values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
         direction = np.asarray(vectors[:, 0] @ free)
         if values[0] > -SOFTEST:
             return None
         # Disturbed one way or the other it must get lower without being in the way of the bed.
-        ends = (
-            self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)
-        )
+        ends = (self._in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
         lowered = (self._proximity.lowered(end) for end in ends)
         falls = any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
         return direction if falls else None
 
-    def _pushed(self, rest: _Rest) -> Placement | None:
+    def _pushed(self, rest: _Rest, way_down: Floats) -> Placement:
         """The lowest of some placements to which an unstable equilibrium can fall in one go."""
-        if rest.way_down is None:
-            return None
-        motions = [s * push * rest.way_down for push in PUSHES for s in (1.0, -1.0)]
-        ends = [self._moved_in_contact(rest.placement, rest.carrying, motion) for motion in motions]
+        motions = [s * push * way_down for push in PUSHES for s in (1.0, -1.0)]
+        ends = (self._in_contact(rest.placement, rest.carrying, motion) for motion in motions)
         lowered = map(self._proximity.lowered, ends)
         return max(lowered, key=lambda end: self._work(rest.placement, end))
 
-    def _stiffness(self, placement: Placement, carrying: ClosestPoints, free: Floats) -> Floats:
-        """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
-        count = len(free)
-        along = np.zeros((count, count))
-        for i in range(count):
-            for j in range(i + 1):
-                direction = free[i] if i == j else (free[i] + free[j]) / np.sqrt(2.0)
-                motions = (s * PROBE * direction for s in (1.0, -1.0))
-                ends = [self._moved_in_contact(placement, carrying, motion) for motion in motions]
-                rise = -sum(self._work(placement, end) for end in ends)
-                along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
-        # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
-        pure = np.diag(along)
-        mixed = along - 0.5 * (pure[:, None] + pure)
-        np.fill_diagonal(mixed, pure)
-        return mixed
-
-    def _moved_in_contact(
+    def _in_contact(
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
-        """The placement after a free motion, the carrying contacts closed again."""
+        """The placement after a motion, the carrying contacts closed again."""
         placement = self._moved(placement, motion)
-        for _ in range(6):
+        for _ in range(6 if len(carrying) else 0):
             moved = self._proximity.tracked(placement, carrying)
             if np.abs(moved.gaps).max() <= 1e-14 * self.size:
                 break
             rows = self._closing(placement, moved)
-            placement = self._moved(
-                placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
-            )
+            step = np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
+            placement = self._moved(placement, step)
         return placement
-
-    # Results.
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
-        outcome = SettlingOutcome.RESTS if rest.stable else SettlingOutcome.BALANCES
-        return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
+        if len(rest.carrying) == len(contacts) == 1:
+            contacts = Contacts(spatial(rest.carrying.points), -spatial(rest.carrying.normals))
+        outcome = SettlingOutcome.RESTS if rest.way_down is None else SettlingOutcome.BALANCES
+        gap = float(np.abs(rest.carrying.gaps).max(initial=0.0)) / self.size
+        return Settled(rest.placement, contacts, outcome, steps, gap, rest.imbalance)
 
     def _unsettled(self, placement: Placement, outcome: SettlingOutcome, steps: int) -> Settled:
         near = self._proximity.minima(placement, TOUCHING * self.size)
         touching = self._touching(placement, near, TOUCHING)
         gap = float(np.abs(touching.gaps).max(initial=0.0)) / self.size
-        pull = float(np.abs(self._pull(placement, touching)).max())
+        pull = float(np.abs(self._hold(placement, touching).remainder).max())
         return Settled(placement, None, outcome, steps, gap, pull)

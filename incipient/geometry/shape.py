@@ -162,28 +162,15 @@ class RoundedBox(Shape):
 
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
     """Centres (n, dimension) and radii (n,) as tables, checked to be connected discs or spheres."""
-    points, sizes = np.array(centres, dtype=float), np.array(radii, dtype=float)
-    if (
-        points.ndim != 2
-        or points.shape[1:] != (dimension,)
-        or not len(points)
-        or sizes.shape != (len(points),)
-    ):
-        raise SceneError(
-            f"give one centre of {dimension} coordinates and one radius for each ball of a union"
-        )
-    if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
-        raise SceneError("a union needs finite centres and positive radii; change them")
+    from scipy.sparse.csgraph import connected_components  # which takes time to import
+
+    points, sizes = np.reshape(centres, (-1, dimension)).astype(float), np.array(radii, float)
     apart = np.linalg.norm(points[:, None] - points, axis=2)
     slack = OVERLAP * np.minimum.outer(sizes, sizes)
-    linked = apart < np.add.outer(sizes, sizes) - slack
-    reached = linked[0]
-    for _ in sizes:
-        reached = linked[reached].any(axis=0)
-    if not reached.all():
-        raise SceneError(
-            f"number {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
-        )
+    parts, part = connected_components(apart < np.add.outer(sizes, sizes) - slack)
+    if parts > 1:
+        k = int(np.argmax(part != part[0]))
+        raise SceneError(f"number {k} of the union does not overlap the others; move it closer")
     return points, sizes
 
 

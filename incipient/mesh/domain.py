@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -18,6 +17,9 @@ from ..errors import MeshError
 from ..meshes import SYMMETRY
 from ..parallel import collectively
 from .cells import cell_facets, local_cells
+
+if TYPE_CHECKING:
+    from ..meshes.simplices import Simplices
 
 
 @dataclass(frozen=True)
@@ -55,69 +57,28 @@ class Domain:
         )
 
 
-def build(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]], gdim: int) -> Domain:
-    """Draw and mesh on rank 0, then distribute. Collective.
-
-    `drawing()` is a context manager that yields a meshed gmsh model in which every boundary facet
-    belongs to one named physical group; it is entered on rank 0 only.
+def build(comm: MPI.Comm, drawing: Callable[[], Simplices]) -> Domain:
+    """Mesh on rank 0, where `drawing()` is called, then distribute. Collective.
 
     Raises:
         MeshError: on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
     """
-    with _drawn(comm, drawing) as model:
-        mesh, facets = mesh_of(model, comm, gdim)
-        names = comm.bcast(_group_names(model, gdim - 1) if comm.rank == 0 else None, root=0)
-    domain = Domain(mesh, facets, names)
+    made, known = None, None
+    with collectively(comm):
+        if comm.rank == 0:
+            made = drawing()
+            names = {name: tag for tag, name in enumerate(made.sides, start=1)}
+            gdim, parts = made.points.shape[1], [made.cells[:0], *made.sides.values()]
+            corners = np.concatenate([part[:, :gdim] for part in parts])
+            tags = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+            known = made.order, gdim, made.cells.shape[1], names, corners, tags
+    order, gdim, per_cell, names, corners, tags = comm.bcast(known, root=0)
+    cells = np.empty((0, per_cell), dtype=np.int64) if made is None else made.cells
+    points = np.empty((0, gdim)) if made is None else made.points
+    mesh = compat.create_mesh(comm, cells[:, compat.gmsh_order(gdim, per_cell)], points, order)
+    domain = Domain(mesh, named_facets(mesh, corners, tags), names)
     _check_boundary(domain)
     return domain
-
-
-def mesh_of(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any]:
-    """The mesh of the gmsh model on rank 0, and the tags of its facets by physical groups. Collective."""
-    empty = np.empty((0, gdim))
-    nodes, cells, order = _cells_of(model, gdim) if comm.rank == 0 else (empty, empty, 0)
-    known = (order, cells.shape[1], *_facets_of(model, gdim)) if comm.rank == 0 else None
-    order, per_cell, corners, tags = comm.bcast(known, root=0)
-    cells = cells.astype(np.int64).reshape(-1, per_cell)
-    mesh = compat.create_mesh(comm, cells[:, compat.gmsh_order(gdim, per_cell)], nodes, order)
-    return mesh, named_facets(mesh, corners, tags)
-
-
-def _cells_of(model: Any, gdim: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """The nodes (n, gdim) of a gmsh model, its cells (m, nodes per cell) and their order."""
-    tags, places, _ = model.mesh.getNodes()
-    nodes = np.reshape(places, (-1, 3))[np.argsort(tags), :gdim]
-    (kind,), _, (members,) = model.mesh.getElements(gdim)
-    _, _, order, per_cell, _, _ = model.mesh.getElementProperties(kind)
-    return nodes.copy(), members.reshape(-1, per_cell).astype(np.int64) - 1, order
-
-
-def _facets_of(model: Any, gdim: int) -> tuple[np.ndarray, np.ndarray]:
-    """The corners (k, gdim) of the facets in physical groups of a gmsh model, and the groups' tags (k,)."""
-    corners, tags = [np.empty((0, gdim), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-    for _, tag in model.getPhysicalGroups(gdim - 1):
-        for entity in model.getEntitiesForPhysicalGroup(gdim - 1, tag):
-            for kind, _, members in zip(*model.mesh.getElements(gdim - 1, entity), strict=True):
-                per_facet = model.mesh.getElementProperties(kind)[3]
-                corners.append(members.reshape(-1, per_facet)[:, :gdim].astype(np.int64) - 1)
-                tags.append(np.full(len(corners[-1]), tag))
-    return np.concatenate(corners), np.concatenate(tags)
-
-
-@contextmanager
-def _drawn(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]]) -> Iterator[Any]:
-    """Enter the drawing on rank 0; an error in it is raised on all ranks."""
-    with ExitStack() as stack:
-        model = None
-        with collectively(comm):
-            if comm.rank == 0:
-                model = stack.enter_context(drawing())
-        yield model
-
-
-def _group_names(model: Any, dimension: int) -> dict[str, int]:
-    groups = model.getPhysicalGroups(dimension)
-    return {model.getPhysicalName(dimension, tag): tag for _, tag in groups}
 
 
 def _check_boundary(domain: Domain) -> None:

@@ -1,10 +1,9 @@
-"""How a free surface displaces the mesh below it: straight up or down, less and less towards what does not move.
+"""Vertical displacement of a mesh below a free surface.
 
 A node's rise w solves LEVELLING w_xx + w_yy = 0 where the mesh was made: it is the elevation on the surface, zero on
-the bed and on bodies, whatever suits it along the sides. A harmonic function would fold cells below a trough whose
-slope is one; this one is nearly linear along each column, and does so only for slopes of 1/sqrt(LEVELLING).
-Nodes keep their horizontal places: the area below each part of the surface never changes, nor does the matrix of the
-kinematic condition.
+the bed and on bodies, free along the sides. A harmonic function would fold cells below a trough whose slope is one;
+this one does so for slopes of 1/sqrt(LEVELLING). Nodes keep their horizontal places, so that the matrix of the
+kinematic condition is constant.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
-"""Meshes that follow bodies: rigid near them, blended out from there; and meshes stretched into a larger box.
+"""Meshes that follow bodies: rigid near them, less displaced farther away; and meshes stretched into a larger box.
 
-A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
+A vertex at X moves to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
-body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
-stretched before and behind the body instead of being sheared above and below it. So vertices go; the other nodes of a
-straight cell go where it stays straight. The places are a smooth function of the body's place alone: nothing is solved,
-and the mesh's velocity has the accuracy of the body's.
-Where several parts move, each adds its displacement, which vanishes on the boundaries of the others.
-A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
+body and zero on other boundaries. Nodes slide along straight sides: a long channel's mesh is stretched, not sheared.
+Straight cells stay straight. Places depend on the body's place alone, so that the mesh's velocity is as accurate as
+the body's. Displacements of several parts are added; each vanishes on the boundaries of the others.
+Discs and spheres do not turn the mesh, which slides along them.
 """
 
 from __future__ import annotations
@@ -199,7 +197,11 @@ class Potentials:
         mesh, space = self.domain.mesh, self.space
         held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
         conditions = [
-            _fixed(space, self.domain.facets_of(name), float(name == boundary))
+            dolfinx.fem.dirichletbc(
+                PETSc.ScalarType(float(name == boundary)),
+                compat.nodes_on(space, self.domain.facets_of(name)),
+                space,
+            )
             for name in [*held, boundary]
         ]
         potential = dolfinx.fem.Function(space)
@@ -232,14 +234,10 @@ class Potentials:
             held.destroy()
 
 
-def _fixed(space: Any, facets: NDArray[np.int32], value: float) -> Any:
-    return dolfinx.fem.dirichletbc(PETSc.ScalarType(value), compat.nodes_on(space, facets), space)
-
-
 def _slopes(mesh: Any) -> Floats:
     """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
     gdim, degree, element = mesh.topology.dim, compat.geometry_degree(mesh), shape_functions(mesh)
-    # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in the plane.
+    # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in 2-D.
     points = basix.create_lattice(
         CELLS[gdim], max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True
     )
@@ -257,48 +255,21 @@ def _turned(arms: Floats, rotations: Floats) -> Floats:
     return np.asarray(Rotation.from_rotvec(vectors).apply(spatial(arms))[:, : arms.shape[1]])
 
 
-@dataclass(frozen=True)
-class KeptBox:
-    """The least and the largest coordinates (3,) of a region."""
-
-    low: Floats
-    high: Floats
-
-
-def stretched(x: Floats, centre: Floats, kept: Floats, old: KeptBox, new: KeptBox) -> Floats | None:
+def stretched(x: Floats, centre: Floats, kept: Floats, old: Floats, new: Floats) -> Floats | None:
     """Points (n, 3) of one box in another; None where there is no room to stretch. Not collective.
 
-    On each axis a point stays as it is within `kept` (3,) of the centre; beyond, it goes by a parabola that begins
-    there and takes the old side to the new one.
+    Boxes (2, 3) are their least and largest coordinates. On each axis a point stays as it is within `kept` (3,) of the
+    centre; beyond, it goes by a parabola that begins there and takes the old side to the new one.
     """
     moved = x.copy()
     for axis in range(3):
-        for side, end, new_end in ((1.0, old.high, new.high), (-1.0, old.low, new.low)):
-            way = side * (new_end[axis] - end[axis])
-            room = side * (end[axis] - centre[axis]) - kept[axis]
-            if abs(way) < 1e-12 * float((old.high - old.low).max()):
+        for side, end, new_end in zip((-1.0, 1.0), old[:, axis], new[:, axis], strict=True):
+            way = side * (new_end - end)
+            room = side * (end - centre[axis]) - kept[axis]
+            if abs(way) < 1e-12 * float(np.ptp(old, axis=0).max()):
                 continue
             if room <= 0.0 or way <= -0.5 * room:  # a shorter way back would fold the cells
                 return None
             beyond = np.maximum(side * (x[:, axis] - centre[axis]) - kept[axis], 0.0)
             moved[:, axis] += side * way * (beyond / room) ** 2
     return moved
-
-
-class Lifting:
-    """Moves the nodes with a body, less the farther from it, and not at all on other boundaries. Collective.
-
-    Those on the plane of symmetry move along it.
-    """
-
-    def __init__(self, domain: Domain, boundary: str):
-        self._weights = Potentials(domain).weights(boundary, (SYMMETRY,), rigid=1.0)[:, None]
-
-    def at(self, shift: Floats) -> Floats:
-        """(n, 3) displacements of the mesh's nodes when the body is shifted by (3,). Not collective."""
-        return np.asarray(self._weights * shift)
-
-
-def serves(motion: MeshMotion, places: Floats) -> bool:
-    """Whether a mesh with its nodes at other places (n, 3) is good enough to compute a flow on. Collective."""
-    return motion.quality(places).relative > LEAST_QUALITY

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..arrays import Floats, Integers
-from .locator import Locator, Places, evaluate
+from .sampling import Locator, Places, evaluate
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,9 @@ class _Exchange:
 class Transfer:
     """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
-    Making it finds the points in the cells, once for any number of functions on the mesh; it is collective. A
-    point outside the mesh takes the polynomial of the nearest cell, extrapolated: meant for a curved boundary
-    meshed anew, whose nodes lie off the old mesh by a fraction of a cell. The caller judges by `farthest`
-    whether that is so: far away extrapolation means nothing.
+    Construction is collective; one transfer serves any number of functions on the mesh. A point outside the mesh
+    takes the extrapolated polynomial of the nearest cell: meant for a curved boundary meshed anew, whose nodes lie
+    off the old mesh by a fraction of a cell (see `farthest`).
 
     Args:
         mesh: the mesh, of simplices, straight or curved.
@@ -86,23 +85,23 @@ class Transfer:
     def _exchange(
         self, requested: list[Integers], look_up: Callable[[Floats], Places]
     ) -> _Exchange:
-        """Have points looked up by the ranks requested; each is left to the rank where it is least remote."""
+        """Have points looked up by the ranks requested; each is left to the rank where it is nearest."""
         requests = self._comm.alltoall([self._points[rows] for rows in requested])
         places = look_up(np.concatenate(requests))
-        answers = self._comm.alltoall(np.split(places.remoteness, _splits(requests)))
-        best = self._least_remote(requested, answers)
+        answers = self._comm.alltoall(np.split(places.distances, _splits(requests)))
+        best = self._nearest(requested, answers)
         wanted = [best[rows] == rank for rank, rows in enumerate(requested)]
         rows = [rows[chosen] for rows, chosen in zip(requested, wanted, strict=True)]
         kept = self._comm.alltoall(wanted)
         splits = _splits([np.flatnonzero(chosen) for chosen in kept])
         return _Exchange(rows, places.at(np.concatenate(kept)), splits)
 
-    def _least_remote(self, requested: list[Integers], answers: list[Floats]) -> Integers:
-        """(n,) the first rank from which each point is least remote, -1 where it is so from none."""
-        remoteness = np.full((len(requested), len(self._points)), np.inf)
+    def _nearest(self, requested: list[Integers], answers: list[Floats]) -> Integers:
+        """(n,) the first rank from which each point is nearest, -1 where it is so from none."""
+        distances = np.full((len(requested), len(self._points)), np.inf)
         for rank, (rows, answer) in enumerate(zip(requested, answers, strict=True)):
-            remoteness[rank, rows] = answer
-        return np.where(np.isfinite(remoteness).any(axis=0), remoteness.argmin(axis=0), -1)
+            distances[rank, rows] = answer
+        return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 
 def _splits(parts: list[Any]) -> Integers:

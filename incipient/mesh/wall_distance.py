@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,14 +10,16 @@ from scipy.spatial import cKDTree
 from .. import compat
 from ..arrays import Floats, Integers
 from ..geometry.space.surfaces import nearest_on_triangles
-from .cells import cell_facets, local_cells
+from .cells import cell_facets, local_cells, shape_functions
 from .domain import Domain
 
 # Pieces of a wall, of each octave of lengths, by their middles, of which the nearest place is sought, by dimension.
 NEAREST = {2: 6, 3: 12}
-# Nodes of a triangle and its edges that are corners of its straight pieces; pieces of an edge, which may stand off from
-# its chord by more than the thinnest cells are thick.
-PIECES, PIECES_OF_EDGE = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5)), 8
+# Straight pieces of an edge, which may stand off from its chord by more than the thinnest cells are thick.
+PIECES_OF_EDGE = 8
+# Corners and middles of edges of a triangle by barycentric coordinates, and its straight pieces.
+IN_TRIANGLE = np.array([[2, 0, 0], [0, 2, 0], [0, 0, 2], [0, 1, 1], [1, 0, 1], [1, 1, 0]]) / 2.0
+PIECES = ((0, 5, 4), (1, 3, 5), (2, 4, 3), (3, 4, 5))
 
 
 def distances(domain: Domain, walls: Sequence[str], places: Floats) -> Floats:
@@ -51,36 +52,25 @@ def _from_pieces(places: Floats, pieces: Floats) -> Floats:
 
 def _pieces(domain: Domain, walls: Sequence[str]) -> Floats:
     """Corners (n, gdim, gdim) of straight pieces of walls, eight a facet, in 3-D four, on all ranks. Collective."""
-    mesh, of_facets = domain.mesh, domain.gdim - 1
-    space = compat.space(mesh, ("Lagrange", 2))
-    layout = space.dofmap.dof_layout
-    local = [_in_order(layout, of_facets, number) for number in range(domain.gdim + 1)]
-    every, first = np.unique(cell_facets(mesh, local_cells(mesh))[0], return_index=True)
-    nodes_of_facets = compat.cell_dofs(space)[:, local].reshape(-1, 3 * of_facets)
-    wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
-    rows = nodes_of_facets[first[np.searchsorted(every, wanted)]]
-    here = space.tabulate_dof_coordinates()[rows, : domain.gdim]
-    nodes = np.concatenate(domain.comm.allgather(here))
-    if domain.gdim == 3:
-        return np.concatenate([nodes[:, piece] for piece in PIECES])
+    pieces = np.array(PIECES)
+    if domain.gdim == 2:
+        pieces = np.arange(PIECES_OF_EDGE)[:, None] + [0, 1]
+    return places_on_facets(domain, walls)[:, pieces].reshape(-1, domain.gdim, domain.gdim)
+
+
+def places_on_facets(domain: Domain, walls: Sequence[str]) -> Floats:
+    """Ends of the pieces (facets, n, gdim) of the facets of walls, in 2-D in order, on all ranks. Collective."""
+    mesh, gdim = domain.mesh, domain.gdim
     t = np.linspace(0.0, 1.0, PIECES_OF_EDGE + 1)
-    along = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)]) @ nodes
-    return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 2)
-
-
-def _in_order(layout: Any, dimension: int, facet: int) -> Integers:
-    """Local nodes of a facet: corners, then middles of edges, each opposite to a corner, in 2-D that of the edge."""
-    nodes = layout.entity_closure_dofs(dimension, facet)
-    corners = [node for node in nodes if node <= dimension + 1]
-    if dimension == 1:
-        return np.array([*corners, *(node for node in nodes if node not in corners)])
-    edge_of = {
-        frozenset(
-            node for node in layout.entity_closure_dofs(1, edge) if node <= 3
-        ): layout.entity_dofs(1, edge)[0]
-        for edge in range(6)
-    }
-    return np.array([*corners, *(edge_of[frozenset(corners) - {node}] for node in corners)])
+    on_facet = IN_TRIANGLE if gdim == 3 else np.column_stack([1 - t, t])
+    places = [np.insert(on_facet, corner, 0.0, axis=1)[:, 1:] for corner in range(gdim + 1)]
+    shapes = np.array([shape_functions(mesh).tabulate(0, x)[0, :, :, 0] for x in places])
+    every, first = np.unique(cell_facets(mesh, local_cells(mesh))[0], return_index=True)
+    wanted = np.unique(np.concatenate([domain.facets_of(name) for name in walls]))
+    # A facet is numbered as the corner that it lacks.
+    cells, lacking = np.divmod(first[np.searchsorted(every, wanted)], gdim + 1)
+    nodes = mesh.geometry.x[compat.geometry_dofs(mesh)[cells], :gdim]
+    return np.concatenate(domain.comm.allgather(shapes[lacking] @ nodes))
 
 
 def cells_at(domain: Domain, walls: Sequence[str]) -> Integers:

@@ -7,7 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut, cut_after, make_directory, part_of, reported, sync, write_json
+from ..files import (
+    append_row,
+    cut,
+    cut_after,
+    make_directory,
+    own,
+    part_of,
+    reported,
+    sync,
+    write_json,
+)
 from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
@@ -17,6 +27,7 @@ from ..simulation.recorder import Recorder
 from .ownership import (
     CHECKPOINT,
     CONTACTS,
+    DATA,
     FILES,
     RESULT,
     keep_complete_result,
@@ -79,6 +90,8 @@ class ResultDirectory(Recorder):
             )  # of a run that was killed as it wrote
         if self._resumed is not None:
             recorded = self._resumed.recorded
+            grow = [name for name in (*DATA, CHECKPOINT) if (self.path / name).exists()]
+            own(self.path, dict.fromkeys(grow))
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)
             cut_after(self.path / CONTACTS, self._resumed.time)
             return

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import OutputError
-from ..files import make_directory, reported
+from ..files import make_directory, own_as_they_are, reported
 from ..parallel import Comm, collectively
-from .ownership import refuse_foreign
+from .ownership import RESULTS, refuse_foreign
 
 LOCK = "lock.json"
 MOST = 2**16  # bytes of a lock that are read
@@ -80,7 +80,7 @@ def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
                 make_directory(directory)
             _take(directory, mine)
             try:
-                refuse_foreign(directory)
+                refuse_foreign(directory, resumed=not make)
             except OutputError:
                 _give_back(directory / LOCK, mine)
                 raise
@@ -88,6 +88,8 @@ def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
         yield
     finally:
         if comm.rank == 0:
+            with suppress(OutputError):  # files that may grow stay replaceable
+                own_as_they_are(directory, RESULTS)
             _give_back(directory / LOCK, mine)
 
 

@@ -42,7 +42,7 @@ OTHERS = {
     "threshold": {"threshold.json", "threshold.png"},
     "gusts": {"gusts.json", "gusts.csv", "gusts.png"},
     "entrainment": {"entrainment.json", "entrainment.csv", "entrainment.png"},
-    "cost": {"cost.json", "cost.csv", "cost.md", "cost.png"},
+    "cost": {"cost.json", "cost.csv", "cost.png"},
 }
 RESULTS = FILES.union(*OTHERS.values())
 SECTIONS = (
@@ -106,7 +106,7 @@ def put_aside(path: Path) -> Path:
     aside = numbered(path)
     with reported(aside):
         path.rename(aside)
-    own(aside.parent, {aside.name: None})
+    own(aside.parent, {aside.name: aside.stat().st_size})
     return aside
 
 
@@ -125,18 +125,23 @@ def _move(paths: list[Path], directory: Path, what: str) -> None:
             shutil.copy2(directory / SCENE, neighbour)
         for path in sorted(paths, key=lambda path: path.name == CHECKPOINT):
             shutil.move(path, neighbour)
-    own(neighbour, dict.fromkeys([SCENE, *(path.name for path in paths)]))
+    sizes = {path.name: (neighbour / path.name).stat().st_size for path in paths}
+    own(neighbour, {**sizes, SCENE: None})
     log.warning("%s: %s is now in %s", directory, what, neighbour)
 
 
 def refuse_foreign(
-    directory: Path, names: Iterable[str] = (), sources: Iterable[Path] = ()
+    directory: Path,
+    names: Iterable[str] = (),
+    sources: Iterable[Path] = (),
+    resumed: bool = False,
 ) -> None:
     """Refuse a directory in which a file to be written is a link, not incipient's, or one that is read.
 
     Args:
         names: of the files to be written; none: those of all commands with a scene.
         sources: files that are read.
+        resumed: a run is, which says itself what is wrong with files that have grown.
 
     Raises:
         OutputError: naming the file.
@@ -144,7 +149,7 @@ def refuse_foreign(
     if not directory.is_dir():
         return
     adopt(directory)
-    wanted, mine = set(names) or {*RESULTS, SCENE}, owned(directory)
+    wanted, mine = set(names) or {*RESULTS, SCENE}, owned(directory, grown=not resumed)
     if not _is_written_scene(directory / SCENE):  # but a copy of the user's, or edited since
         mine -= {SCENE}
     for path in sorted(directory.iterdir()):
@@ -159,8 +164,8 @@ def refuse_foreign(
 def adopt(directory: Path) -> None:
     """Take the files of a run that an earlier version of the program has left without a mark; raises OutputError."""
     if not (directory / MARK).exists() and _is_written_scene(directory / SCENE):
-        there = {path.name for path in directory.iterdir()}
-        own(directory, dict.fromkeys(there & {*RESULTS, SCENE}))
+        there = {path.name: path.lstat().st_size for path in directory.iterdir()}
+        own(directory, {name: there[name] for name in RESULTS & there.keys()} | {SCENE: None})
 
 
 def _is_written_scene(path: Path) -> bool:

@@ -35,12 +35,9 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
         "numerics.remesh_below",
         "numerics.mesh_size",
         "numerics.interface_tolerance",
-        "numerics.coupling",
     ),
     *("contact.gap", "time.until"),
 )
-# Where the grain moves a key may take this value, too.
-MAY_BECOME = {"body.on_contact": "repel"}
 
 
 @one_at_a_time
@@ -85,8 +82,7 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
         if scene.numerics.order == "auto" and order_of(scene).number != order_of(before).number:
             scene = with_order(scene, order_of(before).number)  # that of the flow that is stored
         _require_same(directory / SCENE, scene, before)
-        repelled = scene.body is not None and scene.body.on_contact == "repel"
-        _require_work(scene.time, kept, passes=repelled or scene.contact_gap < before.contact_gap)
+        _require_work(scene.time, kept, passes=scene.contact_gap < before.contact_gap)
         return scene, before
 
     scene, before = from_first(comm, loaded)
@@ -99,16 +95,14 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         for one in (scene, of_checkpoint)
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
-    becomes = MAY_BECOME if scene.moves else {}
     differing = {*now, *before} - {*allowed, "title"}
     # What both have comes first: keys that only one has may be there because of another one.
     for key in sorted(differing, key=lambda one: (None in (now.get(one), before.get(one)), one)):
-        if now.get(key) in (before.get(key), becomes.get(key, ...)):
+        if now.get(key) == before.get(key):
             continue
-        others = [*allowed, *(f'{name} = "{value}"' for name, value in becomes.items())]
         raise SceneError(
             f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-            f"leave it so (only {', '.join(others)} may change) or start a new run with: incipient run"
+            f"leave it so (only {', '.join(allowed)} may change) or start a new run with: incipient run"
         )
 
 
@@ -116,7 +110,7 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
     """Refuses a run that has ended; `passes`: whether its grain may move on from what it met."""
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
-        remedy = 'set body.on_contact = "repel", or a smaller contact.gap'
+        remedy = "set a smaller contact.gap"
         raise SceneError(f"the run has ended: its grain met something; to resume it {remedy}")
     if (
         kept.body is not None

@@ -41,17 +41,8 @@ def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     """Make the film of `film.animate` in another process; its path. Not collective; raises OutputError as that does."""
-    return _film_apart(directory, target, "--animate", f"--field={field}")
-
-
-def turn_apart(directory: Path, target: Path | None) -> Path:
-    """Make the film of `turntable.turn` in another process; its path. Not collective; raises OutputError as that."""
-    return _film_apart(directory, target, "--turntable")
-
-
-def _film_apart(directory: Path, target: Path | None, *what: str) -> Path:
     named = () if target is None else (f"--out={target}",)
-    drawn = _apart("no animation", str(directory), *what, *named)
+    drawn = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
     (path,) = drawn.paths
@@ -66,6 +57,7 @@ def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") ->
     command = [sys.executable, "-P", "-m", module, *arguments]
     # Names of files need not be UTF-8.
     surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
+    surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others
     child = subprocess.run(
         command,
         capture_output=True,

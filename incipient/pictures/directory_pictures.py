@@ -11,23 +11,20 @@ from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
 from ..output.ownership import adopt
-from . import style
-from .charts import cost, entrainment, gusts, survey
-from .flow import cells, elevation, fields, walls
-from .motion import trajectory
+from . import cells, elevation, flow, style, traction, trajectory, verdict, walls
+from .charts import cost, entrainment, gusts, series, survey
 from .record import StoredRun, read
-from .verdict import grain, judgement, series, space, threshold
 
 Maker = Callable[[StoredRun], Figure]
 # Files of results other than a run's, and what draws their pictures.
 _OTHERS = {
-    "threshold.json": threshold,
-    "gusts.json": gusts,
-    "entrainment.json": entrainment,
-    "survey.json": survey,
-    "cost.json": cost,
-    "series.json": series,
-    "judgement.json": judgement,
+    "threshold.json": verdict.draw_threshold,
+    "gusts.json": gusts.draw,
+    "entrainment.json": entrainment.draw,
+    "survey.json": survey.draw,
+    "cost.json": cost.draw,
+    "series.json": series.draw,
+    "judgement.json": verdict.draw_judgement,
 }
 
 
@@ -54,7 +51,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         with drawing.attempt(directory / "result.json"):
             _draw_run(directory, drawing)
     for source in others:
-        drawing.add(source, _OTHERS[source.name].draw)
+        drawing.add(source, _OTHERS[source.name])
     if drawing.failures:
         raise OutputError("; ".join(drawing.failures))
     return drawing.written
@@ -104,22 +101,19 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    flow, verdict, mesh = (
-        (space, space, space.mesh) if run.in_space else (fields, grain, cells.picture)
-    )
     makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
     if not run.in_space:
-        makers["vorticity"] = fields.vorticity
+        makers["vorticity"] = flow.vorticity
     elif run.setting("domain", "top") == "free-surface":
         makers["elevation"] = elevation.picture
     if run.surface is not None:
-        makers["traction"] = verdict.traction
+        makers["traction"] = traction.picture
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
-        makers["verdict"] = verdict.verdict
+        makers["verdict"] = verdict.of_run
     if walls.has_walls(run):
         makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
-        makers["profiles"] = fields.profiles
-    makers["mesh"] = mesh
+        makers["profiles"] = flow.profiles
+    makers["mesh"] = cells.picture
     return makers

@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..errors import OutputError
+from ..geometry.placement import Placement
 from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
 from ..scene import Scene
 from . import style
-from .flow.mesh import QuadraticMesh
-from .flow.streamlines import Sampled, sample
-from .verdict.outlines import grain_outline
+from .mesh import QuadraticMesh
+from .outlines import grain_outline
 
 REMEDY = "give the directory of a finished run, or run the scene again"
 
@@ -46,6 +46,17 @@ class StoredRun:
         (x0, y0), (x1, y1) = self.mesh.points.min(axis=0), self.mesh.points.max(axis=0)
         return float(x0), float(x1), float(y0), float(y1)
 
+    @property
+    def place(self) -> Placement | None:
+        """Where the grain is at the end of the run: at rest where it touches the bed; None without one."""
+        centre = self.value("grain", "centre")
+        if centre is None:
+            return None
+        turned = self.value("grain", "quaternion")
+        if turned is None:
+            return Placement(tuple(centre), self.value("grain", "angle", 0.0))
+        return Placement(tuple(centre), quaternion=tuple(turned))
+
     @cached_property
     def touching_grain(self) -> np.ndarray | None:
         """Outline (n, 2), anticlockwise, of a grain whose contacts are closed, so that the mesh has but a part of it.
@@ -54,8 +65,7 @@ class StoredRun:
         """
         if not self.value("gap", "closed"):
             return None
-        scene = Scene(**self.scene)
-        return grain_outline(scene.grain, scene.placement)
+        return grain_outline(Scene(**self.scene).grain, self.place)
 
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
@@ -64,10 +74,6 @@ class StoredRun:
                 f"{self.directory / 'fields.h5'}: holds no {name}; run the scene again"
             )
         return self.fields.fields[name]
-
-    def sampled(self, view: tuple[float, float, float, float]) -> Sampled:
-        """Velocity on a regular grid over a part of the plane."""
-        return sample(self.mesh, self.field("velocity")[:, :2], view)
 
     def setting(self, section: str, key: str) -> Any:
         """A value of the resolved scene, None if the section or the key is absent."""

@@ -59,12 +59,12 @@ _SETTINGS = {
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
     "figure.facecolor": "white",
+    "figure.constrained_layout.w_pad": 0.1,
+    "figure.constrained_layout.h_pad": 0.08,
     "legend.frameon": False,
     "legend.fontsize": 8,
 }
-_WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 9.0, 0.65, 1.1, 0.75, 0.5, 0.75  # inches
-_TALLEST = 4.6  # inches
-_LETTER, _HEADLINE = 0.088, 0.2  # width and height of a letter of the title, inches
+_WIDE, _TALLEST = 9.0, 4.6  # inches: a sheet, and a drawing on it
 
 
 @contextmanager
@@ -91,45 +91,31 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(part, format="png", dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
 
-def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """A figure with, for each view, axes true to scale and axes for a colour bar on their right.
+def panels(views: list[View], title: str, up: str = "y") -> tuple[Figure, list[Axes]]:
+    """A titled figure with axes true to scale for each view; wide views stand one above the other.
 
-    Wide views stand one above the other, others side by side.
+    up: name of the axis that is shown upwards
     """
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
+    heights = np.minimum(_TALLEST, (_WIDE - 1.8) * aspects)
     stacked = len(views) == 1 or aspects[0] <= 0.6
-    figure, places = _stack(aspects) if stacked else _row(aspects)
-    lines = textwrap.wrap(title, int((figure.get_figwidth() - _LEFT) / _LETTER))
-    figure.set_figheight(figure.get_figheight() + _HEADLINE * (len(lines) - 1))
-    left, top = _LEFT / figure.get_figwidth(), 1 - 0.22 / figure.get_figheight()
-    figure.text(left, top, "\n".join(lines), fontsize=11, va="top")
-    made = []
-    for view, (left, bottom, across, up) in zip(views, places, strict=True):
-        axes = placed(figure, left, bottom, across, up)
-        axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]")
-        made.append((axes, placed(figure, left + across + 0.12, bottom, 0.14, up)))
+    across = (heights / aspects).max() if stacked else (heights / aspects).sum()
+    tall = (heights + 0.65).sum() if stacked else heights.max() + 0.65
+    figure = Figure(
+        figsize=(across + 1.8 * (1 if stacked else len(views)), tall + 0.35), layout="compressed"
+    )
+    headline(figure, title)
+    rows, columns = (len(views), 1) if stacked else (1, len(views))
+    ratios = {"height_ratios": heights} if stacked else {"width_ratios": heights / aspects}
+    made = figure.subplots(rows, columns, squeeze=False, **ratios).ravel().tolist()
+    for axes, view in zip(made, views, strict=True):
+        axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
+        axes.set(xlabel="x [scene units]", ylabel=f"{up} [scene units]")
     return figure, made
 
 
-def _stack(aspects: np.ndarray) -> tuple[Figure, list[tuple[float, float, float, float]]]:
-    room = _WIDTH - _LEFT - _RIGHT
-    widths = np.minimum(room, _TALLEST / aspects)
-    heights = widths * aspects
-    total = _TOP + heights.sum() + _GAP * (len(aspects) - 1) + _BOTTOM
-    tops = total - _TOP - np.concatenate([[0.0], np.cumsum(heights + _GAP)[:-1]])
-    places = [(_LEFT, top - h, w, h) for top, w, h in zip(tops, widths, heights, strict=True)]
-    return Figure(figsize=(_LEFT + widths.max() + _RIGHT, total)), places
-
-
-def _row(aspects: np.ndarray) -> tuple[Figure, list[tuple[float, float, float, float]]]:
-    height = _TALLEST
-    widths = height / aspects
-    lefts = _LEFT + np.concatenate([[0.0], np.cumsum(widths + _RIGHT + _LEFT)[:-1]])
-    places = [(left, _BOTTOM, width, height) for left, width in zip(lefts, widths, strict=True)]
-    return Figure(figsize=(lefts[-1] + widths[-1] + _RIGHT, _TOP + height + _BOTTOM)), places
-
-
-def placed(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Axes at a place given in inches."""
-    across, up = figure.get_size_inches()
-    return figure.add_axes((left / across, bottom / up, width / across, height / up))
+def headline(figure: Figure, title: str) -> None:
+    """Write a title above a figure, in as many lines as it takes."""
+    lines = textwrap.wrap(title, int(11 * figure.get_figwidth()))
+    figure.set_figheight(figure.get_figheight() + 0.2 * (len(lines) - 1))
+    figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=11)

@@ -45,9 +45,7 @@ def _inertia(body: Body) -> Inertia:
     tensor = inertia_tensor(body)
     tensor = np.zeros((3, 3)) if tensor is None else tensor
     heavy = mass(body) or 0.0
-    if body.gdim == 2:
-        return Inertia(heavy, np.array([tensor[2, 2]]))
-    return Inertia.about(heavy, tensor)
+    return Inertia.about(heavy, tensor, body.gdim)
 
 
 def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 
-from ..geometry.space.grains import Cylinder
+from ..arrays import Integers, unordered_keys
 from ..installed import memory_of_libraries
-from ..meshes import Grid, Region, SolidRegion
 from .flow_setup import Setup
 from .layout import Layout
 from .linear import LOWEST_ORDER
@@ -69,29 +69,22 @@ def memory(*unknowns: int) -> float:
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
-    shape, gdim = layout.shape, layout.gdim
-    per_cell = math.comb(layout.geometry_order + gdim, gdim)
-    with layout.gmsh_model() as model:
-        _, tags, nodes = model.mesh.getElements(gdim)
-        cells = sum(map(len, tags))
-        corners = np.concatenate([n.reshape(-1, per_cell)[:, : gdim + 1] for n in nodes])
-        outside = sum(map(len, model.mesh.getElements(gdim - 1)[1]))
-    vertices = len(np.unique(corners))
-    if isinstance(shape, SolidRegion | Grid) and gdim == 3:
-        faces = (4 * cells + outside) // 2
-        numbers = vertices, vertices + faces - cells - euler_number(shape), faces, cells
-    else:  # Euler's formula with one closed outline per hole
-        holes = len(shape.holes) if isinstance(shape, Region) else 0
-        numbers = vertices, vertices + cells - 1 + holes, cells, 0
-    return cells, lambda k: gdim * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
+    gdim = layout.gdim
+    corners = layout.mesh().cells[:, : gdim + 1]
+    vertices, edges, faces = (_distinct(corners, number) for number in range(1, 4))
+    inner = len(corners) if gdim == 3 else 0
+    return len(corners), lambda k: sum(
+        times * lagrange(order, vertices, edges, faces, inner)
+        for times, order in ((gdim, k), (1, k - 1))
+    )
 
 
-def euler_number(region: SolidRegion | Grid) -> int:
-    """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
-    if isinstance(region, Grid):
-        return 1
-    across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
-    return 1 - across + (0 if region.symmetric else len(region.holes) - across)
+def _distinct(cells: Integers, number: int) -> int:
+    """How many different sets of so many corners cells have."""
+    rows = np.concatenate(
+        [cells[:, list(some)] for some in combinations(range(cells.shape[1]), number)]
+    )
+    return len(np.unique(unordered_keys(rows, int(cells.max()) + 1)))
 
 
 def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ..fluid.conditions import Carried, Condition, Open, Prescribed, Seeping, Slip, no_slip
+from ..fluid.conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
 from ..meshes import SYMMETRY
 from .base_flow import BaseFlow, Velocity
 from .flow_setup import Setup
 
 # In which conditions override each other: walls last, so corners are watertight. Base flow is prescribed on sides,
 # then above, then at the ends and below.
-FREE, SIDES, ABOVE, AROUND, SEEPING, WALL = range(6)
+FREE, SIDES, ABOVE, AROUND, WALL = range(5)
 Ranked = Iterator[tuple[int, Condition]]
 OfSurface = Mapping[str, list[Condition]]  # conditions that a free surface decides, by place
 
@@ -52,9 +52,7 @@ def _below(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
     """Conditions at the bottom."""
     bottom = setup.sides.bottom
     if "below" in of_surface:
-        yield from (
-            (SEEPING if isinstance(one, Seeping) else FREE, one) for one in of_surface["below"]
-        )
+        yield from ((FREE, one) for one in of_surface["below"])
     elif _is_wall(setup):
         yield WALL, no_slip(bottom)
     else:

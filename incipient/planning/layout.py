@@ -1,10 +1,11 @@
 """Where everything of a scene is and how finely it is meshed, ready for gmsh."""
 
+from __future__ import annotations
+
 import logging
 import math
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ..installed import required
 from ..meshes import Grid, Region, SizeField, Sizes, SolidRegion
 from ..meshes.expected import expected_cells
 from .scene_geometry import Place
+
+if TYPE_CHECKING:
+    from ..meshes.simplices import Simplices
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
 MANY_CELLS = {2: 20_000, 3: 50_000}
@@ -51,8 +55,8 @@ class Layout:
             return len(self.shape.extents)
         return 3 if isinstance(self.shape, SolidRegion) else 2
 
-    def gmsh_model(self) -> AbstractContextManager[Any]:
-        """A meshed gmsh model; for one rank only.
+    def mesh(self) -> Simplices:
+        """The mesh, in arrays; for one rank only.
 
         Raises:
             MeshError: the geometry cannot be meshed.

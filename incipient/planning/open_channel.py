@@ -42,7 +42,7 @@ def wave_of(setup: Setup) -> StokesWave | None:
     if wave.second > HIGHEST * wave.amplitude:
         raise SceneError(
             f"surface.wave: its second harmonic is {wave.second / wave.amplitude:.2g} of the first, more than "
-            f"{HIGHEST:g}: give a smaller amplitude or period, or the velocity as surface.inflow"
+            f"{HIGHEST:g}: give a smaller amplitude or period"
         )
     return wave
 

@@ -58,6 +58,10 @@ class Plan:
         """This plan with its expense counted."""
         return replace(self, estimate=estimate)
 
+    def warned(self, warning: str) -> Plan:
+        """This plan with one more warning."""
+        return replace(self, warnings=(*self.warnings, warning))
+
     @property
     def counted(self) -> Estimate:
         """The expense of a plan of which it has been counted."""

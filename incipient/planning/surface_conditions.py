@@ -1,4 +1,4 @@
-"""Conditions of a flow below a free surface: on top, at the ends of a channel, in sponges, and of seepage."""
+"""Conditions of a flow below a free surface: on top, at the ends of a channel, and in a sponge."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from ..fluid.conditions import (
     FreeSurface,
     IncomingWave,
     Open,
-    Seeping,
     Slip,
     Sponge,
 )
-from ..scene import Surface
 from ..scene.expression import Expression
 from .base_flow import BaseFlow
 from .flow_setup import Setup
@@ -50,8 +48,6 @@ def by_place(setup: Setup, lid: bool) -> dict[str, list[Condition]]:
         found["ends"] = [Slip(sides.left, axis=0), Slip(sides.right, axis=0)]
     if asked.bottom == "slip":
         found["below"] = [Slip(sides.bottom, axis=up)]
-    elif asked.seepage != "0":
-        found["below"] = [Seeping(sides.bottom, seepage(asked, up))]
     if lid:
         return found
     if setup.scene.domain.kind == "channel":
@@ -66,9 +62,7 @@ def free_surface(setup: Setup) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
     top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
-    return FreeSurface(
-        top, gravity, origin, pressure, asked.tension, sticking(setup), sponges(setup)
-    )
+    return FreeSurface(top, gravity, origin, pressure, sticking(setup), sponge(setup))
 
 
 def ends(setup: Setup) -> list[Condition]:
@@ -78,7 +72,7 @@ def ends(setup: Setup) -> list[Condition]:
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     wave, base_flow = wave_of(setup), setup.base_flow
     if wave is None:
-        along, coming = _with_formula(base_flow, setup.surface), None
+        along, coming = (lambda x, t: base_flow.entering(x, t)[0]), None
     else:
         along, coming = _with_wave(base_flow, wave), _coming_in(base_flow, wave)
     entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
@@ -86,31 +80,15 @@ def ends(setup: Setup) -> list[Condition]:
     return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
 
 
-def sponges(setup: Setup) -> tuple[Sponge, ...]:
-    """The zones at the ends of a channel in which waves die out. Not collective."""
+def sponge(setup: Setup) -> Sponge | None:
+    """The zone before the right end of a channel in which waves die out; None: there is none. Not collective."""
     asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    if asked.sponge == 0.0:
+        return None
     # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
     rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
-    found = []
-    if asked.sponge > 0.0:
-        start = domain.right - asked.sponge
-        found.append(Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity))
-    if asked.wave is not None and asked.wave.zone > 0.0:
-        start, length = domain.left + asked.wave.zone, asked.wave.zone
-        found.append(Sponge(start, domain.left, rate / length, None))
-    return tuple(found)
-
-
-def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
-    """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
-    speed = Expression(asked.seepage, "surface.seepage")
-    return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
-
-
-def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
-    """The velocity along a channel at its inflow with what a formula adds to the base flow."""
-    entering, added = base_flow.entering, Expression(asked.inflow, "surface.inflow")
-    return lambda x, t: entering(x, t)[0] + added(x, t)
+    start = domain.right - asked.sponge
+    return Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:

@@ -1,31 +1,40 @@
 """One HTML page of what a directory or the file of a sweep holds, to be read anywhere, without a network.
 
-`page` says what a page is made of and makes HTML of it; a module for each kind of result says what stands on it.
+Templates say what stands on a page, one for each kind of result; `results` and `sweep` prepare what they need.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import re
+from importlib import metadata
 from pathlib import Path
+from typing import Any
+
+import tomli_w
+from jinja2 import UndefinedError
+from markupsafe import Markup
 
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
 from ..pictures.apart import draw_apart
-from . import entrainment, gusts, judgement, run, study, survey, sweep, threshold
-from .citation import closing
-from .page import Page, PagePart, html
+from . import results, sweep
+from .page import TEMPLATES, rendered
 
-# What commands leave in a directory, with what a page says of it and the pictures that are always drawn of it.
-RECORDS: dict[str, tuple[Callable[[Path], PagePart], tuple[str, ...]]] = {
-    "result.json": (run.part, ("flow.png", "pressure.png", "mesh.png")),
-    "threshold.json": (threshold.part, ("threshold.png",)),
-    "gusts.json": (gusts.part, ("gusts.png",)),
-    "entrainment.json": (entrainment.part, ("entrainment.png",)),
-    "survey.json": (survey.part, ("survey.png",)),
-    "judgement.json": (judgement.part, ("judgement.png",)),
-    "series.json": (judgement.part_of_series, ("series.png",)),
-    "cost.json": (study.part, ("cost.png",)),
+# What commands leave in a directory, with the pictures that are always drawn of it; each has a template of its name.
+RECORDS = {
+    "result.json": ("flow.png", "pressure.png", "mesh.png"),
+    **{
+        f"{name}.json": (f"{name}.png",)
+        for name in ("threshold", "gusts", "entrainment", "survey", "judgement", "series", "cost")
+    },
+}
+TITLES = {
+    "gusts.json": "Critical gusts",
+    "entrainment.json": "Motion in a fluctuating flow",
+    "survey.json": "A bed of grains",
+    "judgement.json": "A case",
+    "series.json": "A series of loads",
+    "cost.json": "What accuracy costs",
 }
 NAME = "report.html"
 
@@ -44,51 +53,72 @@ def write(path: Path, target: Path | None = None) -> Path:
         require_ending(target, ".html")
         require_own(target)
     if path.is_file():
-        page, usual = of_sweep(path), path.with_name(f"{path.stem}_{NAME}")
+        text, usual = of_sweep(path), path.with_name(f"{path.stem}_{NAME}")
     else:
-        page, usual = of_directory(path), path / NAME
+        text, usual = of_directory(path), path / NAME
     target = target or usual
-    write_text_atomically(target, html(page))
+    write_text_atomically(target, text)
     return target
 
 
-def of_directory(directory: Path) -> Page:
+def of_directory(directory: Path) -> str:
     """The page of all results in a directory; missing pictures are drawn. Not collective; raises as `write`."""
     records = [directory / name for name in RECORDS if (directory / name).is_file()]
     if not records:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
-    parts = [
-        _part(record) for record in records
-    ]  # what is damaged is found before anything is drawn
-    pictures = [
-        (directory / name, record) for record in records for name in RECORDS[record.name][1]
-    ]
+    parts = [part(record) for record in records]  # damage is found before anything is drawn
+    pictures = [(directory / name, record) for record in records for name in RECORDS[record.name]]
     if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint
-        parts = [_part(record) for record in records]
-        if complaint:
-            missing = f"Pictures that are missing here: {complaint}."
-            parts[0] = replace(parts[0], notes=(*parts[0].notes, missing))
-    return Page(parts[0].title or directory.resolve().name, tuple(parts), closing(directory, parts))
+        missing = f"Pictures that are missing here: {complaint}." if complaint else ""
+        parts = [part(record, missing) for record in records]
+    contexts = [context for _, context in parts]
+    stored = [context["stored"] for context in contexts]
+    scene = directory / "scene.toml"
+    scenes = [scene.read_text(encoding="utf-8")] if scene.is_file() else []
+    scenes += [tomli_w.dumps(result["case"]) for result in stored if result.get("case")]
+    computed = [_versions(result) for result in stored]
+    title = contexts[0]["title"] or TITLES.get(records[0].name) or directory.resolve().name
+    return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
 
 
-def of_sweep(file: Path) -> Page:
+def of_sweep(file: Path) -> str:
     """The page of the file of a sweep, its pictures drawn again. Not collective; raises OutputError for other files."""
-    made = sweep.part(file)
-    return Page(made.title, (made,), closing(None, [made]))
+    context = sweep.context_of(file)
+    return _page(context["title"], [rendered("sweep.html", **context)], [], context["versions"])
+
+
+def part(record: Path, note: str = "") -> tuple[Markup, dict[str, Any]]:
+    """What the page says of a record, and the context of its template; raises OutputError for a damaged one."""
+    try:
+        context = results.context_of(record)
+        context["notes"] = [*context.get("notes", ()), note]
+        return rendered(record.with_suffix(".html").name, **context), context
+    except UndefinedError as error:
+        lacks = re.search(r"has no (?:attribute|element) '?([^']+)'?$", str(error))
+        what = lacks[1] if lacks else str(error)
+        raise OutputError(f"{record}: holds no {what}; compute it again") from error
+    except KeyError as error:
+        raise OutputError(f"{record}: holds no {error.args[0]}; compute it again") from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise OutputError(f"{record}: cannot be understood: {error}; compute it again") from error
+
+
+def _page(title: str, parts: list[Markup], scenes: list[str], versions: list[str]) -> str:
+    style = Markup((TEMPLATES / "page.css").read_text(encoding="utf-8"))
+    own, computed = metadata.version("incipient"), list(dict.fromkeys(versions))
+    context = {"parts": parts, "scenes": scenes, "versions": computed, "version": own}
+    return rendered("page.html", title=title, style=style, **context)
 
 
 def _time(path: Path) -> int:
     return path.stat().st_mtime_ns
 
 
-def _part(record: Path) -> PagePart:
-    """What the page says of a record; one that lacks something or holds something else than is expected is named."""
-    try:
-        return RECORDS[record.name][0](record)
-    except KeyError as error:
-        raise OutputError(f"{record}: holds no {error.args[0]}; compute it again") from error
-    except (AttributeError, TypeError, ValueError) as error:
-        raise OutputError(f"{record}: cannot be understood: {error}; compute it again") from error
+def _versions(stored: dict[str, Any]) -> str:
+    """The versions of the programs behind a result."""
+    cost = stored.get("cost")
+    found = cost.get("versions", {}) if isinstance(cost, dict) else {}
+    return ", ".join(f"{name} {number}" for name, number in found.items())

@@ -1,6 +1,6 @@
-"""What a page is made of, and the HTML that is made of it.
+"""Jinja2 templates of pages, and how numbers, vectors and pictures stand on them.
 
-Everything that a reader's browser needs stands in the page itself: style, pictures, script.
+Everything that a reader's browser needs stands in the page itself: style and pictures.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 from PIL import Image
@@ -43,169 +44,89 @@ class Erring:
     error: float
 
 
-# A vector is a tuple of numbers; None is a number that a file could not hold, or that is not there.
-Cell = str | bool | int | float | Bounded | Erring | Sequence[float | None] | None
-Rows = list[tuple[Cell, ...]]
+def rendered(template: str, **context: Any) -> Markup:
+    """A template filled in; text is escaped. Raises jinja2.UndefinedError: it names what the context lacks."""
+    return Markup(environment(**context).get_template(template).render())
 
 
-@dataclass(frozen=True)
-class PageTable:
-    """Rows of cells under heads. The first column names the rows."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    kind: ClassVar[str] = "table"
-
-
-@dataclass(frozen=True)
-class Words:
-    """Paragraphs; one that begins with ``warning`` stands out."""
-
-    lines: tuple[str, ...]
-    kind: ClassVar[str] = "words"
-
-
-@dataclass(frozen=True)
-class Settings:
-    """A scene or a case as TOML."""
-
-    text: str
-    kind: ClassVar[str] = "settings"
-
-    @property
-    def compact(self) -> str:
-        """The settings with short lists on one line each."""
-        spread = r"\[\s+([^][]{1,80}?),?\s+\]"
-        return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", self.text)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture in a file, shown with a caption."""
-
-    path: Path
-    caption: str
-    kind: ClassVar[str] = "picture"
-
-    @property
-    def uri(self) -> str:
-        """The picture itself, as WebP, made smaller where it is very wide; raises OutputError for what is none."""
-        stream = io.BytesIO()
-        try:
-            with Image.open(self.path) as image:
-                shown = image.convert("RGB")
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            raise OutputError(
-                f"{self.path}: cannot be read as a picture; remove it, and it is drawn again"
-            ) from error
-        if shown.width > WIDEST:
-            size = WIDEST, round(shown.height * WIDEST / shown.width)
-            shown = shown.resize(size, Image.Resampling.LANCZOS)
-        shown.save(stream, "WEBP", quality=QUALITY)
-        return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
-
-
-@dataclass(frozen=True)
-class Turned:
-    """What can be turned by hand: the data of `templates/turn.js`, and a caption."""
-
-    name: str
-    data: dict[str, Any]
-    caption: str
-    kind: ClassVar[str] = "turned"
-
-
-Block = PageTable | Words | Settings | Picture | Turned
-
-
-@dataclass(frozen=True)
-class PageSection:
-    """Blocks under a heading."""
-
-    title: str
-    blocks: tuple[Block, ...]
-
-
-@dataclass(frozen=True)
-class PagePart:
-    """What a page says of one result.
-
-    kind:       what the result is of, such as "Run"
-    statements: the verdict, the most important sentence first
-    certainty:  how sure it is, in words; empty where that is not known
-    versions:   of the programs that computed it
-    scene:      its scene or case as TOML; empty where it stands elsewhere
-    """
-
-    kind: str
-    title: str
-    statements: tuple[str, ...]
-    sections: tuple[PageSection, ...]
-    certainty: str = ""
-    notes: tuple[str, ...] = ()
-    versions: str = ""
-    scene: str = ""
-
-
-@dataclass(frozen=True)
-class Page:
-    """A title, the parts, and what concerns them all."""
-
-    title: str
-    parts: tuple[PagePart, ...]
-    closing: tuple[PageSection, ...]
-
-
-def html(page: Page) -> str:
-    """The page as one HTML document."""
-    environment = Environment(
+def environment(**context: Any) -> Environment:
+    """Templates with what they need; as global names, since macros see no others."""
+    found = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters |= {"cell": cell, "look": look}
-    return environment.get_template("page.html").render(
-        page=page, style=_own("page.css"), turning=_own("turn.js"), turned=_turned(page)
-    )
+    filters = (cell, look, components, turning, embedded, compact, error_cell, error_size)
+    found.filters |= {function.__name__: function for function in filters}
+    found.globals |= {"erring": erring, **context}
+    return found
 
 
-def section(title: str, *blocks: Block | None) -> tuple[PageSection, ...]:
-    """A section of the blocks that there are; none where there are none."""
-    there = tuple(block for block in blocks if block is not None)
-    return (PageSection(title, there),) if there else ()
+def erring(value: float, error: float | None) -> float | Erring:
+    """A number with its error if that is known."""
+    return value if error is None else Erring(value, error)
 
 
-def picture_beside(record: Path, caption: str) -> Picture | None:
-    """The picture of a file of results, under its name, if it is there."""
-    path = record.with_suffix(".png")
-    return Picture(path, caption) if path.is_file() else None
+def components(vector: Sequence[float], planar: bool) -> tuple[float, ...]:
+    """The components of a vector (3,) that are shown."""
+    return tuple(float(part) for part in vector[: 2 if planar else 3])
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PageTable | None:
-    """A table, if it has rows."""
-    return PageTable(tuple(head), tuple(tuple(row) for row in rows)) if rows else None
+def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
+    """A torque (3,), in 2-D its one component."""
+    return float(torque[2]) if planar else components(torque, planar)
 
 
-def words(*lines: str) -> Words | None:
-    """Paragraphs of the lines that are not empty, if there are any."""
-    there = tuple(line for line in lines if line)
-    return Words(there) if there else None
+def error_cell(errors: Sequence[float | None], key: str, planar: bool) -> Any:
+    """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
+    known = [math.nan if error is None else error for error in errors]
+    if key not in ("force", "couple"):
+        return error_size(errors, key)
+    return components(known, planar) if key == "force" else turning(known, planar)
 
 
-def look(value: Cell) -> str:
+def error_size(errors: Sequence[float | None], key: str) -> float:
+    """The norm of the error of a load, the largest of other errors."""
+    known = [error or 0.0 for error in errors]
+    return float(np.linalg.norm(known)) if key in ("force", "couple") else max(known, default=0.0)
+
+
+def embedded(path: Path) -> str:
+    """A picture as WebP in a URI, made smaller where it is very wide; raises OutputError for what is none."""
+    stream = io.BytesIO()
+    try:
+        with Image.open(path) as image:
+            shown = image.convert("RGB")
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        remedy = "remove it, and it is drawn again"
+        raise OutputError(f"{path}: cannot be read as a picture; {remedy}") from error
+    if shown.width > WIDEST:
+        size = WIDEST, round(shown.height * WIDEST / shown.width)
+        shown = shown.resize(size, Image.Resampling.LANCZOS)
+    shown.save(stream, "WEBP", quality=QUALITY)
+    return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
+
+
+def compact(text: str) -> str:
+    """TOML with short lists on one line each."""
+    spread = r"\[\s+([^][]{1,80}?),?\s+\]"
+    return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", text)
+
+
+def look(value: Any) -> str:
     """The class of a cell in the page's style: of numbers, of long texts, or none."""
     if isinstance(value, str | bool):
         return "long" if isinstance(value, str) and len(value) > LONG else ""
     return "number"
 
 
-def cell(value: Cell) -> Markup:
+def cell(value: Any) -> Markup:
     """A cell as HTML: numbers with six digits, in full for programs; what is not known is a dash."""
     if value is None:
         return Markup("–")
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool_):
         return Markup("yes" if value else "no")
     if isinstance(value, str):
         return escape(value)
@@ -234,15 +155,4 @@ def _number(value: float, digits: str, lost: bool = False) -> Markup:
     if not math.isfinite(value):
         return Markup('<data value="{}">{}</data>').format(value, "–" if math.isnan(value) else "∞")
     shown = f"{0.0 if lost else value + 0.0:{digits}}".replace("-", "−")
-    return Markup('<data value="{}">{}</data>').format(repr(value), shown)
-
-
-def _own(name: str) -> Markup:
-    """A file of the page itself, which needs no escaping."""
-    return Markup((TEMPLATES / name).read_text(encoding="utf-8"))
-
-
-def _turned(page: Page) -> bool:
-    """Whether there is anything to turn."""
-    blocks = (block for part in page.parts for section in part.sections for block in section.blocks)
-    return any(isinstance(block, Turned) for block in blocks)
+    return Markup('<data value="{}">{}</data>').format(repr(float(value)), shown)

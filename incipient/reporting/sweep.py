@@ -1,11 +1,9 @@
-"""What a page says of the file of a sweep."""
+"""What the template of a page needs of the file of a sweep."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +13,9 @@ from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
 from ..results.quantity import HIGH, LOW
 from ..results.si import FLOW
-from ..sweep.quantities import scene_of
-from ..sweep.store import DAMAGED, DONE, FAILED, Store
+from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows
-from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
+from .page import Bounded
 
 # Columns that say what came out, where there are any.
 FOUND = (
@@ -30,96 +27,75 @@ FIRST = 300  # cases of a large sweep that a page has
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
     "wall": "wall time [s]",
-    "cpu": "processor [s]",
+    "cpu": "CPU time [s]",
     "peak_mib": "memory [MiB]",
     **{f"{name}_si": f"{words} [{unit}]" for name, (unit, words) in FLOW.items()},
 }
+NAMES = {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}
 Row = Mapping[str, Any]
 
 
-def part(file: Path) -> PagePart:
-    """What a page says of a sweep, with new pictures. Not collective; raises OutputError for a bad or empty file."""
+def context_of(file: Path) -> dict[str, Any]:
+    """What the page of a sweep needs, its pictures drawn anew. Raises OutputError for a bad or empty file."""
     with Store(file) as store:
-        keys, scenes, counts = store.keys(), _scenes(store), store.counts()
-        most = FIRST if store.is_large else None
-    found = rows(file, most)
-    if not found:
+        keys, scenes = store.keys(), _scenes(store)
+    every = rows(file)
+    if not every:
         raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
-    drawn = draw_sweep_apart(file)
+    drawn, found = draw_sweep_apart(file), every[:FIRST]
     done, failed = ([row for row in found if row["status"] == state] for state in (DONE, FAILED))
-    if most is None:
-        counts = Counter(row["status"] for row in found)  # by checksums, too
+    counts = Counter(row["status"] for row in every)
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
-    total = sum(counts.values())
-    rest = total - sum(counts.get(state, 0) for state in (DONE, FAILED, DAMAGED))
-    counted = f"{total} cases: {counts.get(DONE, 0)} computed, {counts.get(FAILED, 0)} failed"
-    counted += f", {counts[DAMAGED]} damaged" if counts.get(DAMAGED) else ""
+    rest = len(every) - counts[DONE] - counts[FAILED]
+    counted = f"{len(every)} cases: {counts[DONE]} computed, {counts[FAILED]} failed"
     counted += f", {rest} not computed yet." if rest else "."
-    counted += f" Tables are of the first {len(found)}." if most else ""
-    varied = table(("key", "values", "how many"), [_varied(key, found) for key in named])
-    first = [section(f"First case of {name}", Settings(text)) for name, text in scenes.items()]
-    return PagePart(
-        kind="Sweep",
-        title=f"Sweep of {sources}",
-        statements=(counted,),
-        notes=(f"Pictures that are missing here: {drawn.complaint}.",) if drawn.complaint else (),
-        sections=(
-            *section("Curves", *(Picture(path, _caption(path, file)) for path in drawn.paths)),
-            *section("What varies", varied),
-            *section("Cases", _cases(done, named)),
-            *section("Failed cases", _failed(failed, named)),
-            *chain.from_iterable(first),
-        ),
-        versions="; ".join(dict.fromkeys(row["versions"] for row in done if row["versions"])),
-    )
+    counted += f" Tables are of the first {FIRST}." if len(every) > FIRST else ""
+    columns = [name for name in (*FOUND, *LAST) if any(name in row for row in done)]
+    return {
+        "title": f"Sweep of {sources}",
+        "counted": counted,
+        "notes": [f"Pictures that are missing here: {drawn.complaint}."] if drawn.complaint else [],
+        "pictures": {path: _caption(path, file) for path in drawn.paths},
+        "varied": [_varied(key, found) for key in named],
+        "named": named,
+        "heads": ["case", *named, *(HEADS.get(name, name.replace("_", " ")) for name in columns)],
+        "cases": [
+            [*(row.get(key) for key in named), *(_cell(row, name) for name in columns)]
+            for row in done
+        ],
+        "failed": [
+            [*(row.get(key) for key in named), str(row["reason"]), int(row["tries"])]
+            for row in failed
+        ],
+        "scenes": scenes,
+        "versions": list(dict.fromkeys(row["versions"] for row in done if row["versions"])),
+    }
 
 
 def _scenes(store: Store) -> dict[str, str]:
-    """The scene of the first case of each source, as TOML; none of a damaged case."""
+    """The scene of the first case of each source, as TOML."""
     first: dict[str, str] = {}
-    for stored in store.first_of_sources():
-        if stored["status"] != DAMAGED:
-            with suppress(ValueError, TypeError, AttributeError, RecursionError):
-                scene, is_case = scene_of(stored), stored["task"] == "judge"
-                first[stored["source"]] = tomli_w.dumps(scene) if is_case else stored["scene"]
+    for case in store.cases():
+        if case["source"] not in first:
+            first[case["source"]] = tomli_w.dumps(case["scene"])
     return first
 
 
 def _caption(path: Path, file: Path) -> str:
     name = path.stem.removeprefix(f"{file.stem}_").replace("_", " ")
-    named = {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}
-    return named.get(name, name.capitalize())
+    return NAMES.get(name, name.capitalize())
 
 
-def _varied(key: str, found: Sequence[Row]) -> tuple[Cell, ...]:
+def _varied(key: str, found: Sequence[Row]) -> tuple[str, str, int]:
     values = list(dict.fromkeys(row.get(key) for row in found))
-    shown = [f"{one:.6g}" if isinstance(one, float) else str(one) for one in values]
+    shown = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
     listed = ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:4])} … {shown[-1]}"
     return key, listed, len(values)
 
 
-def _cases(done: Sequence[Row], named: Sequence[str]) -> Any:
-    """A row a case; columns that none of them has are left out."""
-    columns = [name for name in (*FOUND, *LAST) if any(name in row for row in done)]
-    heads = [HEADS.get(name, name.replace("_", " ")) for name in columns]
-    cells = [
-        (str(number), *(row.get(key) for key in named), *(_cell(row, name) for name in columns))
-        for number, row in enumerate(done, start=1)
-    ]
-    return table(("case", *named, *heads), cells)
-
-
-def _cell(row: Row, name: str) -> Cell:
+def _cell(row: Row, name: str) -> Any:
     value = row.get(name)
     if value is None or row.get(name + LOW) is None:
         return value
     return Bounded(value, row[name + LOW], row[name + HIGH])
-
-
-def _failed(failed: Sequence[Row], named: Sequence[str]) -> Any:
-    cells = [
-        (str(number), *(row.get(key) for key in named), str(row["reason"]), int(row["tries"]))
-        for number, row in enumerate(failed, start=1)
-    ]
-    return table(("case", *named, "why", "tries"), cells)

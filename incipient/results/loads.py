@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,6 @@ class Forces:
     surface_integral: np.ndarray
     buoyancy: np.ndarray  # force of the hydrostatic pressure, exact
     weight: np.ndarray  # weight of the grain
-    # From what a grain that is repelled has come close to; zero for others
-    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
     # Force of the flow by the residual method, without corrections; None: `flow` is not corrected
     computed: np.ndarray | None = None
 
@@ -34,8 +32,8 @@ class Forces:
 
     @property
     def total(self) -> np.ndarray:
-        """Flow, buoyancy and weight together, the paper's F_flow&g (9), and what repels the grain."""
-        return self.flow + self.buoyancy + self.weight + self.repulsion
+        """Flow, buoyancy and weight together, the paper's F_flow&g (9)."""
+        return self.flow + self.buoyancy + self.weight
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,6 @@ class Couples:
     flow: np.ndarray
     surface_integral: np.ndarray
     about: np.ndarray
-    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
     computed: np.ndarray | None = None
 
     @property

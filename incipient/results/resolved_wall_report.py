@@ -21,8 +21,11 @@ class ResolvedWallReport(WallReport):
     thickest, on_sand: up to which cells at smooth and at rough walls resolve them, in nu/u*; without smooth walls both
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
-    coarse_along: fraction of the stress's change along a smooth bed that lies in cells too long for it, zero along
-    plane walls; None: along other walls, with corners or contacts where the stress is singular, cells are not judged
+    coarse_along: the largest fraction of the stress's change along a smooth wall that lies in cells in which it
+    changes too much, zero along plane walls; None: in space and along rough walls alone cells are not judged
+    judged_along: whether it decides, past forms without corners and without a grain. Elsewhere it only withholds that
+    walls are resolved: at the grain of demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was
+    within 2% on average, and 2.3% at its peak, of that on cells of half the size
     """
 
     mesh_size: float = 1.0
@@ -30,6 +33,7 @@ class ResolvedWallReport(WallReport):
     on_sand: float = 0.0
     excess: float = 1.0
     coarse_along: float | None = None
+    judged_along: bool = False
 
     @property
     def model(self) -> str:
@@ -39,11 +43,17 @@ class ResolvedWallReport(WallReport):
     @property
     def applicable(self) -> bool:
         """Whether the cells at nearly all walls are thin enough, and those along a smooth bed short enough."""
-        return self.outside <= MOST_OUTSIDE and not self._coarse_along
+        return self.outside <= MOST_OUTSIDE and not (self.judged_along and self._coarse_along)
 
     @property
     def _coarse_along(self) -> bool:
         return self.coarse_along is not None and self.coarse_along > MOST_COARSE
+
+    def _coarse(self, where: str) -> str:
+        return (
+            f"{100 * (self.coarse_along or 0.0):.2g}% of the change of the shear stress along {where} lie in cells in "
+            f"which it changes by more than {100 * LARGEST_CHANGE:g}%"
+        )
 
     @property
     def by_cells(self) -> bool:
@@ -67,7 +77,7 @@ class ResolvedWallReport(WallReport):
     @property
     def remedy(self) -> str:
         """What to do where walls are not resolved."""
-        if self._coarse_along and self.outside <= MOST_OUTSIDE:
+        if self.judged_along and self._coarse_along and self.outside <= MOST_OUTSIDE:
             return f"set numerics.mesh_size = {0.5 * self.mesh_size:.2g}"
         return f"set numerics.mesh_size = {0.9 / self.excess * self.mesh_size:.2g}"
 
@@ -84,11 +94,10 @@ class ResolvedWallReport(WallReport):
             judged = (
                 "" if self.coarse_along is not None else " across; cells along them are not judged"
             )
+            if self._coarse_along:
+                judged = f" across; {self._coarse('them')}"
             return [f"{told}: walls are resolved{judged}; "]
         bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        if self.coarse_along is not None and self._coarse_along:
-            bounds = (
-                f"{100 * self.coarse_along:.2g}% of the change of the shear stress along the bed lie in cells in which "
-                f"it changes by more than {100 * LARGEST_CHANGE:g}%, at most {100 * MOST_COARSE:g}% may"
-            )
+        if self.judged_along and self._coarse_along:
+            bounds = f"{self._coarse('the bed')}, at most {100 * MOST_COARSE:g}% may"
         return [f"NOT RESOLVED: {told}, {bounds}; {self.remedy}", ""]

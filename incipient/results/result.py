@@ -222,9 +222,6 @@ def _lines(result: Result) -> list[str]:
         flow = loads_words(result.force.flow, result.couple.flow, gdim)
         lines.append(f"force of the flow   {flow} about the centre of mass")
         lines += _computed(result)
-        if result.force.repulsion.any():
-            repulsion = loads_words(result.force.repulsion, result.couple.repulsion, gdim)
-            lines.append(f"force of repulsion  {repulsion}")
     lines += si_lines(result.si)
     if result.error_bars is not None:
         lines += result.error_bars.lines(gdim)
@@ -324,6 +321,4 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
         lines = [
             f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors
         ]
-    return lines + [
-        f"{name:<20}{surface[name]:.6g}" for name in ("inflow", "seepage") if name in surface
-    ]
+    return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])

@@ -1,7 +1,12 @@
-"""Results in SI units for a reader, of scenes that say what their units are."""
+"""Flow and loads in SI units, of scenes that say what their units are, as data and in words."""
 
 from typing import Any
 
+import numpy as np
+
+from ..planning.flow_setup import WITH_BED_STRESS, Setup
+from ..scene import Scene
+from ..scene.units import nominal_diameter
 from .loads import couple_words, force_words
 
 # Numbers of a flow, with their units and names for a reader.
@@ -13,8 +18,45 @@ FLOW = {
 }
 
 
+def in_si(
+    scene: Scene,
+    factor: float = 1.0,
+    force: np.ndarray | None = None,
+    couple: np.ndarray | None = None,
+) -> dict[str, Any] | None:
+    """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
+
+    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and couple
+    [N m] is, the last two in the plane per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
+    datum. Not collective.
+    """
+    scales, units = scene.scales, scene.units
+    if scales is None or units is None:
+        return None
+    names = ("length", "time", "velocity", "stress", "force", "couple")
+    found: dict[str, Any] = {
+        "dimension": scene.gdim,
+        "units": {name: getattr(scales, name) for name in names},
+        "nominal_diameter": scales.length * nominal_diameter(scene.grain),
+    }
+    for name in ("shear_rate", "velocity"):
+        if getattr(units, name) is not None:
+            found[name] = factor * getattr(units, name)
+    if scene.flow.kind in WITH_BED_STRESS:
+        found["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
+        found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
+    if force is not None and couple is not None:
+        found |= {
+            "force": (scales.force * force).tolist(),
+            "couple": (scales.couple * couple).tolist(),
+        }
+    if scene.time is not None:
+        found["end"] = scales.time * scene.time.end
+    return found
+
+
 def si_lines(found: dict[str, Any] | None) -> list[str]:
-    """The lines of a result in SI units, as `evaluation.si_units.in_si` gives them; none without."""
+    """The lines of a result in SI units, as `in_si` gives them; none without."""
     if found is None:
         return []
     flow = [f"{name} {found[key]:.4g} {unit}" for key, (unit, name) in FLOW.items() if key in found]

@@ -7,10 +7,10 @@ from typing import Any
 
 from pydantic import ValidationInfo, model_validator
 
-from .checks import contradictions
 from .messages import refusal
 from .model import SceneSections
 from .places import misplaced
+from .rules import contradictions
 from .scaling import scales_of, with_units
 from .units import Scales
 

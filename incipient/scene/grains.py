@@ -48,10 +48,10 @@ def _settles(value: Any) -> Any:
 
 Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
 OnContact = Annotated[
-    Literal["stop", "repel", "touch"],
+    Literal["stop", "touch"],
     Field(
-        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled, or "
-        "touch the bed and roll, slide or rest on it"
+        description="A grain that moves within contact.gap of a wall ends the run; a free one may touch the bed "
+        "and roll, slide or rest on it"
     ),
 ]
 

@@ -38,15 +38,8 @@ class Numerics(Section):
     convection: Literal["implicit", "extrapolated"] = key(
         "Convection by Newton iteration, or linearised about earlier steps", "implicit"
     )
-    form: Literal["printed", "energy-stable"] = key(
-        "Convective term as in the paper, or such that it cannot create energy", "printed"
-    )
     stabilisation: Literal["auto", "on", "off"] = key(
         "Stabilised convection on coarse cells; auto: where their Reynolds number asks it", "auto"
-    )
-    coupling: Literal["exact", "naive"] = key(
-        "Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
-        "exact",
     )
     meshed_bed: Positive = key(
         "Factor on the radius about the grain within which a bed in space is meshed as it is [-]",

@@ -2,9 +2,17 @@
 
 # Dotted key -> remedy; indices of lists are left out of the key.
 KEYS: dict[str, str] = {
+    "numerics.coupling": "leave it out: grain and fluid are coupled with the grain's added mass",
+    "numerics.form": "leave it out: the convective term is the paper's",
+    "surface.inflow": "use surface.wave, or a flow.kind whose velocity is steady",
+    "surface.seepage": "leave it out: nothing crosses the bed",
+    "surface.tension": "leave it out: the surface is that of water deeper than some millimetres",
+    "surface.wave.zone": "make the domain longer ahead of the grain, so that reflected waves come late",
     "bed.leading_edge": "leave it out: plates in a turbulent stream are no longer simulated",
     "turbulence.first_cell": "use numerics.mesh_size, which scales all cells",
 }
 
 # (Dotted key, value) -> remedy.
-VALUES: dict[tuple[str, str], str] = {}
+VALUES: dict[tuple[str, str], str] = {
+    ("body.on_contact", "repel"): 'use "touch": the grain then rolls, slides or rests on the bed',
+}

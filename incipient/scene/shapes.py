@@ -8,12 +8,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from .. import geometry
 from ..arrays import Point
-from ..geometry.plane.grains import meeting_sides
+from ..geometry.plane.grains import MAX_EXPONENT
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, key, three
@@ -135,12 +134,6 @@ class Polygon(GrainSection):
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
         _limit(self, "vertices", MOST_POINTS)
-        if len(set(self.vertices)) < len(self.vertices):
-            raise self.refused("vertices", "a vertex is given twice", "leave the repeated one out")
-        crossing = meeting_sides(np.array(self.vertices))
-        if crossing:
-            why = f"the sides after vertices {crossing[0]} and {crossing[1]} meet (counted from 0)"
-            raise self.refused("vertices", why, "list the vertices in order around the grain")
         self.require("vertices", self.grain)
         return self
 
@@ -155,7 +148,9 @@ class Superellipse(GrainSection):
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
     exponent: float = key(
-        "n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box", ge=2, le=100
+        "n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 20 almost a rectangle with corner_radius",
+        ge=2,
+        le=MAX_EXPONENT,
     )
 
     def new_grain(self) -> geometry.Grain:

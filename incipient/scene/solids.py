@@ -12,13 +12,13 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from .. import geometry
 from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
+from ..geometry.plane.grains import MAX_EXPONENT
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import counted, split
 from .points import MOST_POINTS, about_file, file_key, with_file_read
 from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction, key
 
 MOST_SPHERES = 500
-ROUNDEST = 100.0  # exponent of a superquadric
 
 
 def _four(value: Any) -> Any:
@@ -35,7 +35,7 @@ Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
 SemiAxes = Annotated[
     PositiveTriple, Field(description="Semi-axes along x, y and z without orientation [length]")
 ]
-Exponent = Annotated[float, Field(ge=2, le=ROUNDEST)]
+Exponent = Annotated[float, Field(ge=2, le=MAX_EXPONENT)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
 Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
 

@@ -15,7 +15,7 @@ from .points import read_points
 from .section import NotNegative, Pair, Positive, Section, key, require_formula
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
-_VARIABLES = {"elevation": "xy", "pressure": "txy", "inflow": "tyz", "seepage": "txy"}
+_VARIABLES = {"elevation": "xy", "pressure": "txy"}
 FREE = "free-surface"
 
 
@@ -27,11 +27,6 @@ class Wave(Section):
         examples=[0.01],
     )
     period: Positive = key("Period as seen from the bed [time]", examples=[5.0])
-    zone: NotNegative = key(
-        "Length after the inflow in which the flow is relaxed to base flow and wave, so that waves that "
-        "come back die out [length]",
-        0.0,
-    )
 
 
 class Surface(Section):
@@ -53,18 +48,10 @@ class Surface(Section):
     ends: Literal["wall", "no-slip"] = key(
         "wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned", "wall"
     )
-    inflow: str = key(
-        "Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]",
-        "0",
-    )
     wave: Wave | None = key(
-        "A wave that comes in with the base flow, in place of `inflow`",
+        "A wave that comes in with the base flow",
         None,
-        examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
-    )
-    seepage: str = key(
-        "Formula in x, in space y, and t: what enters through the bed per level area [length/time]",
-        "0",
+        examples=[{"amplitude": 0.01, "period": 5.0}],
     )
     outflow: Literal["open", "wall"] = key(
         "Right end of a channel; open: the still level lies beyond it; wall: it is closed", "open"
@@ -75,7 +62,6 @@ class Surface(Section):
     pressure: str = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
-    tension: NotNegative = key("Surface tension over the fluid's density [length^3/time^2]", 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -88,7 +74,7 @@ class Surface(Section):
             "points": read_points(path, 2, "Surface")
         }
 
-    @field_validator("elevation", "pressure", "inflow", "seepage")
+    @field_validator("elevation", "pressure")
     @classmethod
     def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
         require_formula(text, _VARIABLES[str(info.field_name)])

@@ -112,7 +112,7 @@ def _differ(
 
 
 def _formulas(surface: Surface) -> list[Expression]:
-    names = ("elevation", "pressure", "inflow", "seepage")
+    names = ("elevation", "pressure")
     return [Expression(getattr(surface, name), f"surface.{name}") for name in names]
 
 

@@ -13,7 +13,6 @@ from pydantic import Field, ValidationInfo, model_validator
 from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
-from ..geometry.space.beds import SphereHeap
 from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, read_numbers, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, key
@@ -72,7 +71,7 @@ class SphereBed(TerrainSection):
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         kind = self.arrangement
-        return geometry.Hemispheres(
+        return geometry.SphereBed.array(
             self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed
         )
 
@@ -115,7 +114,7 @@ class HeapBed(TerrainSection):
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
         given = np.array(self.spheres + self.posts, dtype=float).reshape(-1, 4)
         posts = np.arange(len(given)) >= len(self.spheres)
-        return SphereHeap(
+        return geometry.SphereBed(
             given[:, :3] + [-corner[0], -corner[1], origin_z], given[:, 3], origin_z, posts
         )
 

@@ -14,7 +14,6 @@ from ..effects import known
 from ..effects.effect import Solved
 from ..effects.left_out import omissions
 from ..errors import IncipientError
-from ..evaluation.si_units import in_si
 from ..parallel import from_first
 from ..planning.effects import EffectName
 from ..results.errorbars import ErrorBars
@@ -22,6 +21,7 @@ from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.quantity import OutputQuantity
 from ..results.result import Result, Traction
+from ..results.si import in_si
 from ..results.timing import peak_memory_mib
 from .loads import coefficients, judged, loads
 from .state import Run

@@ -70,7 +70,7 @@ def prepared(
     with accounts.ledger.stage("mesh"):
         contacts = _contacts(setup, plan, accounts)
         if checkpoint is None:
-            made = domain.build(comm, layout.gmsh_model, scene.gdim)
+            made = domain.build(comm, layout.mesh)
         else:
             from ..restart.resumption import domain_of
 

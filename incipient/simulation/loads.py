@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..results.loads import Coefficients, Couples, Forces, apart
+from ..results.loads import Coefficients, Couples, Forces
 from ..scene import Scene
 from .state import Run
 
@@ -28,10 +28,7 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     more = run.fluid.load_on_displaced(placement)
     force = Forces(unit * (flow.force + more[0]), unit * (check.force + more[0]), buoyancy, weight)
     couple = Couples(unit * (flow.couple + more[1]), unit * (check.couple + more[1]), flow.about)
-    if run.grain is None:
-        return force, couple
-    pushed, twisted = apart(run.grain.repulsion())
-    return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
+    return force, couple
 
 
 def weights(scene: Scene) -> tuple[Floats, Floats]:

@@ -141,7 +141,7 @@ class March:
                 height = part.drawn_height(height, drawn)
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
-            made = domain.build(run.comm, laid_out.gmsh_model, run.scene.gdim)
+            made = domain.build(run.comm, laid_out.mesh)
             parts, model = [part.on(made) for part in run.parts], old.model
             for part in parts:
                 model = part.within(model)

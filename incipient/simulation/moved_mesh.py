@@ -15,7 +15,8 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..geometry.closest import lifted
 from ..geometry.space.beds import Plane
-from ..mesh.motion import KeptBox, Lifting, MeshMotion, serves, stretched
+from ..mesh.motion import LEAST_QUALITY, MeshMotion, Potentials, stretched
+from ..meshes import SYMMETRY
 from ..planning.conditions import conditions
 from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads
@@ -30,7 +31,9 @@ KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a l
 def moved_meshes(run: Run) -> dict[str, MovedMesh]:
     """The mesh moved to every scene of a coarse run, by its JSON; none if it does not serve for one. Collective."""
     assert run.layout.placement is not None
-    motion, lifting = MeshMotion(run.domain), Lifting(run.domain, "body")
+    motion = MeshMotion(run.domain)
+    # How far nodes follow the grain when it is lifted; those on the plane of symmetry move along it.
+    weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
     found: dict[str, MovedMesh] = {}
     for scene in coarse_scenes(run.scene):
         if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
@@ -39,8 +42,8 @@ def moved_meshes(run: Run) -> dict[str, MovedMesh]:
         centre, places = _centre(run, setup), _in_domain(run, setup)
         if places is None:
             return {}
-        places = places + lifting.at(centre - np.asarray(run.layout.placement.centre))
-        if not serves(motion, places):
+        places = places + weights * (centre - np.asarray(run.layout.placement.centre))
+        if motion.quality(places).relative <= LEAST_QUALITY:
             return {}
         found[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
     return found
@@ -110,15 +113,13 @@ def _centre(run: Run, setup: Setup) -> Floats:
 def _in_domain(run: Run, setup: Setup) -> Floats | None:
     """(n, 3) the mesh's nodes in the domain of another setup; None where the bed there is another one."""
 
-    def box(domain: Any) -> KeptBox:
-        sides = np.array(
-            [(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)]
-        )
-        return KeptBox(sides[:, 0], sides[:, 1])
+    def box(domain: Any) -> Floats:
+        sides = (domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)
+        return np.array(sides).T
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
     old, new = (box(one.geometry.domain) for one in (run.setup, setup))
-    if np.array_equal(old.low, new.low) and np.array_equal(old.high, new.high):
+    if np.array_equal(old, new):
         return np.array(x)
     assert placement is not None
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)

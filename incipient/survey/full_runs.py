@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from ..arrays import Floats
-from ..geometry.space.beds import SphereHeap
+from ..geometry.space.beds import SphereBed
 from ..scene import Domain, Effects, Fluid, HeapBed, Numerics, Output, Scene, Shear, Sphere
 from ..sweep.cases import identity_of
 from .pockets import TOUCHING, Pocket
@@ -109,7 +109,7 @@ def _fillers(near: Floats, radii: Floats, base: float) -> tuple[Floats, Floats]:
 
     What lies deeper hardly moves, and cells for it would be many. None comes near the grain.
     """
-    heap = SphereHeap(near, radii, base)
+    heap = SphereBed(near, radii, base)
     seen = np.flatnonzero(heap.highest(near[:, :2]) == np.arange(len(near)))
     if len(seen) < 4:
         return np.empty((0, 3)), np.empty(0)

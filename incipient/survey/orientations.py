@@ -22,7 +22,6 @@ from ..scene.file import parse
 from ..scene.solids import SolidSection, orientation_of
 from ..sweep import run as run_sweep
 from ..sweep.cases import Source, identity_of
-from ..sweep.procedure import Watcher
 from ..sweep.table import columns, rows
 from .outcome import SHARES, TOO_FEW, few
 from .procedure import RUNS, RunMeans
@@ -77,7 +76,6 @@ def survey_poses(
     comm: Comm,
     means: RunMeans,
     voice: Silent | None = None,
-    watcher: Watcher | None = None,
 ) -> PoseOutcome:
     """Find the thresholds of a scene's grain in random orientations, on beds of several seeds. Collective.
 
@@ -104,7 +102,7 @@ def survey_poses(
     with locked(directory, comm, make=True):
         file = directory / RUNS
         kept = {"fluid.inertia": [first.fluid.inertia]}
-        run_sweep(found, file, kept, do="threshold", watcher=watcher, comm=comm, **means.of_sweep())
+        run_sweep(found, file, kept, do="threshold", voice=voice, **means.of_sweep())
         by_identity = {row["id"]: row for row in rows(file)}
         own = [(one.title, by_identity.get(identity_of(one, "threshold"))) for one in found]
         table = [row | {"source": title} for title, row in own if row is not None]

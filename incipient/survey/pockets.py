@@ -15,7 +15,7 @@ from ..arrays import Floats, unit
 from ..contact import Contacts, Load
 from ..contact.safety import safety_factor
 from ..errors import SceneError
-from ..geometry.space.beds import SphereHeap
+from ..geometry.space.beds import SphereBed
 from .deposition import DOWN, Spheres, rolled
 from .request import FlowPast, Surveyed
 
@@ -75,7 +75,7 @@ class Surface:
         ]
         middle = np.array([*(0.5 * (low + high)), 0.0])
         centres, which = spheres.around(middle, 0.5 * float(np.linalg.norm(high - low)))
-        heap = SphereHeap(
+        heap = SphereBed(
             centres, spheres.radii[which], float((centres[:, 2] - spheres.radii[which]).min())
         )
         points = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +22,6 @@ from ..progress import Silent
 from ..scene.file import parse
 from ..sweep import run as run_sweep
 from ..sweep.cases import identity_of
-from ..sweep.procedure import Watcher
 from ..sweep.store import DONE, FAILED
 from ..sweep.table import rows as rows_of
 from .beds import spheres_of
@@ -50,20 +48,20 @@ FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
 class RunMeans:
     """How full runs are computed: more of them than asked in the file, at a time, in what time, failed ones again.
 
-    executor, limit: as of a sweep
+    scheduler, limit: as of a sweep
     """
 
     more: int = 0
     jobs: int | None = None
     wall: str | None = None
     retry: bool = False
-    executor: Executor | str | None = None
+    scheduler: Any = None
     limit: str | None = None
 
     def of_sweep(self) -> dict[str, Any]:
         """Arguments of a sweep. A run that dies or takes too long is one of many, and not begun again by itself."""
         given = {"jobs": self.jobs, "wall": self.wall, "retry": self.retry, "limit": self.limit}
-        return {**given, "executor": self.executor, "tries": 1}
+        return {**given, "scheduler": self.scheduler, "tries": 1}
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
@@ -79,7 +77,6 @@ def survey(
     comm: Comm,
     means: RunMeans = RunMeans(),
     voice: Silent | None = None,
-    watcher: Watcher | None = None,
 ) -> SurveyOutcome:
     """Survey a bed; leaves its numbers in a directory, where runs that are known are not computed again. Collective.
 
@@ -90,7 +87,7 @@ def survey(
         IncipientError: on all ranks; runs that are finished are in the directory.
     """
     with locked(directory, comm, make=True):
-        return _Survey(asked, base, directory, comm, means, voice or Silent(), watcher).outcome()
+        return _Survey(asked, base, directory, comm, means, voice or Silent()).outcome()
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +98,6 @@ class _Survey:
     comm: Comm
     means: RunMeans
     voice: Silent
-    watcher: Watcher | None
 
     @cached_property
     def spheres(self) -> Spheres:
@@ -214,8 +210,7 @@ class _Survey:
             {"fluid.inertia": [self.asked.flow.galileo is not None]},
             do="run",
             **self.means.of_sweep(),
-            watcher=self.watcher,
-            comm=self.comm,
+            voice=self.voice,
         )
 
     def _full_runs(self, outcome: SurveyOutcome, chosen: Sequence[int]) -> list[FullRun]:

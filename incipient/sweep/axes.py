@@ -21,7 +21,7 @@ Settings = tuple[str, ...]
 
 _RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
 _DIGITS = 12  # of values between two ends, so that they are the same numbers whatever computes them
-_MOST = 1_000_000  # cases
+_MOST = 100_000  # cases
 _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
 
 
@@ -137,10 +137,10 @@ def table_of_cases(path: Path) -> list[Settings]:
 def combined(
     axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()
 ) -> list[Settings]:
-    """The overrides of all cases: every combination of axes and rows; `together`, axes go along side by side.
+    """The overrides of all cases: every combination of axes and rows; `together`, axes vary side by side.
 
     Raises:
-        SceneError: axes that go together have different lengths, a key comes twice, or there are too many cases.
+        SceneError: axes that vary together have different lengths, a key comes twice, or there are too many cases.
     """
     keys = [axis.key for axis in axes]
     if twice := next((key for key in keys if keys.count(key) > 1), None):
@@ -161,5 +161,5 @@ def combined(
     listed = list(table) or [()]
     in_table = {setting.split("=")[0].strip() for row in listed for setting in row}
     if both := next((key for key in keys if key in in_table), None):
-        raise SceneError(f"--over {both}: the table of cases has it, too; leave one of them out")
+        raise SceneError(f"--over {both}: the table of cases has it as well; leave one of them out")
     return [(*row, *settings) for row in listed for settings in varied]

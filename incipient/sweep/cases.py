@@ -6,25 +6,23 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
 from ..input_files import read_text
-from ..planning.flow_setup import Setup
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from .axes import Settings
 
 TASKS = ("run", "threshold", "gust", "entrainment", "judge")
-SECTION = "sweep"
 _DIGITS = 20  # of an identity
 
 
 @dataclass(frozen=True)
 class Source:
-    """A scene or case as it is before a sweep changes it: its name, TOML text, and where its files are."""
+    """A scene or case before a sweep changes it: its name, TOML text, and the directory of its files."""
 
     name: str
     text: str
@@ -42,12 +40,12 @@ class Source:
     def section(self) -> dict[str, Any]:
         """Section [sweep] as plain data; empty without one, or if the file is not TOML, which is reported later."""
         try:
-            found = tomllib.loads(self.text).get(SECTION, {})
+            section = tomllib.loads(self.text).get("sweep", {})
         except (ValueError, RecursionError):
             return {}
-        if not isinstance(found, dict):
+        if not isinstance(section, dict):
             raise SceneError(f"{self.name}: sweep: is not a section; write [sweep]")
-        return found
+        return section
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,7 @@ class SweepCase:
     """One case of a sweep.
 
     identity: the same for the same task and content, whatever the title, the files written and the order of keys
-    settings: the overrides that made it; text: the resolved scene as TOML, of a case to be judged as JSON
-    forms:    what decides which forms are compiled: cases that share it find them in the cache
+    settings: the overrides that made it; text: the resolved scene, or case to be judged, as JSON
     """
 
     identity: str
@@ -64,12 +61,10 @@ class SweepCase:
     source: str
     settings: Settings
     text: str
-    forms: str
-    scene: Scene | None = field(default=None, repr=False, compare=False)
 
     @property
     def name(self) -> str:
-        """The case by what was set in it."""
+        """The overrides in one line."""
         return ", ".join(self.settings) or self.source
 
 
@@ -81,10 +76,8 @@ def resolved(
     if task == "judge":
         return _judged(source, settings, overrides)
     scene = parse(Scene, source.text, source.base, overrides, source.name)
-    forms = _forms(Setup(scene), task)
-    return SweepCase(
-        identity_of(scene, task), task, source.name, settings, dumps(scene), forms, scene
-    )
+    text = json.dumps(tomllib.loads(dumps(scene)))
+    return SweepCase(identity_of(scene, task), task, source.name, settings, text)
 
 
 def identity_of(scene: Scene, task: str) -> str:
@@ -99,30 +92,10 @@ def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> Swe
     case = parse(Case, source.text, source.base, overrides, source.name)
     content = case.model_dump(mode="json", exclude_none=True, warnings=False)
     identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
-    return SweepCase(
-        _identity("judge", identifying), "judge", source.name, settings, json.dumps(content), ""
-    )
+    identity = _identity("judge", identifying)
+    return SweepCase(identity, "judge", source.name, settings, json.dumps(content))
 
 
 def _identity(task: str, content: dict[str, Any]) -> str:
     text = json.dumps([task, content], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
-
-
-def _forms(setup: Setup, task: str) -> str:
-    """Dimension, elements, effects and what is computed besides the flow."""
-    from ..effects.plan import plan_of
-
-    scene, plan = setup.scene, plan_of(setup)
-    present = sorted(effect.name for effect in plan.effects if effect.present)
-    elements = (
-        scene.gdim,
-        plan.order,
-        plan.geometry_order,
-        plan.convection,
-        plan.scheme,
-        plan.solver.name,
-    )
-    numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)
-    steadied = (plan.stabilisation.present, plan.stabilisation.upwind)
-    return " ".join(map(str, (task, *elements, *numerics, *steadied, *present)))

@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev
 from scipy.interpolate import RectBivariateSpline
 
 import incipient
-from incipient.pictures.flow import elevation
+from incipient.pictures import elevation
 from incipient.pictures.record import read
 from incipient.planning.duct import duct_mean, duct_speed
 from incipient.planning.flow_setup import Setup

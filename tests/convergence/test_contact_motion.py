@@ -16,7 +16,7 @@ from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
-from incipient.geometry.space.beds import Hemispheres, Plane, Ridges
+from incipient.geometry.space.beds import Plane, Ridges, SphereBed
 from incipient.geometry.space.grains import Sphere
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "gust_in_vacuo.csv"
@@ -34,7 +34,7 @@ class Case:
         law: ContactLaw,
         velocities: Floats | None = None,
     ):
-        self.body = RigidBody(Inertia.of(grain, 1.0))  # type: ignore[arg-type]
+        self.body = RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim))  # type: ignore[arg-type]
         near = NearBed(grain, bed)  # type: ignore[arg-type]
         self.moves = ContactMotion(self.body, near.gaps, law, grain.size)  # type: ignore[attr-defined]
         self.state = BodyState.at(placement, velocities)
@@ -333,7 +333,7 @@ def _leaves(pocket: str, force: float, duration: float, friction: float = 100.0)
         bed, saddle, place = HalfDiscs(0.5, 1.0, 0.0), 1.0, (0.5, float(np.sqrt(0.75)))
         case = Case(Disc(1.0), bed, Placement(place), ContactLaw(friction))
     else:
-        array, saddle = Hemispheres(0.5, 1.0, "triangular", (0.0, 0.0), 0.0, 0.5 * np.pi), 0.0
+        array, saddle = SphereBed.array(0.5, 1.0, "triangular", (0.0, 0.0), 0.0, 0.5 * np.pi), 0.0
         centre = (-1.0 / float(np.sqrt(12.0)), 0.5, float(np.sqrt(2.0 / 3.0)))
         case = Case(Sphere(1.0), array, Placement(centre), ContactLaw(friction))
     push, unit = np.zeros(case.body.gdim), np.sqrt(1.0 / G)

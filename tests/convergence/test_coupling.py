@@ -61,7 +61,7 @@ def in_the_cavity(
     placement = Placement((0.55, 0.6), 0.3)
     conditions = [top, *(no_slip(name) for name in ("left", "right", "bottom"))]
     domain = box_around(grain, placement, cell=0.08, far=0.15)
-    mass, moment = ratio * grain.volume, ratio * grain.polar_moment
+    mass, moment = ratio * grain.volume, ratio * grain.inertia[2, 2]
     with floating(
         domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more
     ) as found:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import gmsh
 import numpy as np
 import pytest
+from domains import drawn
 from mpi4py import MPI
 
 from incipient import compat
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.mesh.domain import Domain, mesh_of
+from incipient.mesh.domain import Domain
+from incipient.meshes.session import session
+from incipient.meshes.simplices import Simplices
 
 # isort: split
 import dolfinx
@@ -28,18 +29,14 @@ PLANES |= {"bottom": (2, -BELOW), "top": (2, ABOVE)}
 GROWTH, LARGEST = 0.2, 0.05
 
 
-@contextmanager
-def upper_quarter(size: float) -> Iterator[Any]:
+def upper_quarter(size: float) -> Simplices:
     """Cells of order two above the axis on one side of the middle, `size` at the cylinder."""
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session():
         model = gmsh.model
         box = model.occ.addBox(0, 0, 0, LENGTH, WIDTH / 2, ABOVE)
         rod = model.occ.addCylinder(BEHIND, 0, 0, 0, WIDTH / 2, 0, DIAMETER / 2)
         model.occ.cut([(3, box)], [(3, rod)])
         model.occ.synchronize()
-        model.addPhysicalGroup(3, [tag for _, tag in model.getEntities(3)])
         from_axis = f"sqrt((x-{BEHIND})*(x-{BEHIND})+z*z)"
         model.mesh.field.add("MathEval", 1)
         model.mesh.field.setString(
@@ -48,18 +45,13 @@ def upper_quarter(size: float) -> Iterator[Any]:
         model.mesh.field.setAsBackgroundMesh(1)
         for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
             gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
-        model.mesh.generate(3)
-        model.mesh.setOrder(2)
-        yield model
-    finally:
-        gmsh.finalize()
+        return drawn({}, 3, 2)
 
 
 def mirrored_channel(size: float) -> Domain:
     """Half of the channel: the cells above the axis and their mirror image, which is flatter far from the cylinder."""
-    with upper_quarter(size) as model:
-        above, _ = mesh_of(model, MPI.COMM_SELF, 3)
-    nodes, cells = above.geometry.x, compat.geometry_dofs(above)
+    above = upper_quarter(size)
+    nodes, cells = above.points, above.cells[:, compat.gmsh_order(3, 10)]
     depth = nodes[:, 2]
     flatter = np.minimum(depth, MIRRORED) + np.maximum(depth - MIRRORED, 0) * (BELOW - MIRRORED) / (
         ABOVE - MIRRORED

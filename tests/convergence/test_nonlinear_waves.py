@@ -55,7 +55,7 @@ def third_order(amplitude):
 def elevations(amplitude, lasting=False, columns=12, steps=200, periods=1.0, order=3):
     """Times and elevations (times, 2) at the ends of a tank, released from rest."""
     grid = rectangle((0.0, 0.0), LENGTH, 1.0, columns, columns // 2)
-    domain = build(MPI.COMM_WORLD, partial(meshed, grid, order=order), 2)
+    domain = build(MPI.COMM_WORLD, partial(meshed, grid, order=order))
 
     def first(x):
         second = (

@@ -33,7 +33,6 @@ def error_of_a_mode(mode, amplitude=1e-7, n=8, order=2, steps=40, periods=1.0, *
         lambda x: amplitude * np.cos(mode.k * x[:, 0]),
         order=order,
         gravity=(0.0, -mode.g),
-        tension=mode.gamma,
         **options,
     ) as made:
         made.flow(started(mode, amplitude))
@@ -60,14 +59,6 @@ def test_a_viscous_mode_is_of_third_order_in_space():
     mode = Mode(0.05, np.pi)
     coarse, fine = (error_of_a_mode(mode, n=n, order=3, steps=300, periods=0.25)[0] for n in (3, 6))
     assert np.log2(coarse / fine) > 3.0
-
-
-def test_surface_tension():
-    """Waves whose restoring force is half of it tension's."""
-    mode = Mode(0.01, np.pi, g=1.0, gamma=1.0 / np.pi**2)
-    assert mode.s.imag == pytest.approx(np.sqrt(2.0) * Mode(0.01, np.pi).s.imag, rel=0.01)
-    error, _ = error_of_a_mode(mode, n=6, order=3, steps=80)
-    assert error < 1.1 * (2 * np.pi) ** 3 / 3 / 80**2
 
 
 @pytest.mark.slow
@@ -100,64 +91,6 @@ def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
     ).x
     assert found[2] == pytest.approx(row["re_s"], rel=1e-3)
     assert found[3] == pytest.approx(row["im_s"], rel=1e-3)
-
-
-def pinned_wave(tension, modes=100):
-    """Frequency and shape of the lowest antisymmetric inviscid wave between pinned ends, and what friction takes.
-
-    On a square tank, -w^2 T h + g h - tension h'' = 0, h = 0 at the ends, T taking cos(k x) to cos(k x)/(k tanh k):
-    by Galerkin in sin(2 m pi x). The layers at the ends, where the fluid sticks, take from the frequency w what they
-    add to the decay, sqrt(nu w/8) times the integral of |v|^2 over the ends over that over the fluid; the fluid between
-    adds 2 nu k^2 (Landau & Lifshitz, Fluid Mechanics, section 25). They are returned over sqrt(nu), and over nu.
-    """
-    from scipy.integrate import trapezoid
-    from scipy.linalg import eigh
-
-    m, k = 2.0 * np.arange(1, modes + 1)[:, None], 2.0 * np.arange(8 * modes)[None, :] + 1.0
-    overlap = 2.0 * m / (np.pi * (m**2 - k**2))  # the integral of sin(m pi x) cos(k pi x), k odd
-    k = k * np.pi
-    inertia = overlap @ (2.0 * overlap / (k * np.tanh(k))).T
-    square, shapes = eigh(np.diag(0.5 * (1.0 + tension * (m[:, 0] * np.pi) ** 2)), inertia)
-    shape, k = shapes[:, 0], k[0]
-    rise = 2.0 * shape @ overlap  # of each cosine, per unit of time as of amplitude
-    y = np.linspace(0.0, 1.0, 2001)
-    along = rise @ (
-        np.sinh(np.minimum(np.outer(k, y), 300.0)) / np.sinh(np.minimum(k, 300.0))[:, None]
-    )
-    squares, w = rise**2 * 0.5 / (k * np.tanh(k)), float(np.sqrt(square[0]))
-    at_ends = np.sqrt(w / 8.0) * 2.0 * trapezoid(along**2, y) / squares.sum()
-    within = 2.0 * (k**2 * squares).sum() / squares.sum()
-    return w, lambda x: np.sin(np.pi * np.outer(x, m[:, 0])) @ shape, at_ends, within
-
-
-@pytest.mark.slow
-def test_a_wave_between_pinned_ends():
-    """Between free ends the wave of this shape has a frequency of 4.32, not 3.35, and a decay of 0.079, not 0.052."""
-    from scipy.optimize import curve_fit
-
-    tension, viscosity, amplitude = 0.05, 1e-3, 1e-6
-    w, shape, at_ends, within = pinned_wave(tension)
-    with tank(
-        curved_box(2, 12, 3),
-        viscosity,
-        lambda x: amplitude * shape(x[:, 0]) / shape(np.array([0.25])),
-        order=3,
-        tension=tension,
-        pinned=True,
-        tolerance=1e-8,
-    ) as made:
-        quarter, told = int(np.argmin(np.abs(made.points[:, 0] - 0.25))), []
-        for step in made.transient.march(5.0, 0.01):
-            told.append((step.time, made.elevation()[quarter] / amplitude))
-    t, h = np.array(told)[50:].T
-
-    def wave(t, a, b, decay, frequency):
-        return np.exp(-decay * t) * (a * np.cos(frequency * t) + b * np.sin(frequency * t))
-
-    found = curve_fit(wave, t, h, [1.0, 0.0, 0.1, w])[0]
-    # What is of a higher order in the viscosity is left, 0.0018 of the frequency, of which a fifth is the steps'.
-    assert found[3] == pytest.approx(w - at_ends * np.sqrt(viscosity), rel=3e-3)
-    assert found[2] == pytest.approx(at_ends * np.sqrt(viscosity) + within * viscosity, rel=0.05)
 
 
 def error_in_space(n, steps):
@@ -194,8 +127,8 @@ def test_waves_in_two_directions():
     assert coarse / fine > (5 / 3) ** 1.8
 
 
-@pytest.mark.parametrize(("gravity", "tension", "pinned"), [(1.0, 0.0, False), (30.0, 0.1, True)])
-def test_steps_by_blocks_are_those_by_factors(gravity, tension, pinned):
+@pytest.mark.parametrize(("gravity", "pinned"), [(1.0, False), (30.0, True)])
+def test_steps_by_blocks_are_those_by_factors(gravity, pinned):
     """In space: three steps to a tolerance of 1e-9 each, below a surface of some slope."""
     found, projected = [], []
     for solver in ("direct", "block"):
@@ -204,7 +137,6 @@ def test_steps_by_blocks_are_those_by_factors(gravity, tension, pinned):
             0.01,
             lambda x: 0.1 * np.cos(np.pi * x[:, 0]) * np.cos(np.pi * x[:, 1]),
             gravity=(0.0, 0.0, -gravity),
-            tension=tension,
             pinned=pinned,
             tolerance=1e-9,
             solver=solver,

@@ -134,7 +134,7 @@ def domain_at(time: float):
     floor = Line((0.0, 0.0), (LENGTH, 0.0))
     region = Region((floor,), HEIGHT, {"body": outline}, ("bottom", "right", "top", "left"))
     drawing = partial(meshed, region, Sizes(0.5, (Near(0.12, 0.3, boundary="body"),)), 2)
-    return build(MPI.COMM_WORLD, drawing, 2)
+    return build(MPI.COMM_WORLD, drawing)
 
 
 def write_fields(directory: Path, times, meshes: int) -> list[float]:

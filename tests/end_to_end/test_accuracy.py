@@ -14,7 +14,7 @@ from scipy.special import kve
 import incipient
 from incipient.accuracy.coarse_runs import changed
 from incipient.adaptive import balancing, refinement
-from incipient.cost.prediction import first_mesh
+from incipient.adaptive.first_mesh import first_mesh
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads

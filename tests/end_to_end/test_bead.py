@@ -10,7 +10,7 @@ import pytest
 from images import assert_is_a_picture
 
 import incipient
-from incipient.pictures.verdict import threshold as pictures
+from incipient.pictures import verdict as pictures
 from incipient.scene import Shear
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/bead_on_substrate.toml"
@@ -36,7 +36,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     # Statics by hand: no couple about the line through the two contacts ahead, which alone are loaded.
     ahead = found.contacts.points[:, 0] > found.load.centre[0]
     arm = found.load.centre - found.contacts.points[ahead][0]
-    about_line = found.load.couple + np.cross(arm, found.load.force)
+    about_line = found.load.flow_couple + np.cross(arm, found.load.force)
     assert abs(about_line[1]) < 1e-6 * np.linalg.norm(arm) * np.linalg.norm(found.load.weight)
     assert np.abs(found.contact_forces[~ahead]).max() < 1e-6 * np.linalg.norm(found.load.weight)
     # mu G f / ((rho_s - rho_f) g d): 0.0379 +- 0.0007 on finer cells, with a third of the gap (docs/beads.md).
@@ -48,7 +48,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert stored["shields"] == found.shields and "begins pivoting" in pictures.critical_sentence(
         stored
     )
-    assert_is_a_picture(*pictures.draw(tmp_path))
+    assert_is_a_picture(*pictures.draw_threshold(tmp_path))
 
 
 @pytest.mark.slow

@@ -16,16 +16,16 @@ from incipient.files import plain, write_json
 from incipient.geometry.closest import touching
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
-from incipient.pictures.style import STATES
-from incipient.pictures.verdict import judgement, threshold
-from incipient.pictures.verdict.judged import judged
-from incipient.pictures.verdict.outlines import (
+from incipient.pictures.judged import judged
+from incipient.pictures.outlines import (
     bed_line,
     grain_outline,
     round_radius,
     sketched_outline,
     sketched_solid,
 )
+from incipient.pictures.style import STATES
+from incipient.pictures.verdict import critical_sentence, draw_judgement, draw_threshold
 from incipient.scene import load, save
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -125,10 +125,8 @@ def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
 )
 def test_why_there_is_no_threshold_is_said(tmp_path, overrides, flow, said):
     directory = found(tmp_path, overrides, flow)
-    assert_is_a_picture(*threshold.draw(directory))
-    assert said in threshold.critical_sentence(
-        json.loads((directory / "threshold.json").read_text())
-    )
+    assert_is_a_picture(*draw_threshold(directory))
+    assert said in critical_sentence(json.loads((directory / "threshold.json").read_text()))
 
 
 @pytest.mark.parametrize(
@@ -148,10 +146,8 @@ def test_a_search_that_ended_without_a_threshold_says_how_far_it_went(tmp_path):
     path = found(tmp_path, [*POCKET, "contact.friction=5.0"]) / "threshold.json"
     stored = json.loads(path.read_text()) | {"held_to": 12.0, "reason": "the grain is held"}
     path.write_text(json.dumps(stored))
-    assert_is_a_picture(*threshold.draw(tmp_path))
-    assert threshold.critical_sentence(stored).startswith(
-        "No threshold up to 12 times the flow of the scene"
-    )
+    assert_is_a_picture(*draw_threshold(tmp_path))
+    assert critical_sentence(stored).startswith("No threshold up to 12 times the flow of the scene")
 
 
 def test_a_threshold_without_its_scene_is_an_error(tmp_path):
@@ -178,9 +174,9 @@ def test_cases_in_the_plane_are_drawn(tmp_path, name):
 
 
 def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
-    (picture,) = judgement.draw(judged_case(tmp_path, "disc_in_pocket"))
+    (picture,) = draw_judgement(judged_case(tmp_path, "disc_in_pocket"))
     shaped = picture.read_bytes()
-    (picture,) = judgement.draw(judged_case(tmp_path, "disc_in_pocket", shaped=False))
+    (picture,) = draw_judgement(judged_case(tmp_path, "disc_in_pocket", shaped=False))
     assert_is_a_picture(picture)
     assert picture.read_bytes() != shaped
 
@@ -219,7 +215,9 @@ def test_forces_of_a_grain_that_rests_balance_its_load_inside_their_cones():
     case = box_on_a_plane([0.2, 0.0, 0.0])
     acting = case.load
     assert np.allclose(case.forces.sum(axis=0) + acting.force, 0.0, atol=1e-8)
-    assert np.allclose(np.cross(case.arms, case.forces).sum(axis=0) + acting.couple, 0.0, atol=1e-8)
+    assert np.allclose(
+        np.cross(case.arms, case.forces).sum(axis=0) + acting.flow_couple, 0.0, atol=1e-8
+    )
     assert case.share == 1.0 and case.motion is None
     assert set(case.states) <= {"INSIDE", "EDGE"}
     assert (np.hypot(*case.forces[:, :2].T) <= 0.5 * case.forces[:, 2] * (1 + 1e-6)).all()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from conftest import Session
 from scenes import TANK
-from scipy.special import erf
 from waves import prosperetti
 
 import incipient
@@ -80,44 +79,6 @@ def test_a_surface_whose_ends_are_pinned(tmp_path):
     assert history["elevation_3"] == pytest.approx(-0.01, abs=1e-15)
     assert (np.diff(history["elevation_2"]) < 0).all()
     assert np.abs(history["volume_above_level"]).max() < 1e-15
-
-
-SEEPING = WAVE.replace('bottom = "slip"\n', "").replace(
-    "mesh_size = 6.0", "mesh_size = 6.0\nerror_bars = false"
-)
-
-
-def test_a_tank_fills_from_below_by_what_is_given(tmp_path):
-    """The water rises as a whole: v = (0, q) and h = q t are an exact solution."""
-    text = SEEPING.replace("0.01*cos(pi*x)", "0").replace("[time]", 'seepage = "0.1"\n[time]')
-    result = incipient.run(loads(text), tmp_path)
-    history = history_of(tmp_path)
-    for station in (1, 2, 3):
-        assert history[f"elevation_{station}"] == pytest.approx(0.1 * history["time"], abs=1e-9)
-    assert history["volume_above_level"] == pytest.approx(0.1 * history["time"], abs=1e-14)
-    assert history["seepage"] == pytest.approx(0.1, rel=1e-14)
-    assert "seepage             0.1" in result.text()
-
-
-@pytest.mark.parametrize("space", [False, True])
-def test_what_seeps_in_at_a_place_is_in_the_volume(tmp_path, space):
-    """Below a wave, in the plane between walls to which the fluid sticks; known to round-off on any mesh."""
-    text = SEEPING.replace("[time]", 'seepage = "0.1*exp(-9*(x - 0.4)**2)"\n[time]')
-    if space:
-        text = text.replace("height = 1.0", "width = 0.5\nheight = 1.0").replace(
-            "0.0, 0.3, 1.0", "[0.3, 0.1]"
-        )
-        text = text.replace("end = 0.4", "end = 0.1").replace("mesh_size = 6.0", "mesh_size = 2.0")
-    else:
-        text = text.replace("stations", 'ends = "no-slip"\nstations')
-    incipient.run(loads(text), tmp_path)
-    history = history_of(tmp_path)
-    # The integral over the length by the error function; cells of a sixth to a quarter of the length.
-    whole = 0.1 / 6 * np.sqrt(np.pi) * (erf(1.8) + erf(1.2)) * (0.5 if space else 1.0)
-    assert history["seepage"] == pytest.approx(whole, rel=0.05)
-    assert history["volume_above_level"] == pytest.approx(
-        history["seepage"] * history["time"], abs=1e-14
-    )
 
 
 @pytest.fixture(scope="module")
@@ -410,16 +371,6 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             "[numerics]",
             '[numerics]\naccuracy = 0.01\naccuracy_of = "force"',
             'accuracy_of: "force" needs a grain but there is none; add a section [body] or use "elevation"',
-        ),
-        (
-            "[time]",
-            'seepage = "0.1"\n[time]',
-            "surface.seepage: enters straight up, which a bottom that slips",
-        ),
-        (
-            'bottom = "slip"',
-            'seepage = "y"',
-            "surface.seepage: depends on y but the scene lies in the plane",
         ),
         (
             "end = 0.4",

@@ -54,7 +54,7 @@ def without(modules: str, *arguments: object, ranks: int = 1, **variables: str) 
     ("arguments", "said"),
     [
         (["--help"], "judge forces and contacts"),
-        (["plan", GRAIN_ON_BED], "time are not known: gmsh is not installed"),
+        (["plan", GRAIN_ON_BED], "memory are not known: gmsh is not installed"),
         (["judge", CASE], "The grain stays at rest"),
         (["schema"], '"properties"'),
     ],

@@ -1,4 +1,4 @@
-"""Whole runs of a grain that comes to the bottom: it is judged there, repelled from it, and resumed from it."""
+"""Whole runs of a grain that comes to the bottom: it is judged there and resumed from it."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ def sinking(end: float, **body: Any) -> Scene:
     )
 
 
-def test_momentum_is_balanced_with_the_force_of_repulsion(tmp_path: Path) -> None:
-    """m dV/dt = flow + weight + repulsion, J dw/dt = couple of both, by the backward differences of the steps."""
-    result = incipient.run(sinking(0.6, on_contact="repel"), tmp_path)
+def test_momentum_is_balanced(tmp_path: Path) -> None:
+    """m dV/dt = flow + weight, J dw/dt = torque of the flow, by the backward differences of the steps."""
+    incipient.run(sinking(0.2), tmp_path)
     found, mass = history_of(tmp_path), DENSITY * AREA
     assert found["step"] == pytest.approx(STEP)
-    force = np.array([found[f"force_{axis}"] + found[f"repulsion_{axis}"] for axis in "xy"])
+    force = np.array([found[f"force_{axis}"] for axis in "xy"])
     force[1] -= (mass - AREA) * GRAVITY
     inertia = mass * sum(a**2 for a in SEMI_AXES) / 4
-    loads = np.vstack([force, found["couple"] + found["repulsion_couple"]])
+    loads = np.vstack([force, found["couple"]])
     names = ("velocity_x", "velocity_y", "spin")
     velocities = np.array([np.r_[0.0, found[name]] for name in names])
     now, before, earlier = velocities[:, 2:], velocities[:, 1:-1], velocities[:, :-2]
@@ -67,16 +67,9 @@ def test_momentum_is_balanced_with_the_force_of_repulsion(tmp_path: Path) -> Non
     missed, scale = np.abs(rates - loads[:, 1:]).max(axis=1), np.abs(loads).max()
     print(missed / scale)
     assert missed.max() < 1e-7 * scale  # 3e-9 when written; the flow is solved to 1e-9 of the load
-    # It was repelled, by about as much as the rest of the load, and the result says so.
-    assert (
-        found["repulsion_y"].max() > 0.5 * scale and np.abs(found["repulsion_couple"]).max() > 0.0
-    )
     stored = result_of(tmp_path)
-    last = [found[name][-1] for name in ("repulsion_x", "repulsion_y")]
-    assert stored["force"]["repulsion"][:2] == pytest.approx(last)
     assert stored["force"]["total"][:2] == pytest.approx(force[:, -1])
-    assert stored["couple"]["repulsion"][2] == pytest.approx(found["repulsion_couple"][-1])
-    assert stored["trajectory"]["ended"]["by"] == "time" and "force of repulsion" in result.text()
+    assert stored["trajectory"]["ended"]["by"] == "time"
 
 
 def test_contact_with_the_bottom_is_judged_and_the_run_resumed_from_it(tmp_path: Path) -> None:
@@ -91,20 +84,13 @@ def test_contact_with_the_bottom_is_judged_and_the_run_resumed_from_it(tmp_path:
     # One contact beside the centre: at rest there the weight alone would tip the ellipse over.
     assert verdict["moves"] and verdict["safety_factor"] == 0.0
     assert "at rest where it met the bottom" in result.text() and verdict["note"] in result.text()
-    assert not rows["repulsion_y"].any()
-    with pytest.raises(SceneError, match=r'body\.on_contact = "repel"'):
+    with pytest.raises(SceneError, match=r"set a smaller contact\.gap"):
         incipient.resume(tmp_path)
     with pytest.raises(SceneError, match=r"body\.on_contact"):
         incipient.resume(tmp_path, ["body.on_contact=bounce"])
-    again = incipient.resume(tmp_path, ["body.on_contact=repel", "time.end=0.5"])
+    again = incipient.resume(tmp_path, ["contact.gap=0.01"])
     after = history_of(tmp_path)
-    assert again.trajectory is not None and again.trajectory["ended"]["by"] == "time"
-    assert (
-        after["time"][-1] == pytest.approx(0.5)
-        and after["y"][: len(rows["y"])].tolist() == rows["y"].tolist()
-    )
-    assert (
-        after["repulsion_y"][len(rows["y"])] > 0.0
-        and after["velocity_y"][-1] > rows["velocity_y"][-1]
-    )
+    assert again.trajectory is not None and again.trajectory["ended"]["clearance"] < 0.03
+    assert after["y"][: len(rows["y"])].tolist() == rows["y"].tolist()
+    assert len(after["y"]) > len(rows["y"]) and after["y"][-1] < rows["y"][-1] - 0.01
     assert not (tmp_path / "checkpoint.h5").exists()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,8 +16,8 @@ from PIL import Image
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.grains import Box as BoxSolid
+from incipient.pictures import trajectory
 from incipient.pictures.apart import animate_apart
-from incipient.pictures.motion import trajectory
 from incipient.planning.body import rigid_body
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
@@ -136,7 +134,6 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     assert_same_path(tmp_path / "whole", tmp_path / "resumed", 1e-7)
     assert trajectory.draw(tmp_path / "whole")[0].stat().st_size > 10_000
     assert_shows(animate_apart(tmp_path / "whole", None, "vorticity"), frames=4)
-    assert_shows(turned(tmp_path / "whole"), frames=3)
 
 
 def assert_shows(path: Path, frames: int) -> None:
@@ -149,17 +146,6 @@ def assert_shows(path: Path, frames: int) -> None:
         seen.append(np.asarray(film.convert("RGB")))
         assert len(np.unique(seen[-1].reshape(-1, 3), axis=0)) > 20
     assert all(np.any(one != other) for one, other in pairwise(seen))
-
-
-def turned(directory: Path) -> Path:
-    """The turntable of a run with three frames only, made in a process of its own as always."""
-    code = "import sys, pathlib; from incipient.pictures.motion import turntable as t; t._Turntable.count = 3; "
-    code += "print(t.turn(pathlib.Path(sys.argv[1])))"
-    done = subprocess.run(
-        [sys.executable, "-c", code, directory], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return Path(done.stdout.strip())
 
 
 @pytest.mark.slow

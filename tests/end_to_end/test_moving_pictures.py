@@ -23,11 +23,10 @@ from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.files import MARK
 from incipient.output.series_file import SeriesFile
-from incipient.pictures import style
+from incipient.pictures import film as films
+from incipient.pictures import style, trajectory
 from incipient.pictures.apart import animate_apart, draw_apart
-from incipient.pictures.motion import film as films
-from incipient.pictures.motion import trajectory
-from incipient.pictures.motion.history import read_history
+from incipient.pictures.history import read_history
 from incipient.scene import loads
 
 STEPS = 10
@@ -66,6 +65,11 @@ def drawn(scene_text, history):
         return trajectory.figure(scene, history.started(scene.placement), scene.title)
 
 
+def quantities(figure):
+    """The axes of position and rates in their order."""
+    return [axes for k in "012345" for axes in figure.axes if axes.get_label() == k]
+
+
 # -- pictures ------------------------------------------------------------------------------------------------
 
 
@@ -80,7 +84,7 @@ def test_all_pictures_of_a_grain_that_moves(run):
 def test_path_outlines_and_quantities(texts):
     history = read_history(texts / "history.csv")
     figure = drawn(SCENE, history)
-    axes, _, *panels = figure.axes
+    axes, panels = figure.axes[0], quantities(figure)
     (path,) = [c for c in axes.collections if isinstance(c, LineCollection)]
     assert np.allclose(path.get_segments()[0][0], (4.4, 2.0))  # where the scene has it at time zero
     assert np.allclose(path.get_segments()[-1][-1], course([PERIOD])[0, :2])
@@ -96,7 +100,7 @@ def test_path_outlines_and_quantities(texts):
     assert any(np.allclose(e, (0.5, 1.0), atol=1e-3) for e in extents)  # after 5/4 turns it stands
     titles = [panel.get_title(loc="left") for panel in panels]
     assert [title.partition(" [")[0] for title in titles] == [
-        "x", "y", "angle", "velocity along x", "velocity along y", "spin",
+        "x", "y", "angle", "velocity x", "velocity y", "spin",
     ]  # fmt: skip
     assert all(title.endswith("]") for title in titles)
 
@@ -106,7 +110,7 @@ def test_curves_are_those_of_the_history(texts):
     times = np.linspace(0.0, PERIOD, 51)[1:]
     expected = course(times).T.copy()
     expected[2] = np.degrees(expected[2])
-    for panel, values in zip(figure.axes[2:], expected, strict=True):
+    for panel, values in zip(quantities(figure), expected, strict=True):
         (line,) = [line for line in panel.lines if len(line.get_xdata()) > 2]
         assert np.allclose(line.get_xdata()[1:], times)
         assert np.allclose(line.get_ydata()[1:], values, atol=1e-9)
@@ -236,7 +240,7 @@ def test_a_gif_has_a_frame_for_each_step(run):
 
 def test_the_grain_is_where_its_mesh_is(run):
     indices, moments = films._frames(run / "fields")
-    film = films.FilmInPlane(run, films.FIELDS["velocity"], indices, moments)
+    film = films._Film(run, films.FIELDS["velocity"], indices, moments)
     for number in (0, STEPS // 2, STEPS - 1):
         film.show(number)
         (axes, *_) = film.figure.axes
@@ -246,7 +250,8 @@ def test_the_grain_is_where_its_mesh_is(run):
         expected = course([moments[number]])[0]
         middle = (body.get_xy().max(axis=0) + body.get_xy().min(axis=0)) / 2
         assert np.allclose(middle, expected[:2], atol=5e-3)
-        way, _, spoke = axes.lines
+        (spoke,) = [line for line in axes.lines if line.get_marker() == "o"]
+        way = axes.lines[-1]
         assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
         assert np.allclose(
             np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2
@@ -302,16 +307,6 @@ def test_show_animates(run, command, tmp_path):
     assert_is_an_animation(tmp_path / "w.gif")
 
 
-def test_a_turntable_of_a_run_in_the_plane_is_refused(run, command):
-    done = command("show", run, "--turntable")
-    why = f"{run}: a turntable shows a grain in space; this run has none: use --animate"
-    assert (done.returncode, done.stdout, done.stderr) == (
-        5,
-        "",
-        f"incipient: no animation: {why}\n",
-    )
-
-
 def test_the_directory_may_come_after_the_options(run, command):
     done = command("show", "--animate", "--field", "pressure", "--out", run / "p.gif", run)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / 'p.gif'}\n", "")
@@ -359,7 +354,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             "no animation: nothing/fields.h5: no such file; run the scene with output.fields = true",
         ),
         (["--field", "pressure"], 2, "--field says what to animate; add --animate"),
-        (["--out", "flow.gif"], 2, "--out names the animation; add --animate or --turntable"),
+        (["--out", "flow.gif"], 2, "--out names the animation; add --animate"),
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )

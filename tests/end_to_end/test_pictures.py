@@ -4,7 +4,7 @@ import json
 import os
 import subprocess
 import sys
-import warnings
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,15 +19,12 @@ from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
 from incipient.output.series_file import SeriesFile
-from incipient.pictures import style
+from incipient.pictures import flow, style, traction, verdict
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
-from incipient.pictures.flow import fields as flow
-from incipient.pictures.flow.mesh import QuadraticMesh, enclosed_area
-from incipient.pictures.flow.streamlines import Sampled, sample, streamlines
+from incipient.pictures.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.record import read
-from incipient.pictures.verdict import grain
-from incipient.pictures.verdict.grain import GrainSurface
+from incipient.scene.file import dumps, loads
 
 RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
@@ -110,6 +107,28 @@ def verdict_on(flow):
     return plain(judge(load, contacts, 0.4, (np.pi, np.eye(3))).to_dict())
 
 
+SCENE = """
+[domain]
+kind = "channel"
+length = 8.0
+height = 8.0
+origin = [-4.0, -4.0]
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+[body]
+shape = "disc"
+diameter = 2.0
+x = 0.0
+[bed]
+kind = "flat"
+[contact]
+friction = 0.4
+"""
+
+
 @pytest.fixture
 def grain_run(tmp_path):
     columns = 24
@@ -120,14 +139,7 @@ def grain_run(tmp_path):
     values = past_disc(mesh[0])
     traction = -values["pressure"][:, None] * np.column_stack([mesh[0], np.zeros(len(mesh[0]))])
     shuffled = edges[np.random.default_rng(1).permutation(columns)]
-    scene = {
-        "domain": {"kind": "channel"},
-        "fluid": {"reynolds": 20.0, "scale": "grain"},
-        "flow": {"kind": "uniform"},
-        "body": {"shape": "disc"},
-        "bed": {"kind": "flat"},
-        "contact": {"friction": 0.4},
-    }
+    scene = tomllib.loads(dumps(loads(SCENE)))
     result = {
         "schema_version": 1,
         "title": "A disc in a square",
@@ -165,7 +177,7 @@ def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run, capsys):
 
 
 def test_the_verdict_is_told_in_words_and_numbers(grain_run):
-    texts = texts_of(grain.verdict(read(grain_run)))
+    texts = texts_of(verdict.of_run(read(grain_run)))
     assert texts[0].startswith("The grain begins to move (pivoting), safety factor ")
     assert texts[1].startswith("By the paper's criteria it begins to move")
     assert {"flow", "weight", "resultant"} <= set(texts)
@@ -182,13 +194,13 @@ def with_verdict(run, verdict):
 
 
 def test_a_grain_that_rests_shows_the_forces_that_hold_it(grain_run):
-    texts = texts_of(grain.verdict(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
-    assert "contact force on the grain, the smallest that balance the load" in texts
+    texts = texts_of(verdict.of_run(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
+    assert "contact force on the grain, a set that balances the load" in texts
     assert "Acceleration" not in texts
 
 
 def test_a_grain_that_is_not_judged_shows_its_load(grain_run):
-    texts = texts_of(grain.verdict(with_verdict(grain_run, None)))
+    texts = texts_of(verdict.of_run(with_verdict(grain_run, None)))
     assert texts[0] == "The forces on the grain; the scene asks for no verdict."
     assert {"flow", "weight", "resultant", "contact, with its normal"} <= set(texts)
     assert "Safety factor on the flow" not in texts
@@ -196,9 +208,9 @@ def test_a_grain_that_is_not_judged_shows_its_load(grain_run):
 
 @pytest.mark.parametrize("missing", ["judges", "sentence", "safety_factor"])
 def test_an_incomplete_verdict_is_named(grain_run, missing):
-    verdict = {key: value for key, value in verdict_on(FLOW).items() if key != missing}
+    incomplete = {key: value for key, value in verdict_on(FLOW).items() if key != missing}
     with pytest.raises(OutputError, match=rf"result\.json: its verdict holds no {missing}"):
-        grain.verdict(with_verdict(grain_run, verdict))
+        verdict.of_run(with_verdict(grain_run, incomplete))
 
 
 def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
@@ -279,10 +291,11 @@ def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, mon
     """Of a threshold and a judgement, one being beyond drawing."""
     for name in ("threshold", "judgement"):
         (tmp_path / f"{name}.json").write_text("{}")
-    monkeypatch.setattr("incipient.pictures.verdict.threshold.draw", lambda directory: [][0])
-    monkeypatch.setattr(
-        "incipient.pictures.verdict.judgement.draw", lambda directory: [directory / "judgement.png"]
-    )
+    makers = {
+        "threshold.json": lambda directory: [][0],
+        "judgement.json": lambda directory: [directory / "judgement.png"],
+    }
+    monkeypatch.setattr("incipient.pictures.directory_pictures._OTHERS", makers)
     announced = []
     with pytest.raises(
         OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"
@@ -300,49 +313,23 @@ def test_boundary_of_a_mesh_with_a_hole():
     )  # clockwise polygon
 
 
-def test_quadratic_fields_are_evaluated_exactly():
-    mesh = QuadraticMesh(*quadratic_grid(lambda s, t: np.column_stack([s + t / 3, t]), 3, 3))
-    points = np.array([[0.51, 0.2], [0.9, 0.77], [0.4, 0.41], [5.0, 5.0]])
-
-    def field(x):
-        return x[:, 0] ** 2 - 3 * x[:, 0] * x[:, 1] + x[:, 1]
-
-    found = mesh.evaluated(field(mesh.points), points)
-    assert np.allclose(found[:3], field(points[:3]), atol=1e-12)
-    assert np.isnan(found[3])
+def test_fields_are_sampled_on_a_grid_within_the_fluid():
+    points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
+    mesh, view = QuadraticMesh(points, cells), (-2.0, 3.0, -1.0, 1.0)
+    x, y, (value,) = flow.sample(mesh, (points[:, 0] - 3.0 * points[:, 1])[:, None], view, 50)
+    across, up = np.meshgrid(x, y)
+    radius = np.hypot(across, up)
+    assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
+    assert np.allclose(value, across - 3.0 * up, atol=1e-12)
 
 
-def test_streamlines_end_where_streams_meet():
-    """A line swings there between two places: its neighbours are at one place, its slope is 0 over 0."""
-    velocity = np.zeros((40, 40, 2))
-    velocity[:, :20, 0], velocity[:, 20:, 0] = 1.0, -1.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        lines = streamlines(Sampled(np.zeros(2), 1.0, velocity), 4.0)
-    assert len(lines) > 8 and all(np.isfinite(line).all() for line in lines)
-
-
-def test_streamlines_of_a_rotation_are_circles_run_anticlockwise():
-    points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 16, 16)
-    mesh = QuadraticMesh(points, cells)
-    lines = streamlines(sample(mesh, rotation(points)["velocity"][:, :2], (0, 1, 0, 1)), 0.05)
-    assert len(lines) > 8
-    for line in lines:
-        x, y = line.T - 0.5
-        assert np.ptp(np.hypot(x, y)) < 5e-3
-        assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0)
-
-
-def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
-    surface = GrainSurface.of(read(grain_run).surface)
-    assert np.allclose(surface.normals, surface.points / RADIUS, atol=3e-3)
-    turn = np.diff(np.unwrap(np.arctan2(*surface.points.T[::-1])))
-    assert np.allclose(turn, 2 * np.pi / len(surface.points))
-    assert np.allclose(
-        surface.normal_part, surface.points[:, 0], atol=1e-2
-    )  # -p = x on the unit circle
-    assert np.allclose(surface.tangential_part, 0, atol=1e-2)
-    assert len(surface.spaced(16)) == 16
+def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run):
+    """The traction is -p = cos(angle) along the normal of the unit circle, nothing along the surface."""
+    normal, tangential = traction.picture(read(grain_run)).axes[1].lines[:2]
+    angles, values = normal.get_data()
+    assert len(angles) == 24 and np.all(np.diff(angles) > 0)
+    assert np.allclose(values, np.cos(np.radians(angles)), atol=1e-2)
+    assert np.allclose(tangential.get_ydata(), 0.0, atol=1e-2)
 
 
 def test_the_directory_itself_is_checked():

@@ -299,7 +299,6 @@ CASES = (
         "contact.restitution: is read only",
     ),
     ({"effects__contact": False}, "effects.contact: is false"),
-    ({"numerics__coupling": "naive"}, "numerics.coupling"),
     ({"bed": {"kind": "flat"}, "time__until": "out-of-pocket"}, "the bed is flat"),
 )
 

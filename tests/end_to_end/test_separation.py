@@ -83,11 +83,3 @@ def test_laminar_flow_without_a_grain_says_why_it_has_no_error_bars():
     assert result.error_bars is None
     assert "in steady flow only" in result.without_error_bars
     assert result.without_error_bars in result.text()
-
-
-def test_a_plan_foretells_errors_only_of_what_the_run_reports():
-    """Behind a step no velocities on centrelines, no u* of a turbulent flow, no kinetic energy."""
-    from incipient.cost.command import predicted_plan
-
-    text = predicted_plan(behind_step(800)).text()
-    assert "error of the" not in text

@@ -109,7 +109,7 @@ def test_a_survey_that_is_killed_goes_on(bed: Path) -> None:
         if not file.is_file():
             return {}
         with Store(file) as store:
-            return {row["id"]: row["finished"] for row in store.rows() if row["status"] == "done"}
+            return {row["id"]: row["finished"] for row in store.cases() if row["status"] == "done"}
 
     until = time.monotonic() + 600.0
     while len(finished()) < 3 and time.monotonic() < until and process.poll() is None:

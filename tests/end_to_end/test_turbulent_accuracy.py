@@ -1,16 +1,14 @@
 """An accuracy asked for with turbulence, and its error bars: what they call certain, by much finer runs."""
 
-import csv
-import json
-
 import numpy as np
 import pytest
-from test_cost_command import calibrated_in
 from test_large_grain import stone
 from test_turbulent_channels import channel
 
 import incipient
-from incipient.cost.command import chosen, predicted_plan, study
+from incipient.cost.ladder import ladder
+from incipient.cost.measurement import measure
+from incipient.cost.study import run_ladder
 from incipient.planning.flow_setup import Setup
 from incipient.planning.wall_cells import coarsest
 from incipient.scene import Numerics, Sinusoidal
@@ -83,25 +81,15 @@ def test_a_stone_is_as_accurate_as_asked():
 
 
 @pytest.mark.slow
-def test_what_accuracy_costs_in_a_turbulent_channel(tmp_path, monkeypatch):
-    """A ladder of real runs: the finest cells err least, and the plan knows of time and error afterwards."""
-    for name, value in calibrated_in(tmp_path).items():
-        monkeypatch.setenv(name, value)
+def test_what_accuracy_costs_in_a_turbulent_channel(tmp_path):
+    """A ladder of real runs: finer cells err less."""
     scene = channel(22000.0, 5.0, mesh_size=1.0)
-    made = study(scene, tmp_path / "study", chosen(scene, quick=True), lambda line: None)
-    assert [run.failed for run in (*[one.run for one in made.judged], made.compared_with)] == 4 * [
-        ""
-    ]
-    by_size = sorted(made.judged, key=lambda one: one.run.variant.mesh_size)
-    assert min(by_size, key=lambda one: one.error) is by_size[0]
-    assert by_size[0].error < 1e-3 and max(one.error for one in by_size) < 0.02
-    rows = list(csv.DictReader((tmp_path / "study" / "cost.csv").open()))
-    # The coarsest of the runs: that the column holds u* and no other number. Its error is judged above.
-    assert float(rows[0]["outflow_shear_velocity"]) == pytest.approx(0.05, rel=0.1)
-    assert "shear velocity" in (tmp_path / "study" / "cost.md").read_text(encoding="utf-8")
-    (known,) = json.loads((tmp_path / "study" / "cost.json").read_text())["findings"].values()
-    assert known["kind"] == "steady with turbulence" and set(known["errors"]) == {"shear velocity"}
-    planned = predicted_plan(scene).prediction
-    assert planned.own and set(planned.errors) == {"shear velocity"}
-    sought = predicted_plan(scene.model_copy(update={"numerics": asked(0.01)})).prediction
-    assert sought.last.reaches and sought.last.meshes >= 3
+    rungs = ladder(scene, quick=True)
+    made = run_ladder(scene, rungs, tmp_path / "study", measure, lambda line: None)
+    assert not made.failed and set(made.reference.quantities) == {"shear velocity"}
+    by_size = sorted(made.judged, key=lambda one: one.run.rung.mesh_size)
+    errors = [one.errors["shear velocity"] for one in by_size]
+    # The first is the reference. Of the coarsest two it is chance which errs less.
+    assert errors[0] < errors[1] < min(errors[2:]) and max(errors) < 0.02
+    # That the number is u* and no other. Its error is judged above.
+    assert by_size[-1].run.numbers["shear_velocity"] == pytest.approx(0.05, rel=0.1)

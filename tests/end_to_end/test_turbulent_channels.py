@@ -13,8 +13,8 @@ from scipy.integrate import simpson
 
 import incipient
 from incipient.fluid.transient import Transient
-from incipient.pictures.flow.walls import picture
 from incipient.pictures.record import read
+from incipient.pictures.walls import picture
 from incipient.scene import (
     Contact,
     Disc,

@@ -80,7 +80,7 @@ def in_cavity(
     y = 0.6 if gap is None else DISC.size * (0.5 + gap)
     placement = Placement((0.55, y), 0.0)
     domain = cavity_with_disc(placement, gap, cell, far)
-    moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.polar_moment
+    moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.inertia[2, 2]
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in WALLS)]
     mass = mass_ratio * DISC.volume
     with floating(domain, DISC, placement, conditions, reynolds, mass, moment, **more) as found:
@@ -105,7 +105,7 @@ def box_with_disc(
     holes = {"body": tuple(curve.moved(placement) for curve in DISC.outline())}
     bottom = (Line((sides[0], 0.0), (sides[1], 0.0)),)
     region = Region(bottom, top, holes, sides=("bottom", "right", "top", "left"))
-    return build(MPI.COMM_WORLD, partial(meshed, region, Sizes(far, near), 2), 2)
+    return build(MPI.COMM_WORLD, partial(meshed, region, Sizes(far, near), 2))
 
 
 def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
@@ -230,7 +230,7 @@ def exact_wall_force(motion: str, gap: float) -> float:
 def poiseuille_error(length: float, height: float, columns: int, rows: int) -> float:
     """The largest error of a parabolic flow through a channel, relative: it is in the elements' space."""
     grid = rectangle((0.0, 0.0), length, height, columns, rows)
-    domain = build(MPI.COMM_WORLD, partial(meshed, grid), 2)
+    domain = build(MPI.COMM_WORLD, partial(meshed, grid))
 
     def parabola(x: Floats, t: float) -> Floats:
         s = x[1] / height

@@ -190,11 +190,17 @@ def motion_difference(safety, motion, other, accelerations) -> float:
         return math.inf
     if Uniqueness.SEVERAL in kinds:
         return 0.0
-    if motion.mode is not other.mode:
+    if motion.first.mode is not other.first.mode:
         return math.inf
-    expected = accelerations(motion.acceleration, motion.angular_acceleration)
+    expected = accelerations(motion.first.acceleration, motion.first.angular_acceleration)
     return float(
-        np.max(list(map(relative, (other.acceleration, other.angular_acceleration), expected)))
+        np.max(
+            list(
+                map(
+                    relative, (other.first.acceleration, other.first.angular_acceleration), expected
+                )
+            )
+        )
     )
 
 
@@ -233,12 +239,12 @@ class TestNothingChanges:
         assert safety.status is safety_factor(case.load, case.contacts, case.friction).status
         assert scaled.residual < 1e-8
         if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
-            assert motion.mode is scaled.mode
-            assert scaled.acceleration == pytest.approx(
-                linear * motion.acceleration, rel=1e-6, abs=1e-8 * linear
+            assert motion.first.mode is scaled.first.mode
+            assert scaled.first.acceleration == pytest.approx(
+                linear * motion.first.acceleration, rel=1e-6, abs=1e-8 * linear
             )
-            assert scaled.angular_acceleration == pytest.approx(
-                angular * motion.angular_acceleration, rel=1e-6, abs=1e-8 * angular
+            assert scaled.first.angular_acceleration == pytest.approx(
+                angular * motion.first.angular_acceleration, rel=1e-6, abs=1e-8 * angular
             )
 
     @settings(max_examples=40, deadline=None)
@@ -274,11 +280,11 @@ class TestNothingChanges:
         parts = incipient_motion(
             split.load, split.contacts, split.friction, split.mass, split.inertia
         )
-        assert parts.contact_forces[which] == pytest.approx(parts.contact_forces[-1])
+        assert parts.first.contact_forces[which] == pytest.approx(parts.first.contact_forces[-1])
         if whole.uniqueness is Uniqueness.FAMILY:
             return  # which member of a continuous family is found is not determined
-        assert 2.0 * parts.contact_forces[-1] == pytest.approx(
-            whole.contact_forces[which], abs=1e-9
+        assert 2.0 * parts.first.contact_forces[-1] == pytest.approx(
+            whole.first.contact_forces[which], abs=1e-9
         )
 
 
@@ -298,7 +304,7 @@ def test_stronger_flow_moves_what_a_weaker_one_moves(kind):
                 flow_couple=part * case.load.flow_couple,
             )
             motion = incipient_motion(load, case.contacts, case.friction, case.mass, case.inertia)
-            assert (motion.mode is Mode.REST) is (factor < 1.0)
+            assert (motion.first.mode is Mode.REST) is (factor < 1.0)
             assert math.isclose(
                 safety_factor(load, case.contacts, case.friction).value, 1.0 / factor, rel_tol=1e-7
             )

@@ -15,7 +15,7 @@ from incipient.geometry.closest import NearBed
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Ellipse, Polygon, Rectangle
-from incipient.geometry.space.beds import Hemispheres, Plane
+from incipient.geometry.space.beds import Plane, SphereBed
 from incipient.geometry.space.grains import Sphere
 
 RIDGE = Polyline(
@@ -31,7 +31,7 @@ RIDGE = Polyline(
     )
 )
 BEDS = (Flat(0.0), HalfDiscs(0.5, 1.0), HalfDiscs(0.3, 1.0), Sinusoidal(0.15, 2.0), RIDGE)
-IN_SPACE = (Plane(), Hemispheres(0.5, 1.0))
+IN_SPACE = (Plane(), SphereBed.array(0.5, 1.0))
 HEXAGON = Polygon(
     tuple((0.5 * math.cos(k * math.pi / 3), 0.5 * math.sin(k * math.pi / 3)) for k in range(6))
 )
@@ -70,7 +70,12 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     step = 10.0 ** random.uniform(-3.0, -1.0) * math.sqrt(grain.size)
     rolling = random.choice([0.0, 0.0, random.uniform(0.0, 0.5)])
     law = ContactLaw(friction, kinetic, restitution, rolling)
-    moves = ContactMotion(RigidBody(Inertia.of(grain, 1.0)), near.gaps, law, grain.size)
+    moves = ContactMotion(
+        RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim)),
+        near.gaps,
+        law,
+        grain.size,
+    )
     return moves, state, gravity, step
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,7 @@ from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
 from incipient.accuracy.discretisation import by_coarser_mesh, shares
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.accuracy.model_terms import of_the_model
-from incipient.cost import calibration
-from incipient.cost.command import chosen, predicted_plan
-from incipient.cost.ladder import ladder
-from incipient.cost.measurement import Variant
-from incipient.cost.quantities import ComparedNumbers
+from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.effects.turbulence.continuation import Continued
@@ -43,7 +40,8 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
-from incipient.sweep.table import in_words, quantities
+from incipient.sweep.quantities import quantities
+from incipient.sweep.table import in_words
 
 NOTHING = Loads(np.zeros(3), np.zeros(3))
 
@@ -133,47 +131,17 @@ def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside,
     assert ("not from" in line) is told
 
 
-def test_the_ladder_of_turbulence_has_finer_cells_at_its_end_and_no_higher_order():
-    """No other solver option is tried; those that turbulence refuses are no choice either."""
-    scene = channel(numerics=Numerics(order=2))
-    runs = ladder(scene, chosen(scene, quick=False))
-    assert [(one.order, round(one.mesh_size, 3)) for one in runs.variants] == [
-        (order, size) for order in (2, 3) for size in (2.0, 1.414, 1.0, 0.707)
-    ]
-    assert runs.reference == Variant(3, pytest.approx(0.5**1.5)) and not runs.compared
-    assert np.isnan(runs.ratio)  # by which nothing is extrapolated
-    assert chosen(scene, quick=True).orders == (2,)
-    refused = message(lambda: chosen(scene, quick=True, solvers=["stabilised"]))
-    assert refused.endswith("give some of: own, chords, loose, umfpack, superlu")
-
-
-@pytest.mark.parametrize(
-    ("bed", "leading"), [(None, "outflow"), (Sinusoidal(amplitude=0.02, wavelength=1.0), "mean")]
-)
-def test_what_a_channel_is_compared_by(bed, leading):
-    """u* at the outflow, over a bed that is not level in the mean; the other one is told beside."""
-    scene = channel(bed=bed)
-    reference = {"outflow_shear_velocity": 0.05, "mean_shear_velocity": 0.04}
-    numbers = ComparedNumbers(scene)
-    found = numbers.goals(reference)
-    assert numbers.columns == tuple(reference)
-    (first,) = (goal for goal in found if goal.leading)
-    assert first.name == scene.accuracy_of == "shear velocity"
-    assert first.columns == (f"{leading}_shear_velocity",)
-    run = {"outflow_shear_velocity": 0.051, "mean_shear_velocity": 0.042}
-    assert first.error(run, reference) == pytest.approx(0.02 if bed is None else 0.05)
-
-
-@pytest.mark.parametrize("width", [None, 0.5])
-def test_what_is_known_of_laminar_scenes_is_not_believed_with_turbulence(width):
-    """In the plane and in space, whatever studies of other scenes this machine knows."""
-    scene = channel(
-        domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2)
+@pytest.mark.parametrize("level", [True, False])
+def test_what_a_channel_is_compared_by(level):
+    """u* at the outflow, over a bed that is not level in the mean."""
+    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, plane=level)
+    result = SimpleNamespace(centrelines=None, turbulence=walls)
+    (found,) = of_run(channel(), result, []).items()
+    assert found == (
+        "shear velocity",
+        Quantity({"shear_velocity": 0.05 if level else 0.04}, found[1].scale),
     )
-    assert calibration.kind(scene).endswith("with turbulence")
-    assert not any("turbulence" in one.kind for one in calibration.shipped().values())
-    planned = predicted_plan(scene)
-    assert planned.cheaper == () and planned.plan.estimate.cells > 0
+    assert found[1].error({"shear_velocity": 1.02 * found[1].scale}) == pytest.approx(0.02)
 
 
 def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():

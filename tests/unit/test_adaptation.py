@@ -81,10 +81,8 @@ def test_mesh_has_the_sizes_of_the_field() -> None:
     sizes = np.where(points[:, 0] < 0.4, 0.05, 0.5)
     corners = ((0.0, 0.0), (2.0, 0.0))
     region = Region((Line(*corners),), 1.0)
-    with meshed(region, Sizes(0.25, field=SizeField(points, triangles, sizes)), 1) as model:
-        _, _, nodes = model.mesh.getElements(2)
-        places = np.array([model.mesh.getNode(tag)[0] for tag in nodes[0]]).reshape(-1, 3, 3)
-    centres = places.mean(axis=1)
+    mesh = meshed(region, Sizes(0.25, field=SizeField(points, triangles, sizes)), 1)
+    centres = mesh.points[mesh.cells].mean(axis=1)
     left, right = (centres[:, 0] < 0.2).sum(), (centres[:, 0] > 1.2).sum()
     # Areas 0.2 and 0.8 in equilateral triangles of sides 0.05 and 0.25.
     assert left == pytest.approx(0.2 / (0.433 * 0.05**2), rel=0.1)

@@ -12,7 +12,8 @@ from scenes import sphere_on_plane
 
 from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.mesh.motion import KeptBox, Lifting, MeshMotion, stretched
+from incipient.mesh.motion import MeshMotion, Potentials, stretched
+from incipient.meshes import SYMMETRY
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
 from incipient.simulation.beside import Beside, InTurn
@@ -78,9 +79,8 @@ def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
     )
     with prepared(scene, MPI.COMM_SELF) as run:
         places, motion = run.domain.mesh.geometry.x, MeshMotion(run.domain)
-        lifted = places + Lifting(run.domain, "body").at(
-            np.array([0.0, 0.0, 3.0 * scene.contact_gap])
-        )
+        weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
+        lifted = places + weights * [0.0, 0.0, 3.0 * scene.contact_gap]
         assert motion.quality(lifted).relative > 0.5 * (3.0 * 4.0 ** (2 / 3) / (2.0 + 4.0**2))
 
 
@@ -195,10 +195,10 @@ def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
 
 def test_points_are_stretched_away_from_the_middle_only() -> None:
     """A side goes to its new place, what is near the centre stays, and no two points change their order."""
-    old = KeptBox(np.zeros(3), np.array([10.0, 8.0, 6.0]))
-    new = KeptBox(np.array([-2.0, 0.0, 0.0]), np.array([15.0, 12.0, 6.0]))
+    old = np.array([[0.0, 0.0, 0.0], [10.0, 8.0, 6.0]])
+    new = np.array([[-2.0, 0.0, 0.0], [15.0, 12.0, 6.0]])
     centre, kept = np.array([5.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0])
-    line = np.linspace(0.0, 1.0, 101)[:, None] * old.high
+    line = np.linspace(0.0, 1.0, 101)[:, None] * old[1]
     moved = stretched(line, centre, kept, old, new)
     assert moved is not None and np.all(np.diff(moved[:, :2], axis=0) > 0.0)
     assert moved[0] == pytest.approx([-2.0, 0.0, 0.0]) and moved[-1] == pytest.approx(
@@ -207,7 +207,7 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     near = np.abs(line - centre) <= kept
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None
-    assert stretched(line, centre, kept, new, KeptBox(old.low, np.array([8.0, 8.0, 6.0]))) is None
+    assert stretched(line, centre, kept, new, np.array([old[0], [8.0, 8.0, 6.0]])) is None
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ class TestMeaning:
         found = case(PLANE)
         acting, contacts = found.to_load(), found.to_contacts()
         assert acting.force == pytest.approx([0.3, -0.9, 0.0])
-        assert acting.couple == pytest.approx([0.0, 0.0, -0.2])
+        assert acting.flow_couple == pytest.approx([0.0, 0.0, -0.2])
         assert acting.centre == pytest.approx([1.0, 0.5, 0.0])
         assert contacts.normals == pytest.approx(np.array([[0.0, -1.0, 0.0]]))
         assert contacts.areas is None
@@ -89,7 +89,7 @@ class TestMeaning:
     def test_space(self, case):
         found = case(SPACE)
         assert found.gdim == 3
-        assert found.to_load().couple == pytest.approx([0.0, 0.2, 0.0])
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.2, 0.0])
         assert found.to_contacts().areas == pytest.approx([0.1])
         assert found.mass_and_inertia() is None
 
@@ -108,7 +108,7 @@ class TestMeaning:
     def test_couple_about_another_point(self, case):
         # tau_c = tau_a + (a - c) ^ F: a - c = (0, -0.5), F = (0.3, 0.1): -0.2 + 0.5 * 0.3.
         found = case(PLANE.replace("centre =", "about = [1.0, 0.0]\ncentre ="))
-        assert found.to_load().couple == pytest.approx([0.0, 0.0, -0.05])
+        assert found.to_load().flow_couple == pytest.approx([0.0, 0.0, -0.05])
 
     def test_body_gives_centre_mass_and_inertia(self, case):
         found = case(BODY)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import dolfinx
+import gmsh
 import numpy as np
 import pytest
 import ufl
@@ -13,8 +15,9 @@ from domains import curved_box, rectangle, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient import compat
-from incipient.mesh.domain import mesh_of
+from incipient.mesh.domain import build
 from incipient.meshes.model import meshed
+from incipient.meshes.session import session
 
 COMM = MPI.COMM_WORLD
 
@@ -70,10 +73,10 @@ def test_form(compiler: Any) -> None:
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_gmsh_order(order: int) -> None:
     """Nodes of a triangle in the library's order: those of the reference cell, whichever the version."""
-    with meshed(rectangle((0.0, 0.0), 1.0, 1.0, 1, 1), order=order) as model:
-        kind = model.mesh.getElements(2)[0][0]
-        _, _, _, nodes, local, _ = model.mesh.getElementProperties(kind)
-        mesh, _ = mesh_of(model, COMM, 2)
+    mesh = build(COMM, partial(meshed, rectangle((0.0, 0.0), 1.0, 1.0, 1, 1), order=order)).mesh
+    with session():
+        kind = gmsh.model.mesh.getElementType("Triangle", order)
+        _, _, _, nodes, local, _ = gmsh.model.mesh.getElementProperties(kind)
     assert np.reshape(local, (nodes, 2))[compat.gmsh_order(2, nodes)] == pytest.approx(
         compat.reference_nodes(mesh), abs=1e-12
     )

@@ -10,17 +10,16 @@ from incipient.geometry import (
     Disc,
     Ellipsoid,
     Flat,
-    Hemispheres,
     Placement,
     Plane,
     Polyhedron,
     Ridges,
     Sphere,
+    SphereBed,
     Spheres,
     Triangulated,
     rest,
 )
-from incipient.geometry.closest import exposed
 from incipient.geometry.placement import product, rotation_by
 
 TOLERANCE = 1e-6
@@ -61,9 +60,9 @@ class TestPoints:
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
     def test_sphere_in_a_pocket(self, arrangement, middle, count, spacing):
         # Contacts divide the lines from the sphere's centre to those of the half-balls by their radii 0.6 and 0.5.
-        bed, middle = Hemispheres(0.5, spacing, arrangement), spacing * np.array(middle)
+        bed, middle = SphereBed.array(0.5, spacing, arrangement), spacing * np.array(middle)
         points, normals, areas = found(Sphere(1.2), bed, middle)
-        centres = bed.centres_near(middle, 0.75 * spacing)
+        centres = bed.near(middle, 0.75 * spacing - 0.5)[1]
         assert len(points) == len(centres) == count and areas is None
         height = np.sqrt(1.1**2 - ((centres[0, :2] - middle) ** 2).sum())
         away = centres - [*middle, height]
@@ -90,7 +89,7 @@ class TestPoints:
 
     def test_face_on_half_balls_takes_its_own_normal(self):
         # A slab of sides 2 covers nine crests at spacing 0.9; collinear ones count by their ends: a 3 x 3 grid.
-        points, normals, areas = found(Box((2.0, 2.0, 0.4)), Hemispheres(0.3, 0.9))
+        points, normals, areas = found(Box((2.0, 2.0, 0.4)), SphereBed.array(0.3, 0.9))
         assert normals == pytest.approx(rows(len(points)), abs=1e-12)
         assert points[:, 2] == pytest.approx(0.3, abs=1e-12)
         assert points[[0, -1], :2] == pytest.approx(np.array([[-0.9, -0.9], [0.9, 0.9]]), abs=1e-9)
@@ -99,14 +98,14 @@ class TestPoints:
     def test_edge_on_a_half_ball(self):
         # Turned by 45 degrees about x, the box stands with its edge along x on the crest below it.
         points, normals, _ = found(
-            Box((0.8, 0.4, 0.4)), Hemispheres(0.5, 4.0), turn=(0.25 * np.pi, 0, 0)
+            Box((0.8, 0.4, 0.4)), SphereBed.array(0.5, 4.0), turn=(0.25 * np.pi, 0, 0)
         )
         assert points == pytest.approx(np.array([[0.0, 0.0, 0.5]]), abs=1e-9)
         assert normals == pytest.approx(rows(1), abs=1e-9)
 
     def test_polyhedron_between_half_balls(self):
         # The tip between two half-balls of spacing 1 and radius 0.48; its faces rise 2:1.
-        bed = Hemispheres(0.48, 1.0, "square", (0.5, 0.0))
+        bed = SphereBed.array(0.48, 1.0, "square", (0.5, 0.0))
         points, normals, _ = found(PYRAMID, bed)
         n = np.array([2.0, 0.0, -1.0]) / np.sqrt(5.0)
         assert normals == pytest.approx(np.array([n * [-1, 1, 1], n]), abs=1e-9)
@@ -197,7 +196,7 @@ class TestPatches:
 
 
 GRAINS = {
-    "sphere": (Sphere(1.0), Hemispheres(0.5, 1.0, "triangular"), (0.5, np.sqrt(1.0 / 12.0)), 3),
+    "sphere": (Sphere(1.0), SphereBed.array(0.5, 1.0, "triangular"), (0.5, np.sqrt(1.0 / 12.0)), 3),
     "box": (Box((1.0, 0.6, 0.4)), Plane(), (0.0, 0.0), 4),
     "rounded box": (Box((1.0, 0.6, 0.4), 0.1), Plane(), (0.0, 0.0), 4),
     "ellipsoid": (Ellipsoid((0.7, 0.5, 0.3)), Plane(), (0.0, 0.0), 1),
@@ -247,7 +246,9 @@ class TestFrames:
             Box: lambda: Box(tuple(scale * s for s in grain.sides), scale * grain.edge_radius),
             Ellipsoid: lambda: Ellipsoid(tuple(scale * a for a in grain.semi_axes)),
         }[type(grain)]()
-        on = Plane() if isinstance(bed, Plane) else Hemispheres(0.5 * scale, scale, "triangular")
+        on = (
+            Plane() if isinstance(bed, Plane) else SphereBed.array(0.5 * scale, scale, "triangular")
+        )
         points, normals, areas = found(larger, on, scale * np.array(x), tolerance=TOLERANCE * scale)
         expected, directions, shares = found(grain, bed, x)
         assert points / scale == pytest.approx(expected, abs=1e-10)
@@ -269,13 +270,3 @@ class TestFrames:
         assert apart.min(axis=1) == pytest.approx(0.0, abs=1e-9)
         assert apart.min(axis=0) == pytest.approx(0.0, abs=1e-9)
         assert (other.areas is None) == (first.areas is None)
-
-    def test_exposed_is_the_rest_of_the_surface(self):
-        grain, placement = Box((1.0, 0.6, 0.4)), Placement((0, 0, 0.2))
-        points = np.array([[0.1, 0.1, -0.2], [0.1, 0.1, 0.2], [0.5, 0.0, 0.0], [0.5, 0.3, -0.2]])
-        assert exposed(grain, placement, Plane(), points, TOLERANCE).tolist() == [
-            False,
-            True,
-            True,
-            False,
-        ]

@@ -1,10 +1,11 @@
-"""What accuracy costs: fronts, laws, references, words, variants and rows, the resumption of a study.
+"""What accuracy costs: frontier, law, ladder, reference, sentence, the resumption of a study; and what a plan says.
 
-Runs are made up here, from laws whose constants the fits must find again; tests/end_to_end has real ones.
+Runs are made up here, by laws whose constants must be found again; tests/end_to_end/test_cost_command.py has real ones.
 """
 
+import csv
 import json
-import math
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,38 +13,71 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_runs import COLUMNS, TIMED, Runner, quiet, scene, studied
 from scenes import TANK
 
-from incipient.cost import calibration, frontier, markdown, quantities
-from incipient.cost import study as cost
-from incipient.cost.command import builtin, chosen, summary
-from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
-from incipient.cost.ladder import STEADY as STEADY_SPREAD
-from incipient.cost.measurement import MeasuredRun, Variant
-from incipient.cost.records import known_runs
+from incipient.adaptive import balance
+from incipient.adaptive.first_mesh import first_mesh, planned
+from incipient.cost import frontier, measurement, quantities
+from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
+from incipient.cost.measurement import MeasuredRun
+from incipient.cost.process import environment_of_one_rank
+from incipient.cost.quantities import Quantity
+from incipient.cost.study import Study, run_ladder
+from incipient.effects.plan import make_plan
 from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.pictures.charts.cost import draw
 from incipient.scene import Scene, load, loads
-from incipient.simulation.build import estimate
+from incipient.scene.example import commented, grain_on_bed
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"
-SPACE = DEMOS / "sphere_on_plane.toml"
+TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
+QUIET = "numerics.error_bars=false"
+EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
+
+
+def scene(*overrides: str) -> Scene:
+    return loads(commented(grain_on_bed()), overrides=overrides)
+
+
+class Runner:
+    """Runs off by 0.02 (h/2)^(p+2), of 4000 h^-2 unknowns, that take 1 + 0.2 p h^-2 seconds; counts them; some fail."""
+
+    def __init__(self, *failing: Rung):
+        self.made: list[Rung] = []
+        self.failing = failing
+
+    def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
+        self.made.append(rung)
+        if rung in self.failing:
+            return MeasuredRun(rung, 1.0, 0.5, failed='no steady flow, "of course", found')
+        off = 1.0 + 0.02 * (rung.mesh_size / 2.0) ** (rung.order + 2)
+        numbers = {name: value * off for name, value in EXACT.items()}
+        force, torque = ({k: v for k, v in numbers.items() if k[0] == first} for first in "ft")
+        found = {"force": Quantity(force, 5.0 * off), "torque": Quantity(torque, 0.5 * off)}
+        cpu, unknowns = 1.0 + 0.2 * rung.order * rung.mesh_size**-2, 4000 * rung.mesh_size**-2
+        return MeasuredRun(rung, 2.0 * cpu, cpu, 200.0, 800, round(unknowns), 5, found)
+
+
+def quiet(text: str) -> None:
+    """Say nothing."""
+
+
+def studied(directory: Path, runner: Runner, *overrides: str, **keys: bool) -> Study:
+    made = scene(*overrides)
+    return run_ladder(made, ladder(made, **keys), directory, runner, quiet)
+
 
 # -- numbers ------------------------------------------------------------------------------------------------
 
 
 @given(st.lists(st.tuples(st.floats(1, 100), st.floats(1e-6, 1)), min_size=1, max_size=12))
-def test_the_front_is_what_nothing_beats(points: list[tuple[float, float]]) -> None:
+def test_nothing_beats_the_frontier(points: list[tuple[float, float]]) -> None:
     costs, errors = zip(*points, strict=True)
-    found = frontier.front(costs, errors)
-    for index, (c, e) in enumerate(points):
-        beaten = any(a <= c and b <= e and (a, b) != (c, e) for a, b in points)
-        assert (index in found) <= (not beaten)
-    kept = [points[i] for i in found]
+    kept = [points[i] for i in frontier.front(costs, errors)]
     assert kept == sorted(kept)
-    assert {
+    assert set(kept) == {
         p for p in points if not any(a <= p[0] and b <= p[1] and (a, b) != p for a, b in points)
-    } == set(kept)
+    }
 
 
 @pytest.mark.parametrize("power", [0.5, 1.5, 4.0])
@@ -55,7 +89,6 @@ def test_a_law_is_found_again(power: float) -> None:
     assert (law.constant, law.power) == pytest.approx((0.02, power), rel=1e-9)
     assert law.time(0.02 * 2.0**-power) == pytest.approx(3.3)
     assert law.digit == pytest.approx(10.0 ** (1.0 / power))
-    assert law.scatter == pytest.approx(1.0)
 
 
 def test_too_little_makes_no_law() -> None:
@@ -63,29 +96,6 @@ def test_too_little_makes_no_law() -> None:
     assert frontier.fitted([2.0, 2.0], [0.1, 0.2], 1.0) is None
     assert frontier.fitted([2.0, 3.0], [0.1, 0.2], 1.0) is None, "errors that grow with time"
     assert frontier.fitted([2.0, 3.0], [0.1, 0.09], 1.0) is None, "errors that hardly differ"
-
-
-def test_a_study_without_a_law_says_what_its_runs_reached(tmp_path: Path) -> None:
-    class Exact(Runner):
-        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
-            run = super().__call__(scene, variant)
-            exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
-            return replace(run, found=exact)
-
-    study = studied(tmp_path, Exact(), quick=True)
-    assert study.words() == "0%: 1.1 s; too few runs can be told apart from the reference for a law"
-    assert not any(one.told_apart for one in study.judged)
-    assert "No law" in markdown.page(study)
-
-
-def test_words_of_a_law() -> None:
-    """error = (t - 1)^-2 percent: 1% takes 1 + 1 s, 0.1% 1 + sqrt(10) s, beyond the runs "about"."""
-    law = frontier.CostLaw(0.01, 2.0, 1.0)
-    said = frontier.words(law, [0.02, 0.002], [1.7, 3.2])
-    assert (
-        said == "1%: 2 s, 0.1%: about 4.2 s; each further digit x 3.2, beyond the 1 s of starting"
-    )
-    assert frontier.words(law, [0.005, 0.002], [1.5, 3.2]).startswith("1%: at most 1.5 s")
 
 
 @pytest.mark.parametrize(
@@ -102,183 +112,22 @@ def test_start_is_what_unknowns_do_not_change() -> None:
     assert frontier.overhead(1.2 + 3e-5 * n + 1e-6 * n * s, n, s) == pytest.approx(1.2)
 
 
-def test_richardson() -> None:
-    """2 + 3 h^4 at h, h/r, h/r^2; no limit is believed of numbers that go to and fro."""
-    line = [{"a": 2.0 + 3.0 * (0.5 / RATIO**i) ** 4, "b": float((-1) ** i)} for i in range(3)]
-    found = frontier.reference(line, RATIO, [])
-    assert found.values == pytest.approx({"a": 2.0, "b": 1.0})
-    assert found.uncertainty["a"] == pytest.approx(line[-1]["a"] - 2.0)
-    assert found.uncertainty["b"] == 2.0
+def test_extrapolation() -> None:
+    """2 + 3 h^4 at h, h/r, h/r^2; no limit is believed of numbers that oscillate or do not change."""
+    three = [2.0 + 3.0 * (0.5 / RATIO**i) ** 4 for i in range(3)]
+    assert frontier.extrapolated(three, RATIO) == pytest.approx(2.0)
+    assert frontier.extrapolated([1.0, -1.0, 1.0], RATIO) is None
     assert frontier.extrapolated([1.0, 1.0, 1.0], RATIO) is None
-
-
-def test_a_reference_alone_is_doubted_by_what_lies_nearest() -> None:
-    found = frontier.reference([{"a": 1.0}], math.nan, [{"a": 1.4}, {"a": 3.0}])
-    assert found.uncertainty["a"] == pytest.approx(0.1)
 
 
 def test_peak_between_samples() -> None:
     t = np.linspace(0.0, 3.0, 30)
-    assert quantities.peak(t, 1.0 - (t - 1.234) ** 2) == pytest.approx(1.0)
-    assert quantities.peak(t, t) == 3.0
+    assert quantities.extremes(t, 1.0 - (t - 1.234) ** 2) == pytest.approx((1.0 - 1.766**2, 1.0))
+    assert quantities.extremes(t, t) == (0.0, 3.0)
+    assert quantities.extremes(t[:1], t[:1]) == (0.0, 0.0)
 
 
-# -- ladders ------------------------------------------------------------------------------------------------
-
-
-def test_ladder_of_a_steady_scene() -> None:
-    steps = ladder(scene("numerics.mesh_size=2.0"), replace(STEADY_SPREAD, solvers=()))
-    assert len(steps.variants) == 15
-    assert max(variant.mesh_size for variant in steps.variants) == 4.0
-    assert steps.reference == Variant(4, 1.0 / RATIO)
-    assert steps.ratio == pytest.approx(RATIO)
-    quick = ladder(scene(), spread(scene(), quick=True))
-    assert (len(quick.variants), quick.reference) == (4, Variant(4, RATIO / 2.0))
-
-
-def test_ladder_in_time() -> None:
-    """Cells and steps are refined together, and each a little behind the other."""
-    steps = ladder(scene(TIMED), replace(QUICK, orders=(2,)))
-    found = [(variant.mesh_size, variant.step) for variant in steps.variants]
-    assert found == [(2.0, 0.04), (pytest.approx(RATIO), 0.04), (pytest.approx(RATIO), 0.02)]
-    assert steps.reference == Variant(2, pytest.approx(1.0), 0.01)
-    assert Variant(3, 1.0, 0.02).of(scene(TIMED)).time.step == 0.02
-
-
-def test_ladder_in_space() -> None:
-    """Of the scene's own order, the finest run with cells no smaller than the scene's over the square root of two."""
-    sphere = load(SPACE)
-    steps = ladder(sphere, spread(sphere, quick=False))
-    assert [(one.order, one.mesh_size) for one in steps.variants] == [
-        (3, 2.0),
-        (3, pytest.approx(RATIO)),
-        (3, 1.0),
-    ]
-    assert steps.reference == Variant(4, pytest.approx(1.0 / RATIO))
-    assert not steps.compared
-    quick = ladder(sphere, spread(sphere, quick=True))
-    assert (len(quick.variants), quick.reference) == (2, Variant(4, 1.0))
-    assert spread(load(SPACE, ["numerics.order=2"]), quick=True).orders == (2,)
-
-
-def test_own_ladders() -> None:
-    uneven = ladder(scene(), Spread((3,), (2.0, 1.5, 1.0), solvers=()))
-    assert [variant.mesh_size for variant in uneven.variants] == [2.0, 1.5, 1.0]
-    assert chosen(scene(), True, orders=[4], sizes=None, steps=None).orders == (4,)
-    for wrong, said in ((Spread, "--sizes"), (lambda **k: chosen(scene(), True, **k), "--steps")):
-        with pytest.raises(SceneError, match=said):
-            wrong(sizes=(0.0,)) if said == "--sizes" else wrong(steps=[1.0])
-    with pytest.raises(SceneError, match="order 2, 3 or 4"):
-        Spread(orders=(5,))
-    assert math.isnan(ladder(scene(), Spread((4,), (3.0, 1.5, 1.0))).ratio)
-
-
-def test_a_rung_changes_nothing_but_how_finely() -> None:
-    base = scene(TIMED, "numerics.tolerance=1e-7")
-    changed = Variant(3, 1.5, 0.02).of(base)
-    assert calibration.digest(changed) == calibration.digest(base)
-    assert changed.numerics.tolerance == 1e-7
-    assert not changed.numerics.error_bars
-    assert calibration.digest(scene("fluid.reynolds=21.0")) != calibration.digest(scene())
-
-
-# -- a study of runs that are made up -----------------------------------------------------------------------
-
-
-def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
-    study = studied(tmp_path, Runner())
-    assert study.reference.values["force_x"] == pytest.approx(3.0, rel=1e-6), (
-        "improved by Richardson"
-    )
-    first = next(one for one in study.judged if one.run.variant == Variant(2, 2.0))
-    assert first.error == pytest.approx(0.02, rel=1e-3)
-    assert set(first.errors) == {"force", "couple", "safety factor", "drag", "lift"}
-    law = study.laws["cpu"]
-    assert law is not None
-    assert law.start == pytest.approx(1.0, abs=0.05)
-    assert "each further digit" in study.words()
-    assert cost.to_dict(study)["reference"]["run"] == study.compared_with.variant.name
-
-
-def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    class Stopped(Runner):
-        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
-            if len(self.made) == 3:
-                raise KeyboardInterrupt
-            return super().__call__(scene, variant)
-
-    first, second, third = Stopped(), Runner(), Runner()
-    with pytest.raises(KeyboardInterrupt):
-        studied(tmp_path, first, quick=True)
-    with (tmp_path / "cost.csv").open("a") as rows:
-        rows.write("3,1.41421,,,0.1")  # a writer that was killed
-    whole = studied(tmp_path, second, quick=True)
-    assert (len(first.made), len(second.made)) == (3, 2)
-    again = studied(tmp_path, third, quick=True)
-    assert not third.made
-    assert [one.error for one in again.judged] == [one.error for one in whole.judged]
-
-
-def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
-    runner, failing = Runner(Variant(2, 2.0)), Variant(2, 2.0)
-    study = studied(tmp_path, runner, quick=True)
-    (failed,) = study.failed
-    assert failed.failed == 'no steady flow, "of course", found'
-    assert failing.name in summary(study, tmp_path)
-    kept = known_runs(COLUMNS, tmp_path)
-    assert kept[Variant(3, 2.0).key].found == runner(scene(), Variant(3, 2.0)).found
-
-
-def test_without_its_reference_the_finest_run_serves(tmp_path: Path) -> None:
-    study = studied(tmp_path, Runner(Variant(4, RATIO / 2.0)), quick=True)
-    assert study.compared_with.variant == Variant(3, pytest.approx(RATIO, rel=1e-5))
-    assert len(study.judged) == 3
-
-
-def test_too_many_failures_end_the_study(tmp_path: Path) -> None:
-    everything = ladder(scene(), spread(scene(), True))
-    runner = Runner(*everything.variants, everything.reference)
-    with pytest.raises(
-        ConvergenceError, match="fewer than two runs of the ladder succeeded: no steady flow"
-    ):
-        studied(tmp_path, runner, quick=True)
-
-
-def test_the_directory_of_another_scene_is_refused(tmp_path: Path) -> None:
-    studied(tmp_path, Runner(), quick=True)
-    other = scene("fluid.reynolds=3.0")
-    with pytest.raises(OutputError, match="the runs of another scene"):
-        cost.run_ladder(other, ladder(other, QUICK), tmp_path, Runner(), quiet)
-    (tmp_path / "cost.csv").write_text("order,mesh_size\n2,x\n")
-    with pytest.raises(OutputError, match="delete it to begin anew"):
-        studied(tmp_path, Runner(), quick=True)
-
-
-def test_the_page_says_it(tmp_path: Path) -> None:
-    study = studied(tmp_path, Runner(Variant(2, 2.0)))
-    markdown.write(study, tmp_path)
-    text = (tmp_path / "cost.md").read_text()
-    assert study.words() in text
-    assert "| each further digit | x" in text
-    assert "Runs that failed:" in text
-    assert (
-        json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"]
-        == Variant(2, 2.0).name
-    )
-
-
-def test_a_calibration_tells_the_price_of_every_demo_in_the_plane() -> None:
-    """A law is known for scenes of its kind, from builtin scenes that are small: half a minute of runs in all."""
-    known = {calibration.kind(made) for made in builtin().values()}
-    for path in DEMOS.glob("*.toml"):
-        demo = load(path)
-        assert demo.gdim == 3 or calibration.kind(demo) in known, path.name
-    for name, made in builtin().items():
-        found = estimate(made).estimate
-        assert found is not None and found.unknowns < 40_000, name
-
-
-def test_elevations_at_stations_are_compared_at_equal_times():
+def test_elevations_are_compared_at_equal_times():
     """Of a wave sampled at steps that do not meet these times; from the elevation at time zero on."""
     waves = loads(
         f"""
@@ -295,13 +144,230 @@ step = 0.07
     rows = [
         {"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times
     ]
-    found = quantities.ComparedNumbers(waves).of_run(None, rows)
+    (found,) = quantities.of_run(waves, None, rows).values()
     at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
-    exact = [height * np.cos(at) for height in heights.values()]
-    assert [found[name] for name in quantities.ComparedNumbers(waves).columns] == pytest.approx(
-        np.concatenate(exact), abs=1e-6
+    exact = np.concatenate([height * np.cos(at) for height in heights.values()])
+    assert [*found.numbers.values()] == pytest.approx(exact, abs=1e-6)
+    larger = {name: 1.01 * value for name, value in found.numbers.items()}
+    assert found.error(larger) == pytest.approx(0.01)
+
+
+# -- ladders ------------------------------------------------------------------------------------------------
+
+
+def test_ladder_of_a_steady_scene() -> None:
+    """Every order on every mesh, the scene's own among them; the reference is finer than all others."""
+    made = scene("numerics.mesh_size=2.0")
+    rungs = ladder(made)
+    assert len(rungs) == 16 and own_rung(made) == Rung(3, 2.0) in rungs
+    assert max(rung.mesh_size for rung in rungs) == 4.0
+    assert rungs[-1] == Rung(4, pytest.approx(1.0 / RATIO))
+    quick = ladder(scene(), quick=True)
+    assert [rung.mesh_size for rung in quick] == pytest.approx([2.0, RATIO, 1.0, 1.0 / RATIO])
+    assert {rung.order for rung in quick} == {3}
+
+
+def test_ladder_in_time() -> None:
+    made = scene(TIMED)
+    rungs = ladder(made, orders=[2], sizes=[2.0, 1.0], steps=[4.0, 1.0])
+    pairs = [(2.0, 0.04), (2.0, 0.01), (1.0, 0.04), (1.0, 0.01)]
+    # The scene's own is of order three, and so is the reference.
+    reference = Rung(3, 1.0 / RATIO, 0.005)
+    assert rungs == (*(Rung(2, *pair) for pair in pairs), Rung(3, 1.0, 0.01), reference)
+    assert rungs[0].of(made).time.step == 0.04
+    longest = ladder(made, orders=[3], sizes=[1.0], steps=[80.0])
+    assert [rung.step for rung in longest] == [0.5, 0.01, 0.005], "two steps at least"
+
+
+def test_ladders_in_3d_and_with_turbulence() -> None:
+    sphere = load(DEMOS / "sphere_on_plane.toml")
+    sizes = [2.0, RATIO, 1.0, 1.0 / RATIO]
+    assert [one.mesh_size for one in ladder(sphere)] == pytest.approx(sizes)
+    assert {one.order for one in ladder(sphere)} == {3}
+    channel = ladder(load(DEMOS / "turbulent_channel.toml"))
+    assert {one.order for one in channel} == {2, 3} and len(channel) == 9
+
+
+def test_wrong_ladders() -> None:
+    for keys in ({"sizes": [0.0]}, {"steps": [1.0]}, {"orders": [5]}):
+        with pytest.raises(SceneError, match=f"--{next(iter(keys))}: "):
+            ladder(scene(), **keys)
+
+
+def test_a_rung_changes_nothing_but_how_finely() -> None:
+    base = scene(TIMED, "numerics.tolerance=1e-7", "numerics.accuracy=0.01")
+    changed = Rung(2, 1.5, 0.02).of(base)
+    assert changed.numerics.tolerance == 1e-7 and changed.numerics.accuracy is None
+    assert not changed.numerics.error_bars
+    for section in ("domain", "fluid", "flow", "body", "bed", "contact", "effects"):
+        assert getattr(changed, section) == getattr(base, section)
+
+
+# -- studies of runs that are made up -----------------------------------------------------------------------
+
+
+def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
+    """The errors and times of `Runner`; the scene's own is P3 with h = 1: 1 + 0.6 s and 0.02/32."""
+    study = studied(tmp_path, Runner())
+    force = study.reference.quantities["force"].numbers
+    assert force["force_x"] == pytest.approx(3.0, rel=1e-6), "extrapolated"
+    first = next(one for one in study.judged if one.run.rung == Rung(2, 2.0))
+    assert first.errors == pytest.approx({"force": 0.02, "torque": 0.02}, rel=1e-3)
+    assert study.own is not None and study.own.error == pytest.approx(0.02 / 32.0, rel=1e-3)
+    assert study.law is not None and study.law.start == pytest.approx(1.0, abs=0.1)
+    said = study.sentence
+    own = "(P3-P2, mesh_size 1) a run takes 1.6 s of CPU time without error bars for an error of 0.062%; "
+    assert own in said
+    # 0.02 (h/2)^6 is below 0.0000625 for h = 0.707 in order four, which takes 1 + 0.8 x 2 s.
+    assert said.endswith("ten times less error (0.0062%) takes 2.6 s (P4-P3, mesh_size 0.7071).")
+    text = study.text()
+    assert text.startswith(said) and text.count("\n*") == len(study.frontier) + 1
+    assert sum("(the scene's own)" in line for line in text.splitlines()) == 1
+
+
+def test_prices_beyond_the_runs(tmp_path: Path) -> None:
+    """An error ten times as small as that of P3, h = 1 (0.02/32) is reached by no other run of order two or three."""
+    made = scene()
+    rungs = ladder(made, orders=[2, 3], sizes=[2.0, RATIO])
+    study = run_ladder(made, rungs, tmp_path, Runner(), quiet)
+    assert study.law is not None and study.own is not None
+    target = 0.1 * study.own.error
+    time = study.law.time(target)
+    assert study.sentence.endswith(
+        f"takes about {frontier.seconds(time)} by extrapolation, {time / 1.6:.2g} times as much."
     )
-    (goal,) = quantities.ComparedNumbers(waves).goals(found)
-    assert goal.error(
-        {name: 1.01 * value for name, value in found.items()}, found
-    ) == pytest.approx(0.01)
+
+
+def test_exact_values(tmp_path: Path) -> None:
+    """Against them the finest run has an error, too."""
+    made = scene()
+    rungs = ladder(made, quick=True)
+    study = run_ladder(made, rungs, tmp_path, Runner(), quiet, exact={"force_x": 3.0})
+    finest = next(one for one in study.judged if one.run.rung == rungs[-1])
+    assert finest.errors == pytest.approx({"force_x": 0.02 * (0.5 / RATIO) ** 5})
+    assert all(one.resolved for one in study.judged)
+    for wrong in ({"force_q": 3.0}, {"force_x": 0.0}):
+        with pytest.raises(SceneError, match=r"--exact: .* some of force_x, force_y"):
+            Study(made, [one.run for one in study.judged], wrong)
+
+
+def test_a_reference_that_is_no_better_tells_no_errors(tmp_path: Path) -> None:
+    """Its neighbour differs by as much as errors are: of two runs alone nothing is known but that."""
+    runs = [Runner()(scene(), rung, "run") for rung in (Rung(3, 2.0), Rung(3, 1.0))]
+    study = Study(scene(), runs)
+    assert study.reference.doubt == pytest.approx(0.02 * 31 / 32, rel=0.05)
+    assert not any(one.resolved for one in study.judged)
+    assert all(one.said.startswith("<") for one in study.judged)
+    assert "for an error below 1.9%; ten times less error" in study.sentence
+    assert study.sentence.endswith("is reached by no run here; the finest takes 1.6 s.")
+
+
+def test_a_study_resumes_where_it_was_interrupted(tmp_path: Path) -> None:
+    class Stopped(Runner):
+        def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
+            if len(self.made) == 3:
+                raise KeyboardInterrupt
+            return super().__call__(scene, rung, task)
+
+    first, second, third = Stopped(), Runner(), Runner()
+    with pytest.raises(KeyboardInterrupt):
+        studied(tmp_path, first, quick=True)
+    whole = studied(tmp_path, second, quick=True)
+    assert (len(first.made), len(second.made)) == (3, 1)
+    again = studied(tmp_path, third, quick=True)
+    assert not third.made and again.judged == whole.judged, "every digit is kept"
+    finer = studied(tmp_path, fourth := Runner(), quick=False)
+    assert len(fourth.made) == len(finer.judged) - 4, "all four are on this ladder, too"
+
+
+def test_failed_runs(tmp_path: Path) -> None:
+    """One that fails is told; without its reference the finest of the others serves; all that fail end the study."""
+    rungs = ladder(scene(), quick=True)
+    study = studied(tmp_path / "coarse", Runner(rungs[0]), quick=True)
+    assert f'failed: {rungs[0].name}: no steady flow, "of course", found' in study.text()
+    study = studied(tmp_path / "reference", Runner(rungs[-1]), quick=True)
+    assert study.finest.rung == rungs[-2] and len(study.judged) == 3
+    own = studied(tmp_path / "own", Runner(rungs[2]), quick=True)
+    assert own.sentence == "As the scene stands (P3-P2, mesh_size 1) its run failed."
+    with pytest.raises(ConvergenceError, match=r"fewer than two runs .* succeeded: no steady flow"):
+        studied(tmp_path / "all", Runner(*rungs), quick=True)
+
+
+def test_runs_without_a_quantity_of_the_finest_are_left_out(tmp_path: Path) -> None:
+    """Here a coarse grain does not come to the bed, so that it has no time of contact."""
+
+    class Late(Runner):
+        def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
+            run = super().__call__(scene, rung, task)
+            contact = {} if rung.mesh_size == 2.0 else {"time": Quantity({"time": 1.0}, 1.0)}
+            return replace(run, quantities=run.quantities | contact)
+
+    study = studied(tmp_path, Late(), quick=True)
+    assert [run.failed for run in study.failed] == ["its result has no time"]
+    assert len(study.judged) == 3 and "time" in study.judged[0].errors
+
+
+def test_the_directory_of_another_study_is_refused(tmp_path: Path) -> None:
+    studied(tmp_path, Runner(), quick=True)
+    with pytest.raises(OutputError, match="the study of another scene"):
+        studied(tmp_path, Runner(), "fluid.reynolds=3.0", quick=True)
+    with pytest.raises(OutputError, match="the study of another scene"):
+        made = scene()
+        run_ladder(made, ladder(made), tmp_path, Runner(), quiet, task="threshold")
+    (tmp_path / "cost.json").write_text('{"runs": [{"rung": 1}]}')
+    with pytest.raises(OutputError):
+        studied(tmp_path, Runner(), quick=True)
+
+
+def test_files_of_a_study(tmp_path: Path) -> None:
+    study = studied(tmp_path, Runner(Rung(2, 2.0)))
+    stored = json.loads((tmp_path / "cost.json").read_text())
+    assert stored["sentence"] == study.sentence and len(stored["runs"]) == 16
+    assert [one["name"] for one in stored["judged"] if one["own"]] == ["P3-P2, mesh_size 1"]
+    rows = list(csv.DictReader((tmp_path / "cost.csv").open()))
+    assert len(rows) == 15 and float(rows[0]["force_x"]) == study.judged[0].run.numbers["force_x"]
+    (picture,) = draw(tmp_path)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_forms_compiled_by_a_run_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = iter(
+        [(MeasuredRun(Rung(2, 1.0), cpu=9.0), True), (MeasuredRun(Rung(2, 1.0), cpu=2.0), False)]
+    )
+    monkeypatch.setattr(measurement, "_once", lambda *given: next(runs))
+    assert measurement.measure(scene(), Rung(2, 1.0), "run").cpu == 2.0
+
+
+def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "SLURM_JOB_ID"):
+        monkeypatch.setenv(name, "2")
+    found = environment_of_one_rank()
+    assert found["OMP_NUM_THREADS"] == "1" and found["PATH"] == os.environ["PATH"]
+    assert not any(name.startswith(("OMPI_COMM", "PMIX", "SLURM")) for name in found)
+
+
+# -- what a plan says ---------------------------------------------------------------------------------------
+
+
+def test_the_plan_says_that_the_run_chooses() -> None:
+    made = scene("numerics.accuracy=0.001", "numerics.budget_seconds=60")
+    text = planned(made).text()
+    sought = "mesh and order are chosen by the run, until the error of the force "
+    sought += "(of discretisation) is below 0.001, within 60 s"
+    assert f"numerics.accuracy: {sought}" in text
+    assert "P2-P1 Taylor-Hood on cells of order 2 at first" in text
+    assert "cell sizes x" not in text
+    assert "first mesh: 342 cells, 1749 unknowns" in text, "as in docs/accuracy.md"
+    assert not make_plan(scene()).sought
+    assert "cell sizes x 1" in make_plan(scene()).text()
+    assert "until the verdict is decided" in make_plan(scene("numerics.accuracy=verdict")).text()
+    in_time = make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
+    assert "steps, mesh and order are chosen" in in_time
+
+
+def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
+    made = scene(TIMED, "numerics.accuracy=0.01")
+    coarse = balance.first(made)
+    assert coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
+    assert coarse.time.step == pytest.approx(0.08)
+    assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).counted.unknowns

@@ -16,6 +16,7 @@ from incipient.accuracy.coarse_runs import changed, comparisons, farther
 from incipient.accuracy.discretisation import by_coarser_runs
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.accuracy.model_terms import (
+    MOVES,
     no_gap,
     of_domain,
     of_gap,
@@ -428,9 +429,8 @@ def test_what_does_not_apply_is_said() -> None:
     assert terms[3:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
 
 
-def test_a_repelled_grain_and_one_away_from_the_bed() -> None:
-    repelled = loads(CARRIED, overrides=("body.on_contact='repel'",))
-    assert no_gap(repelled).startswith("not estimated: ")
+def test_a_carried_grain_and_one_away_from_the_bed() -> None:
+    assert no_gap(loads(CARRIED)) == MOVES
     assert no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
     assert no_gap(on_bed()) == ""
 

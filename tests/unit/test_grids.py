@@ -92,15 +92,14 @@ def test_cells_end_where_they_are_told_to_and_the_first_columns_have_a_name():
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_model_of_a_grid_has_cells_of_an_order(order):
+def test_a_grid_has_cells_of_an_order(order):
     """3 by 2 rectangles with `order` nodes along each of their sides, in facets of the same order."""
-    with meshed(rectangle((1.0, -1.0), 2.0, 1.0, 3, 2), order=order) as model:
-        assert len(model.mesh.getNodes()[0]) == (3 * order + 1) * (2 * order + 1)
-        groups = {model.getPhysicalName(1, tag): tag for _, tag in model.getPhysicalGroups(1)}
-        assert sorted(groups) == ["bottom", "left", "right", "top"]
-        nodes, places = model.mesh.getNodesForPhysicalGroup(1, groups["right"])
-        assert len(nodes) == 2 * order + 1
-        assert np.reshape(places, (-1, 3))[:, 0] == pytest.approx(np.full(len(nodes), 3.0))
+    mesh = meshed(rectangle((1.0, -1.0), 2.0, 1.0, 3, 2), order=order)
+    assert len(mesh.points) == (3 * order + 1) * (2 * order + 1)
+    assert sorted(mesh.sides) == ["bottom", "left", "right", "top"]
+    right = np.unique(mesh.sides["right"])
+    assert len(right) == 2 * order + 1
+    assert mesh.points[right, 0] == pytest.approx(np.full(len(right), 3.0))
 
 
 def cube(symmetric: bool) -> Scene:

@@ -24,7 +24,7 @@ from incipient.output.lock import locked
 from incipient.parallel import Alone
 from incipient.survey.beds import spheres_of
 from incipient.survey.request import LabelledHeights, MeasuredEllipsoids
-from incipient.sweep import executors
+from incipient.sweep import cluster
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 CASE = str(CASES / "block_on_incline.toml")
@@ -173,18 +173,17 @@ def test_a_scheduler_that_accepts_and_says_nothing_is_given_up(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Dask bounds the time to connect, and not the time until the other side says who it is."""
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "START", 0.5)
+    monkeypatch.setattr(cluster, "START", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
         held: list[socket.socket] = []
         answering = threading.Thread(target=lambda: held.append(server.accept()[0]), daemon=True)
         answering.start()
         address = f"127.0.0.1:{server.getsockname()[1]}"
-        said = message(lambda: executors.of_executor(f"dask://{address}", None))
-        assert f"dask://{address}: no scheduler answers (TimeoutError after 0.5 s)" in said
+        said = message(lambda: cluster.client_of(address).__enter__())
+        assert f"{address}: no scheduler answers (TimeoutError after 0.5 s)" in said
     for text in ("{", DEEP, json.dumps({"id": 1}), json.dumps([1])):
         (tmp_path / "scheduler.json").write_text(text)
-        said = message(lambda: executors.of_executor(f"dask://{tmp_path}/scheduler.json", None))
+        said = message(lambda: cluster.client_of(f"{tmp_path}/scheduler.json").__enter__())
         assert "scheduler.json: cannot be read" in said
 
 

@@ -1,4 +1,4 @@
-"""Many cases at once, of different contacts: against closed formulas, the judge of single cases, and wrong rows."""
+"""Tables of cases: what is read, wrong rows, and batches that are stopped."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import message
+from test_many_cases import random_cases
 
 from incipient import cli
 from incipient.arrays import Floats
-from incipient.contact import Cases, judge_many
-from incipient.contact.verdict import judged
+from incipient.contact import Cases
 from incipient.errors import OutputError
 from incipient.progress import Silent
 from incipient.simulation import batch_table
@@ -28,126 +28,6 @@ from incipient.simulation.judge_batch import judge_table
 from incipient.simulation.judge_series import read_columns
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
-
-
-def random_cases(count: int, contacts: int, space: bool, flat: bool = False) -> Cases:
-    """Contacts anywhere below the centre with normals up to 0.4 off, or on a flat bed: wedged and lifting ones, too."""
-    rng = np.random.default_rng([contacts, space, flat])
-    points = rng.standard_normal((count, contacts, 3)) - [0.0, 0.0, 1.5]
-    if not space:
-        angles = rng.uniform(-np.pi, 0.0, (count, contacts))
-        points = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=2)
-    points /= np.linalg.norm(points, axis=2, keepdims=True)
-    normals = points + rng.uniform(-0.4, 0.4, points.shape) * [1.0, 1.0, float(space)]
-    down = 2 if space else 1
-    if flat:
-        points[..., down] = -1.0
-        normals = -np.broadcast_to(np.eye(3)[down], points.shape)
-    noise = rng.standard_normal((2, count, 3))
-    force, couple = noise if space else noise * [[[1.0, 1.0, 0.0]], [[0.0, 0.0, 1.0]]]
-    return Cases(
-        points=points,
-        normals=normals / np.linalg.norm(normals, axis=2, keepdims=True),
-        force=force,
-        couple=0.3 * couple,
-        weight=np.tile([0.1, 0.0, 0.0] - np.eye(3)[down], (count, 1)),
-        centre=np.zeros((count, 3)),
-        friction=rng.uniform(0.2, 0.8, count),
-        mass=np.ones(count),
-        inertia=np.tile(np.diag([0.3, 0.4, 0.5]), (count, 1, 1)),
-    )
-
-
-@pytest.mark.parametrize("flat", [False, True])
-@pytest.mark.parametrize(
-    ("contacts", "space"),
-    [(1, False), (2, False), (3, False), (4, False), (1, True), (2, True), (4, True)],
-)
-def test_as_one_by_one(contacts: int, space: bool, flat: bool) -> None:
-    """In the plane to 1e-12; in space to 1e-9, which is what the single judge's cone solver leaves."""
-    cases = random_cases(120, contacts, space, flat)
-    batch = judge_many(cases)
-    exact = [judged(*cases.case(number)) for number in range(len(cases))]
-    assert batch.mode_names == [one.label for one in exact]
-    assert batch.held.tolist() == [not one.moves for one in exact]
-    near = 1e-9 if space else 1e-12
-    assert batch.factors == pytest.approx([one.safety.value for one in exact], rel=near, abs=near)
-    assert batch.alone < 12 and not batch.reasons
-
-
-def test_blocks_slide_or_tip() -> None:
-    """A block of half width b pushed at height h in any of the planes: at mu W it slides, at W b / h it tips."""
-    rng, count = np.random.default_rng(0), 3000
-    half, height, friction = (rng.uniform(0.2, 1.0, count) for _ in range(3))
-    push, weight = rng.uniform(0.1, 1.0, count), rng.uniform(0.5, 2.0, count)
-    points = np.zeros((count, 2, 3))
-    points[:, 0, 0], points[:, 1, 0], points[..., 1] = -half, half, -height[:, None]
-    cases = Cases(
-        points=points,
-        normals=np.broadcast_to([0.0, -1.0, 0.0], points.shape),
-        force=push[:, None] * [1.0, 0.0, 0.0],
-        couple=np.zeros((count, 3)),
-        weight=weight[:, None] * [0.0, -1.0, 0.0],
-        centre=np.zeros((count, 3)),
-        friction=friction,
-        mass=weight,
-        inertia=np.tile(np.eye(3), (count, 1, 1)),
-    )
-    expected = np.minimum(friction, half / height) * weight / push
-    for shift in range(3):
-        turned = {
-            name: np.roll(getattr(cases, name), shift, axis=-1)
-            for name in ("points", "normals", "force", "couple", "weight")
-        }
-        rest = {name: getattr(cases, name) for name in ("centre", "friction", "mass", "inertia")}
-        batch = judge_many(Cases(**turned, **rest))
-        assert batch.factors == pytest.approx(expected, rel=1e-12)
-        slides = (friction < half / height) & (expected < 1.0)
-        assert {batch.mode_names[place] for place in np.flatnonzero(slides)} == {"sliding"}
-        assert batch.alone == 0
-
-
-def test_spheres_in_pockets_of_three() -> None:
-    """Unit spheres on three, pushed along the line from one of them to the middle: they pivot.
-
-    The pocket's spheres are of size s: contacts lie at sine q = 2 s / (sqrt 3 (1 + s)) off the vertical. The sphere
-    leaves the back one and turns about the two in front when F cos q = W sin q / 2 times the push.
-    """
-    rng, count = np.random.default_rng(1), 400
-    size, push = rng.uniform(0.5, 1.5, count), rng.uniform(0.05, 0.4, count)
-    sine = 2.0 * size / (np.sqrt(3.0) * (1.0 + size))
-    cosine = np.sqrt(1.0 - sine**2)
-    around = np.radians([180.0, 60.0, -60.0])
-    points = np.stack(
-        [
-            sine[:, None] * np.cos(around),
-            sine[:, None] * np.sin(around),
-            np.tile(-cosine[:, None], 3),
-        ],
-        axis=2,
-    )
-    cases = Cases(
-        points=points,
-        normals=points,
-        force=push[:, None] * [1.0, 0.0, 0.0],
-        couple=np.zeros((count, 3)),
-        weight=np.tile([0.0, 0.0, -1.0], (count, 1)),
-        centre=np.zeros((count, 3)),
-        friction=np.full(count, 0.5),
-        mass=np.full(count, np.nan),
-        inertia=np.full((count, 3, 3), np.nan),
-    )
-    batch = judge_many(cases)
-    assert batch.factors == pytest.approx(0.5 * sine / cosine / push, rel=1e-9)
-    assert set(batch.mode_names) == {"rest", "moves"} and batch.alone < 20
-
-
-def test_processes_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = random_cases(90, 2, space=False)
-    once = judge_many(cases)
-    monkeypatch.setattr("incipient.contact.batch.CHUNK", 40)
-    twice = judge_many(cases, jobs=2)
-    assert twice.mode_names == once.mode_names and np.array_equal(twice.factors, once.factors)
 
 
 COLUMNS = [
@@ -226,7 +106,7 @@ WRONG = [
 
 def test_wrong_rows_fail_with_their_reasons_and_touch_no_others(tmp_path: Path) -> None:
     """10,000 rows, of which 1,500 hold nonsense, and some have cells too many or no contact."""
-    rows = rows_of(random_cases(10_000, 2, space=False))
+    rows = rows_of(random_cases(10_000, 2, 2))
     right = judge_table(
         open_table(write(tmp_path / "right.csv", rows), []), tmp_path / "right", 1, Silent()
     )
@@ -284,7 +164,7 @@ class Killed(Silent):
 def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stopped after two chunks of eight, a second call judges the others, and says what one call does."""
     monkeypatch.setattr(batch_table, "CHUNK", 40)
-    path = write(tmp_path / "cases.csv", rows_of(random_cases(310, 2, space=False)))
+    path = write(tmp_path / "cases.csv", rows_of(random_cases(310, 2, 2)))
     whole = judge_table(open_table(path, []), tmp_path / "whole", 1, Silent())
     with pytest.raises(KeyboardInterrupt):
         judge_table(open_table(path, []), tmp_path / "out", jobs, Killed(2))
@@ -293,7 +173,7 @@ def test_what_is_judged_is_kept(jobs: int, tmp_path: Path, monkeypatch: pytest.M
         jobs == 2 and len(chunks) > 2
     )  # workers finish what they have begun
     before = {one: one.stat().st_mtime_ns for one in chunks}
-    other = write(tmp_path / "other.csv", rows_of(random_cases(310, 2, space=False, flat=True)))
+    other = write(tmp_path / "other.csv", rows_of(random_cases(310, 2, 2, flat=True)))
     with pytest.raises(OutputError, match="holds chunks of another table"):
         judge_table(open_table(other, []), tmp_path / "out", 1, Silent())
     assert {one: one.stat().st_mtime_ns for one in chunks} == before
@@ -309,7 +189,7 @@ def test_a_damaged_chunk_is_judged_again(
 ) -> None:
     """A chunk that had lost a line was taken as it was: fewer cases, exit code 0."""
     monkeypatch.setattr(batch_table, "CHUNK", 40)
-    path = write(tmp_path / "cases.csv", rows_of(random_cases(310, 2, space=False)))
+    path = write(tmp_path / "cases.csv", rows_of(random_cases(310, 2, 2)))
     whole = judge_table(open_table(path, []), tmp_path / "whole", 1, Silent())
     with pytest.raises(KeyboardInterrupt):
         judge_table(open_table(path, []), tmp_path / "out", 1, Killed(2))
@@ -328,7 +208,7 @@ def test_a_damaged_chunk_is_judged_again(
 
 
 def test_a_table_that_changes_while_it_is_read_is_refused(tmp_path: Path) -> None:
-    rows = rows_of(random_cases(30, 2, space=False))
+    rows = rows_of(random_cases(30, 2, 2))
     table = open_table(write(tmp_path / "cases.csv", rows), [])
     write(tmp_path / "cases.csv", rows[:-1])
     said = message(lambda: judge_table(table, tmp_path / "out", 1, Silent()))
@@ -338,7 +218,7 @@ def test_a_table_that_changes_while_it_is_read_is_refused(tmp_path: Path) -> Non
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_one_wrong_row_does_not_end_a_batch(kind: str, tmp_path: Path) -> None:
     """A row of three cells, a name longer than CSV readers take, numbers that overflow; the rows around are judged."""
-    rows = [["disc", *row] for row in rows_of(random_cases(6, 2, space=False))]
+    rows = [["disc", *row] for row in rows_of(random_cases(6, 2, 2))]
     columns = ["name", *COLUMNS]
     judge_table(open_table(write(tmp_path / "r.csv", rows, columns), []), tmp_path, 1, Silent())
     right = [row["safety_factor"] for row in written(tmp_path)]
@@ -373,7 +253,7 @@ def test_one_wrong_row_does_not_end_a_batch(kind: str, tmp_path: Path) -> None:
 
 def test_a_damaged_group_of_rows_fails_its_rows(tmp_path: Path) -> None:
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    rows = np.array(rows_of(random_cases(30, 2, space=False)), dtype=float)
+    rows = np.array(rows_of(random_cases(30, 2, 2)), dtype=float)
     path = tmp_path / "cases.parquet"
     table = pyarrow.table(dict(zip(COLUMNS, rows.T, strict=True)))
     parquet.write_table(table, path, row_group_size=10, compression="none")
@@ -400,7 +280,7 @@ def test_a_damaged_group_of_rows_fails_its_rows(tmp_path: Path) -> None:
 def test_columns_that_are_no_numbers_are_refused(values: Any, kind: str, tmp_path: Path) -> None:
     """Seconds as timestamps came out as milliseconds: rates 1000 times too small, and nothing said so."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    rows = np.array(rows_of(random_cases(2, 2, space=False)), dtype=float)
+    rows = np.array(rows_of(random_cases(2, 2, 2)), dtype=float)
     batch = {**dict(zip(COLUMNS, rows.T, strict=True)), "force_x": values}
     series = {"time": values, "force_x": [1.0, 2.0], "force_y": [0.0, 0.0], "couple": [0.0, 0.0]}
     for table, column, read in (
@@ -429,7 +309,7 @@ def test_parquet_as_csv(tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
-    rows = rows_of(random_cases(60, 2, space=False))
+    rows = rows_of(random_cases(60, 2, 2))
     rows[7][COLUMNS.index("contact_2_x")] = rows[8][COLUMNS.index("force_x")] = ""
     judge_table(open_table(write(tmp_path / "cases.csv", rows), []), tmp_path, 1, Silent())
     columns = [
@@ -538,7 +418,7 @@ def test_wrong_calls(options: list[str], said: str, capsys: Any) -> None:
 @pytest.mark.parametrize("killed", ["parent", "worker"])
 def test_killed_outright_it_leaves_no_process_and_goes_on(killed: str, tmp_path: Path) -> None:
     """SIGKILL to the parent or to one of two workers; a second call ends with what one call gives."""
-    rows = rows_of(random_cases(10_000, 2, space=False))
+    rows = rows_of(random_cases(10_000, 2, 2))
     path = write(tmp_path / "cases.csv", [row for _ in range(8) for row in rows])
     order = [
         sys.executable,

@@ -8,12 +8,12 @@ import pytest
 from scenes import message, scene
 
 from incipient import make_plan
-from incipient.evaluation.si_units import in_si
 from incipient.planning.flow_setup import Setup
 from incipient.planning.mean_force import sustaining_force
 from incipient.planning.mean_profile import KAPPA, MeanProfile
 from incipient.planning.meshing import lay_out
 from incipient.planning.numbers import numbers_of
+from incipient.results.si import in_si
 from incipient.scene import Domain, Fluid, HalfDiscs, LogLaw, Uniform
 from incipient.scene.file import loads
 

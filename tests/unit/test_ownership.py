@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from mpi4py import MPI
 
 import incipient
 from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.files import MARK, append_row, own, owned, write_text_atomically
+from incipient.output.lock import locked
 from incipient.output.ownership import OTHERS, place_scene, refuse_foreign
 from incipient.pictures import style
 from incipient.scene import example, loads
@@ -54,6 +56,21 @@ def test_what_was_changed_since_is_refused(tmp_path: Path) -> None:
         write_text_atomically(tmp_path / "spheres.csv", "")
     append_row(tmp_path / "history.csv", {"time": 2.0})
     assert owned(tmp_path) == {"history.csv"}
+
+
+def test_a_file_that_has_grown_is_the_users_if_it_changes_after_the_run(tmp_path: Path) -> None:
+    """While a run is at work, and after it was killed, its size says nothing; at its end it is recorded."""
+    for time in (0.0, 1.0):
+        with locked(tmp_path, MPI.COMM_SELF, make=True):
+            append_row(tmp_path / "history.csv", {"time": time})
+    own(tmp_path, {"fields.h5": None})  # of a run that was killed
+    (tmp_path / "fields.h5").write_text("any size")
+    refuse_foreign(tmp_path)
+    (tmp_path / "history.csv").write_text("time,energy\n0,1\n")
+    refused = pytest.raises(OutputError, match=r"history\.csv: .*has been changed since")
+    with refused, locked(tmp_path, MPI.COMM_SELF, make=True):
+        pass
+    assert (tmp_path / "history.csv").read_text() == "time,energy\n0,1\n"
 
 
 def test_a_file_whose_next_writer_was_killed_is_still_ours(tmp_path: Path) -> None:

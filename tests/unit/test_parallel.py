@@ -161,3 +161,23 @@ def test_each_kind_of_grain_and_bed_on_two_ranks(command: str, mpirun: Any, tmp_
 
 def _kinds(section: str) -> list[Any]:
     return list(variants(Scene.model_fields[section].annotation))
+
+
+LEAVING = """
+import os, subprocess, sys
+from mpi4py import MPI
+from incipient.parallel import leave_parallel_run
+os.environ["SLURM_PROCID"] = "1"
+def names():
+    said = subprocess.check_output([sys.executable, "-c", "import os; print(*os.environ)"])
+    return [name for name in said.decode().split() if name.startswith(("PMIX_", "PMI_", "OMPI_MCA_ess", "SLURM_"))]
+before = names()
+leave_parallel_run()
+print(len(before) > 0, names(), MPI.COMM_WORLD.size)
+"""
+
+
+def test_children_of_a_rank_start_alone(mpirun: Any) -> None:
+    """Also without the variables that the MPI library has set behind Python's back."""
+    done = mpirun(1, LEAVING)
+    assert done.stdout.split() == ["True", "[]", "1"], done.stderr

@@ -16,9 +16,9 @@ from incipient.files import plain
 from incipient.geometry.space.beds import Plane
 from incipient.geometry.space.grains import Sphere
 from incipient.pictures import style
-from incipient.pictures.verdict.judged import judged
-from incipient.pictures.verdict.sheet import load_rows, sheet, write_numbers
-from incipient.pictures.verdict.solid import rendered
+from incipient.pictures.judged import judged
+from incipient.pictures.sheet import load_rows, sheet, write_numbers
+from incipient.pictures.solid import rendered
 
 LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
 
@@ -52,7 +52,8 @@ def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
 @pytest.mark.parametrize("view", [(0.0, 4.0, 0.0, 2.0), (0.0, 1.0, 0.0, 1.0)])
 def test_titles_are_wrapped_not_cut(view: style.View) -> None:
     with style.applied():
-        figure, ((axes, _),) = style.panels([view], LONG)
+        figure, (axes,) = style.panels([view], LONG)
+        figure.draw_without_rendering()
         ((title, box), *_) = boxes(figure)
     assert title.replace("\n", " ") == LONG and "\n" in title
     assert (

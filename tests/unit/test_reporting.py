@@ -1,29 +1,45 @@
-"""What stands on a page of results: cells, vectors, numbers in SI units."""
+"""What stands on a page of results: cells, vectors, numbers in SI units; what is escaped and refused."""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from jinja2 import Environment
+from PIL import Image
 
 import incipient
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import OutputError
-from incipient.evaluation.si_units import in_si
+from incipient.reporting import RECORDS, part
 from incipient.reporting.page import (
+    TEMPLATES,
     Bounded,
-    Cell,
     Erring,
-    PageTable,
-    Picture,
-    Settings,
     cell,
+    compact,
+    embedded,
+    environment,
+    error_cell,
+    error_size,
     look,
 )
-from incipient.reporting.units import of_si
+from incipient.results.si import FLOW, in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
+GUSTS = {
+    "title": "<b>&</b>",
+    "static": 2.5,
+    "points": [
+        {"duration": 1.0, "strength": 3.0, "error": 0.5, "held": 2.9, "leaves": 3.1}
+        | {"impulse": 2.0, "runs": 7}
+    ],
+}
 
 
 @pytest.mark.parametrize(
@@ -48,17 +64,57 @@ SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
         ((1e-17, -1.0), '(<data value="1e-17">0</data>, <data value="-1.0">−1</data>)'),
     ],
 )
-def test_a_cell_has_its_number_in_full(value: Cell, shown: str) -> None:
+def test_a_cell_has_its_number_in_full(value: Any, shown: str) -> None:
     assert cell(value) == shown
+    if isinstance(value, float):
+        assert cell(np.float64(value)) == shown
 
 
 def test_long_texts_have_wide_columns() -> None:
     assert [look(value) for value in ("short", "x" * 40, 1.0, True)] == ["", "long", "number", ""]
 
 
+def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
+    errors = [0.3, 0.4, None]
+    assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
+    assert error_cell(errors, "force", True) == (0.3, 0.4)
+    assert math.isnan(error_cell(errors, "couple", True))
+    assert error_cell(errors, "centreline", True) == 0.4
+
+
 def test_short_lists_of_settings_stand_on_a_line() -> None:
-    made = Settings("x = [\n    1.0,\n    2.0,\n]\ny = [\n    [\n        1,\n    ],\n]\n").compact
+    made = compact("x = [\n    1.0,\n    2.0,\n]\ny = [\n    [\n        1,\n    ],\n]\n")
     assert made == "x = [1.0, 2.0]\ny = [\n    [1],\n]\n"
+
+
+def test_every_record_has_a_template_that_can_be_read() -> None:
+    names = {Path(name).with_suffix(".html").name for name in RECORDS} | {"sweep.html", "page.html"}
+    for path in TEMPLATES.glob("*.html"):
+        Environment().parse(path.read_text(encoding="utf-8"))
+        names.discard(path.name)
+        assert not re.search(r"\bsafe\b", path.read_text()), "nothing is exempt from escaping"
+    assert not names
+
+
+def test_titles_paths_and_texts_are_escaped(tmp_path: Path) -> None:
+    """In a directory and a scene with names that are HTML, and a picture that cannot be drawn."""
+    directory = tmp_path / "<i>out<"
+    directory.mkdir()
+    (directory / "gusts.json").write_text(json.dumps(GUSTS))
+    (directory / "scene.toml").write_text('title = "<b>&</b>"')
+    page = incipient.report(directory).read_text()
+    assert "<title>&lt;b&gt;&amp;&lt;/b&gt;</title>" in page
+    assert "<b>" not in page and "<i>" not in page
+    text, _ = part(directory / "gusts.json", f"missing: {directory}")
+    assert "&lt;i&gt;out&lt;" in text and "<i>" not in text
+
+
+def test_what_a_record_lacks_is_named(tmp_path: Path) -> None:
+    record = tmp_path / "gusts.json"
+    for name in ("static", "points"):
+        record.write_text(json.dumps({key: value for key, value in GUSTS.items() if key != name}))
+        with pytest.raises(OutputError, match=rf"gusts\.json: holds no {name}; compute it again"):
+            part(record)
 
 
 def test_numbers_in_si_units() -> None:
@@ -72,15 +128,15 @@ def test_numbers_in_si_units() -> None:
             "body.density=2.65",
         ],
     )
-    (made,) = of_si(in_si(scene))
-    (block,) = made.blocks
-    assert isinstance(block, PageTable)
-    told = {row[0]: row[1:] for row in block.rows}
+    shown = environment(si_of_flow=FLOW).get_template("numbers.html").module
+    page = shown.in_si(in_si(scene))
+    row = r'row">([^<]*)</th><td class="number"><data value="([^"]*)">[^<]*</data></td><td class="">([^<]*)<'
+    told = {name: (float(value), unit) for name, value, unit in re.findall(row, page)}
     assert told["nominal diameter"] == (pytest.approx(1e-3), "m")
     assert told["stress on the bed"] == (pytest.approx(5e-3), "Pa")
     assert told["shear velocity"] == (pytest.approx(5e-6**0.5), "m/s")
     assert told["one unit of time of the scene"] == (pytest.approx(0.2), "s")
-    assert of_si(None) == ()
+    assert not shown.in_si(None).strip()
 
 
 def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> None:
@@ -98,11 +154,16 @@ def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> N
     assert [value for _, value in found.rows] == [0.25, (1.0, 2.0)]
 
 
+def test_a_wide_picture_is_made_smaller(tmp_path: Path) -> None:
+    Image.new("RGB", (2000, 10)).save(tmp_path / "flow.png")
+    assert embedded(tmp_path / "flow.png").startswith("data:image/webp;base64,")
+
+
 @pytest.mark.parametrize("content", [b"no picture", b"\x89PNG\r\n\x1a\n\0\0", b""])
 def test_what_is_no_picture_is_named(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "flow.png").write_bytes(content)
     with pytest.raises(OutputError, match=r"flow\.png: cannot be read as a picture; remove it"):
-        assert Picture(tmp_path / "flow.png", "The flow").uri
+        embedded(tmp_path / "flow.png")
 
 
 def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import judge
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.beds import Hemispheres
+from incipient.geometry.space.beds import SphereBed
 from incipient.geometry.space.grains import Sphere
 
 SPACINGS = (1.0, 1.05, 1.1, 1.2, 1.3, 1.4)
@@ -42,7 +42,9 @@ def case_of(pocket, spacing, size):
     height_2 = (0.5 + 0.5 * size) ** 2 - around * spacing**2
     if height_2 <= (0.5 * size) ** 2:
         return None
-    bed = Hemispheres(0.5, spacing, kind, (spacing * offset[0], spacing * offset[1]), 0.0, angle)
+    bed = SphereBed.array(
+        0.5, spacing, kind, (spacing * offset[0], spacing * offset[1]), 0.0, angle
+    )
     return bed, sqrt(height_2), sqrt(ahead) * spacing
 
 
@@ -88,7 +90,7 @@ def test_known_angles_of_equal_spheres_that_touch():
 def test_a_bead_on_the_base_plane_leans_on_two_spheres(spacing):
     """Where the spheres of a square bed stand farther apart than sqrt(1.5), an equal bead lies on the plane."""
     ahead = sqrt(0.75 - 0.25 * spacing**2)
-    bed = Hemispheres(0.5, spacing, "square", (ahead, 0.5 * spacing))
+    bed = SphereBed.array(0.5, spacing, "square", (ahead, 0.5 * spacing))
     found, contacts = angle_of(bed, 0.5, 1.0, 0.5)
     assert len(contacts.points) == 3
     assert found == pytest.approx(degrees(atan2(ahead, 0.5)), abs=1e-5)

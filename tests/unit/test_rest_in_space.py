@@ -8,16 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from solids_and_terrains import SOLIDS, TERRAINS, vectors
 
-from incipient.errors import SceneError
 from incipient.geometry import (
     Box,
-    Disc,
     Ellipsoid,
-    Flat,
-    Hemispheres,
     Placement,
     Plane,
     Sphere,
+    SphereBed,
     clearance,
     lifted,
     rest,
@@ -48,18 +45,9 @@ class TestRestInSpace:
     def test_sphere_on_a_ball_beside_its_top(self):
         # Distance of the centres R + r: z^2 = (R + r)^2 - |x|^2.
         expected = np.sqrt(0.9**2 - 0.2**2 - 0.1**2)
-        assert self.height(Sphere(1.0), Hemispheres(0.4, 3.0), (0.2, 0.1)) == pytest.approx(
+        assert self.height(Sphere(1.0), SphereBed.array(0.4, 3.0), (0.2, 0.1)) == pytest.approx(
             expected, abs=1e-12
         )
-
-    @pytest.mark.parametrize(("arrangement", "third"), [("square", 2.0), ("triangular", 3.0)])
-    @pytest.mark.parametrize("spacing", [0.7, 1.0, 1.2])
-    def test_sphere_in_a_pocket(self, arrangement, third, spacing):
-        # The middle of a square (triangle) of side s is s/sqrt(2) (s/sqrt(3)) from its corners.
-        bed = Hemispheres(0.5, spacing, arrangement)
-        middle = spacing * np.array([0.5, 0.5 if arrangement == "square" else np.sqrt(1.0 / 12.0)])
-        expected = np.sqrt(1.0 - spacing**2 / third)
-        assert self.height(Sphere(1.0), bed, middle) == pytest.approx(expected, abs=1e-13)
 
     @settings(max_examples=40, deadline=None)
     @given(vectors)
@@ -100,7 +88,7 @@ class TestRestInSpace:
     @pytest.mark.parametrize("gap", [0.003, 0.05])
     def test_lifted_out_of_a_pocket(self, gap):
         # The triangle of centres with sides R + r + gap.
-        bed = Hemispheres(0.5, 1.0, "triangular")
+        bed = SphereBed.array(0.5, 1.0, "triangular")
         x = (0.5, np.sqrt(1.0 / 12.0))
         raised = lifted(Sphere(1.0), rest(Sphere(1.0), bed, x), bed, gap)
         assert raised.centre[2] == pytest.approx(np.sqrt((1.0 + gap) ** 2 - 1.0 / 3.0), abs=1e-10)
@@ -108,8 +96,3 @@ class TestRestInSpace:
 
     def test_overlap_is_negative(self):
         assert clearance(Sphere(1.0), Placement((0.0, 0.0, 0.3)), Plane())[0] == pytest.approx(-0.2)
-
-    def test_planar_and_spatial_do_not_mix(self):
-        for grain, bed in ((Disc(1.0), Plane()), (Sphere(1.0), Flat())):
-            with pytest.raises(SceneError, match="one is planar, the other is not"):
-                rest(grain, bed, 0.0 if isinstance(grain, Disc) else (0.0, 0.0))

@@ -22,6 +22,10 @@ def planar(mass: float, moment: float) -> Inertia:
     return Inertia(mass, np.array([moment]))
 
 
+def uniform(grain, density: float) -> Inertia:
+    return Inertia.about(density * grain.volume, density * np.asarray(grain.inertia), grain.gdim)
+
+
 def at_rest(gdim: int) -> BodyState:
     return BodyState.at(Placement((0.0,) * gdim))
 
@@ -61,7 +65,7 @@ def rates(errors) -> np.ndarray:
     ],
 )
 def test_inertia_in_the_plane(grain, mass: float, moment: float) -> None:
-    inertia = Inertia.of(grain, 40.0)
+    inertia = uniform(grain, 40.0)
     assert inertia.gdim == 2
     assert inertia.mass == pytest.approx(mass, rel=1e-12)
     np.testing.assert_allclose(inertia.moments, [moment], rtol=1e-12)
@@ -77,13 +81,12 @@ def test_inertia_in_the_plane(grain, mass: float, moment: float) -> None:
 )
 def test_inertia_in_space(grain, mass: float, moments) -> None:
     """Textbook formulas, per mass; the axes give back the tensor."""
-    inertia = Inertia.of(grain, 3.0)
+    inertia = uniform(grain, 3.0)
     assert inertia.mass == pytest.approx(3 * mass, rel=1e-9)
     np.testing.assert_allclose(np.sort(inertia.moments), np.sort(3 * mass * moments), rtol=1e-9)
     np.testing.assert_allclose(
-        (inertia.axes * inertia.moments) @ inertia.axes.T, 3 * np.asarray(grain.inertia)
+        inertia.matrix(np.eye(4)[0], 0.0, inertia.moments)[3:, 3:], 3 * np.asarray(grain.inertia)
     )
-    assert np.linalg.det(inertia.axes) == pytest.approx(1.0)
 
 
 def test_impossible_inertia_is_refused() -> None:
@@ -91,13 +94,10 @@ def test_impossible_inertia_is_refused() -> None:
         (-1.0, [1.0]),
         (1.0, [-1.0]),
         (np.nan, [1.0]),
-        (1.0, [1.0, 1.0]),
         (1.0, [1.0, 1.0, 2.1]),
     ):
         with pytest.raises(SceneError):
             Inertia(mass, np.array(moments))
-    with pytest.raises(SceneError, match="axes"):
-        Inertia(1.0, np.ones(3), np.ones((3, 3)))
     assert Inertia(0.0, np.zeros(3)).gdim == 3  # no mass at all is a body, too
 
 
@@ -110,14 +110,8 @@ def test_impossible_inertia_is_refused() -> None:
 def test_states_are_vectors(state: BodyState) -> None:
     again = BodyState.unpacked(state.packed(), state.time)
     np.testing.assert_allclose(again.packed(), state.packed(), rtol=1e-15)
-    np.testing.assert_allclose(again.rotation(), state.placement.rotation, rtol=1e-15)
+    np.testing.assert_allclose(again.placement.rotation, state.placement.rotation, rtol=1e-15)
     assert again.placement.centre == state.placement.centre and again.time == state.time
-
-
-def test_rotation_matrix_is_that_of_the_geometry() -> None:
-    np.testing.assert_allclose(
-        rotation_matrix(3.0 * np.array(ASKEW)), spinning([0, 0, 0]).placement.rotation, atol=1e-15
-    )
 
 
 # In the plane ------------------------------------------------------------------------------------------------
@@ -126,10 +120,10 @@ def test_rotation_matrix_is_that_of_the_geometry() -> None:
 @pytest.mark.parametrize("steps", [1, 7])
 def test_projectile(steps: int) -> None:
     """x = V t, y = W t - g t^2 / 2, angle = W3 t: exact in any number of steps; the angle is not wrapped."""
-    body = RigidBody(planar(3.0, 0.5), body_force=[0.0, -9.81])
+    body = RigidBody(planar(3.0, 0.5))
     state = BodyState.at(Placement((1.0, 2.0)), [3.0, 4.0, 20.0])
     for _ in range(steps):
-        state = body.motion(state, 2.0 / steps, np.zeros(3)).end
+        state = body.motion(state, 2.0 / steps, [0.0, -3.0 * 9.81, 0.0]).end
     np.testing.assert_allclose(
         state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13
     )
@@ -138,11 +132,11 @@ def test_projectile(steps: int) -> None:
 
 @pytest.mark.parametrize("added", [0.0, 1.0, 30.0])
 def test_mean_load_is_an_impulse(added: float) -> None:
-    """V(n+1) = V(n) + dt (F + m b) / m and the place in the middle of the velocities, whatever the added mass."""
-    body = RigidBody(planar(2.0, 0.5), body_force=[0.0, -1.0])
+    """V(n+1) = V(n) + dt F / m and the place in the middle of the velocities, whatever the added mass."""
+    body = RigidBody(planar(2.0, 0.5))
     state = BodyState.at(Placement((0.0, 0.0)), [1.0, 0.0, 2.0])
     coupled = added * np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 1.0]])
-    end = converged(body, state, 0.5, [4.0, 3.0, 1.5], coupled)
+    end = converged(body, state, 0.5, [4.0, 1.0, 1.5], coupled)
     np.testing.assert_allclose(end.velocities, [2.0, 0.25, 3.5], rtol=1e-10)
     np.testing.assert_allclose(
         end.place, 0.25 * (state.velocity + end.velocity), rtol=1e-10, atol=1e-12
@@ -170,15 +164,6 @@ def test_first_iterate_solves_the_linearised_balance() -> None:
     np.testing.assert_allclose(end.velocities, exact, rtol=1e-13)
 
 
-def test_body_force_that_varies() -> None:
-    """Gravity cos t: the velocity gains sin t, the place 1 - cos t, to the integrator's tolerance."""
-    body = RigidBody(planar(2.0, 1.0), body_force=lambda t: np.array([np.cos(t), 0.0]))
-    end = body.motion(body.motion(at_rest(2), 0.4, np.zeros(3)).end, 0.6, np.zeros(3)).end
-    np.testing.assert_allclose(
-        [end.velocity[0], end.place[0]], [np.sin(1.0), 1 - np.cos(1.0)], rtol=1e-10
-    )
-
-
 def test_prescribed_motion() -> None:
     """Place and angle follow the imposed velocities whatever the load, without inertia, too."""
     freedom = Freedom.none(2, lambda t: [np.cos(t), t, -1.0])
@@ -195,7 +180,7 @@ def test_prescribed_motion() -> None:
 def test_locked_degrees() -> None:
     """A bead on a rod: only x is free; the angle follows what is imposed."""
     freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
-    body = RigidBody(planar(2.0, 1.0), freedom, [0.0, -9.81])
+    body = RigidBody(planar(2.0, 1.0), freedom)
     end = body.motion(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0]).end
     np.testing.assert_allclose(
         end.velocities, [1.0, 0.0, 2.0], rtol=1e-12
@@ -205,8 +190,8 @@ def test_locked_degrees() -> None:
 
 def test_state_within_the_step_and_contact_time() -> None:
     """Dropped from 1: at sqrt(2 / g) on the ground, found within a step of 1."""
-    body = RigidBody(planar(1.0, 1.0), body_force=[0.0, -9.81])
-    motion = body.motion(BodyState.at(Placement((0.0, 1.0)), time=3.0), 1.0, np.zeros(3))
+    body = RigidBody(planar(1.0, 1.0))
+    motion = body.motion(BodyState.at(Placement((0.0, 1.0)), time=3.0), 1.0, [0.0, -9.81, 0.0])
     assert motion.at(3.25).place[1] == pytest.approx(1 - 9.81 / 32, rel=1e-13)
     touching = motion.first(lambda state: state.place[1])
     assert touching is not None and touching.time == pytest.approx(3 + np.sqrt(2 / 9.81), rel=1e-14)
@@ -247,16 +232,16 @@ def test_free_asymmetric_top(spin) -> None:
     steps = 60
     times = 3 * period / steps * np.arange(steps + 1)
     exact, _ = jacobi(TOP, np.array(spin), times)
-    energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
+    energy, momentum = body.kinetic_energy(state), body.momentum(state)[3:]
     second, worst = [], np.zeros(4)
     for k in range(1, steps + 1):
         state = body.motion(state, times[k] - times[k - 1], np.zeros(6)).end
-        seen = state.rotation().T @ state.spin
+        seen = state.placement.rotation.T @ state.spin
         second.append(seen[1])
         errors = (
             np.abs(seen - exact[k]).max(),
             abs(body.kinetic_energy(state) / energy - 1),
-            np.abs(body.angular_momentum(state) - momentum).max(),
+            np.abs(body.momentum(state)[3:] - momentum).max(),
             abs(np.linalg.norm(state.orientation) - 1),
         )
         worst = np.maximum(worst, errors)
@@ -270,7 +255,7 @@ def test_free_asymmetric_top(spin) -> None:
 def test_constant_couple_in_space(added: float) -> None:
     """Euler's equations under a couple of constant direction in space: scipy's DOP853, whatever the added mass."""
     body, start, couple = RigidBody(TOP), spinning([1.0, 0.4, -0.7]), np.array([0.5, -1.0, 0.8])
-    momentum = body.angular_momentum(start)
+    momentum = body.momentum(start)[3:]
 
     def rate(t, q):
         turned = rotation_matrix(q)
@@ -280,7 +265,7 @@ def test_constant_couple_in_space(added: float) -> None:
     q = solve_ivp(rate, (0, 0.5), start.orientation, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     load = np.concatenate([[1.0, 0.0, 2.0], couple])
     end = converged(body, start, 0.5, load, added * np.diag([1, 2, 1, 1, 3, 2]))
-    np.testing.assert_allclose(body.angular_momentum(end), momentum + 0.5 * couple, rtol=1e-9)
+    np.testing.assert_allclose(body.momentum(end)[3:], momentum + 0.5 * couple, rtol=1e-9)
     np.testing.assert_allclose(end.orientation, q / np.linalg.norm(q), atol=1e-9)
     np.testing.assert_allclose(end.velocity, [0.25, 0.0, 0.5], atol=1e-9)
 
@@ -297,7 +282,7 @@ def test_principal_axes_off_the_frame() -> None:
         ends.append(RigidBody(inertia).motion(state, 0.5, [0, 0, 0, 0.5, -1.0, 0.8]).end)
     np.testing.assert_allclose(ends[0].spin, ends[1].spin, rtol=1e-10)
     np.testing.assert_allclose(
-        ends[0].rotation() @ np.eye(3), ends[1].rotation() @ turn, atol=1e-10
+        ends[0].placement.rotation @ np.eye(3), ends[1].placement.rotation @ turn, atol=1e-10
     )
 
 
@@ -305,11 +290,11 @@ def test_partly_locked_in_space() -> None:
     """No spin about x: the other momenta and the energy are kept, for the constraint does no work."""
     body = RigidBody(TOP, Freedom((True, True, True, False, True, True)))
     state = body.consistent(spinning([1.0, 0.4, -0.7]))
-    energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
+    energy, momentum = body.kinetic_energy(state), body.momentum(state)[3:]
     for _ in range(10):
         state = body.motion(state, 0.3, np.zeros(6)).end
         assert state.spin[0] == 0.0
-        np.testing.assert_allclose(body.angular_momentum(state)[1:], momentum[1:], rtol=1e-8)
+        np.testing.assert_allclose(body.momentum(state)[4:], momentum[1:], rtol=1e-8)
         assert body.kinetic_energy(state) == pytest.approx(energy, rel=1e-8)
 
 
@@ -426,21 +411,6 @@ def test_second_order_in_time(mass: float) -> None:
     )
 
 
-@pytest.mark.parametrize("mass", [0.0, 1e-6, 1e-2])
-def test_no_ringing(mass: float) -> None:
-    """Released at a speed of 1 in still, viscous fluid: after two steps all but gone, and ever less after.
-
-    The trapezoidal rule would go on with -1, 1, -1, ...; BDF2 multiplies by about m / (k dt) every two steps.
-    """
-    body, resistance = RigidBody(planar(mass, mass)), 100.0 * np.eye(3)
-    start = BodyState.at(Placement((0.0, 0.0)), [1.0, 0.0, 1.0])
-    states = march(body, start, 6, 0.1, lambda t, u: -resistance @ u, resistance)
-    speeds = np.array([abs(state.velocity[0]) for state in states])
-    ratio = mass / (100.0 * 0.1)
-    assert (speeds[1:3] <= ratio + 1e-15).all()
-    assert (speeds[3:] <= 2.0 * ratio * speeds[1:-2] + 1e-15).all()
-
-
 def test_second_order_in_space() -> None:
     """An asymmetric top with drag and a turning couple: orientation and spin halve to a quarter."""
     body, start = RigidBody(TOP), spinning([1.0, 0.4, -0.7])
@@ -496,12 +466,6 @@ def test_named_errors() -> None:
     body = RigidBody(planar(1.0, 1.0))
     with pytest.raises(ConvergenceError, match="not finite"):
         body.motion(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
-    with pytest.raises(ValueError, match="positive"):
-        body.motion(at_rest(2), 0.0, np.zeros(3))
-    with pytest.raises(ValueError, match=r"\(3,\)"):
-        body.motion(at_rest(2), 0.1, np.zeros(6))
-    with pytest.raises(SceneError, match="dimension"):
-        RigidBody(planar(1.0, 1.0), Freedom.whole(3))
     with pytest.raises(SceneError, match="degrees"):
         Freedom((True, False))
 
@@ -510,7 +474,7 @@ def test_corrections_run_out(monkeypatch) -> None:
     """A body that turns several times in a step still converges; were it not to, it would say so."""
     body, wild = RigidBody(TOP, tolerances=Tolerances(1e-6, 1e-8)), spinning([30.0, 20.0, 10.0])
     args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
-    gained = body.angular_momentum(body.motion(wild, *args).end) - body.angular_momentum(wild)
+    gained = body.momentum(body.motion(wild, *args).end)[3:] - body.momentum(wild)[3:]
     assert np.linalg.norm(gained) > 1.0
     monkeypatch.setattr("incipient.body.rigidbody.MAX_ITERATIONS", 2)
     with pytest.raises(ConvergenceError, match="turns too far"):

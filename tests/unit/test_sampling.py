@@ -1,19 +1,165 @@
-"""Values of fields at points and extrema along lines."""
+"""Cells that hold points, values of fields there, extrema along lines, and fields taken to another mesh."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from typing import Any
 
 import dolfinx
 import numpy as np
 import pytest
-from domains import unit_box
+from domains import ball_in_box, bent_box, curved_box, ring, square_in_box, unit_box
 
 from incipient import compat
-from incipient.mesh.sampling import cells_between, extremum, sample
+from incipient.mesh.sampling import Locator, cells_between, evaluate, extremum, sample
+from incipient.mesh.transfer import Transfer
+
+Values = Callable[[np.ndarray], np.ndarray]
 
 
-def field(gdim: int, shape: tuple[int, ...], values: Any) -> Any:
+def places_again(mesh: Any, places: Any) -> Any:
+    """Where the places found are in space."""
+    space = compat.function_space(mesh, compat.coordinate_element(mesh))
+    identity = dolfinx.fem.Function(space)
+    nodes = identity.x.array.reshape(-1, mesh.geometry.dim)
+    nodes[compat.cell_dofs(space)] = mesh.geometry.x[
+        compat.geometry_dofs(mesh), : mesh.geometry.dim
+    ]
+    return evaluate(identity, places)
+
+
+def test_cells_hold_their_points() -> None:
+    """Outside and inside the hole there is none."""
+    mesh = square_in_box(0.3, 0.2).mesh
+    points = np.array([[0.1, 0.1], [1.9, 0.9], [0.8, 0.55], [3.0, 0.5]])
+    places = Locator(mesh).inside(points)
+    assert places.found.tolist() == [True, True, False, False]
+    assert places.distances.tolist() == [0.0, 0.0, np.inf, np.inf]
+    assert places.reference[:2].min() > 0.0
+    assert places_again(mesh, places.at(places.found)) == pytest.approx(points[:2], abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
+    """They have a cell too; the square is bent by d = (0.2 y^2, 0.3 x y)."""
+    mesh = curved_box(2, 2, order).mesh
+    x, y = mesh.geometry.x[:, :2].T.copy()
+    mesh.geometry.x[:, :2] = np.column_stack([x + 0.2 * y**2, y + 0.3 * x * y])
+    s = np.linspace(0.01, 0.99, 23)
+    left = np.column_stack([0.2 * s**2 + 1e-6, s])
+    right = np.column_stack([1 + 0.2 * s**2 - 1e-6, 1.3 * s])
+    away = np.array([[2e-6, 0.0]])
+    locator = Locator(mesh)
+    assert locator.inside(np.vstack([left, right])).found.all()
+    assert not locator.inside(np.vstack([left - away, right + away])).found.any()
+
+
+@pytest.mark.parametrize(("gdim", "order"), [(2, 1), (2, 2), (2, 3), (3, 1), (3, 2)])
+def test_reference_coordinates_map_back(gdim: int, order: int) -> None:
+    """Of points in all cells of a bent box, whether or not the straight cells hold them."""
+    mesh = bent_box(gdim, 3, order) if order > 1 else unit_box(gdim, 3).mesh
+    inner = np.random.default_rng(2).dirichlet(np.ones(gdim + 1), 400)[:, 1:]
+    cells = np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 400)
+    points = Locator(mesh).mapped(inner, cells)
+    places = Locator(mesh).inside(points)
+    assert (places.cells == cells).all()
+    assert places.reference == pytest.approx(inner, abs=1e-10)
+    assert places_again(mesh, places) == pytest.approx(points, abs=1e-12)
+
+
+def test_cells_of_very_different_sizes() -> None:
+    """A mesh squeezed towards a side: the widest cell is 10^4 times the thinnest."""
+    mesh = unit_box(2, 20).mesh
+    mesh.geometry.x[:, 1] **= 4
+    points = np.random.default_rng(3).random((500, 2))
+    points[:, 1] **= 4
+    places = Locator(mesh).inside(points)
+    assert places_again(mesh, places) == pytest.approx(points, abs=1e-12)
+
+
+def test_the_mesh_where_it_is_now() -> None:
+    mesh = unit_box(2, 3).mesh
+    before = Locator(mesh)
+    mesh.geometry.x[:, 0] += 2.0
+    point = np.array([[2.5, 0.5]])
+    assert not before.inside(point).found[0]
+    assert Locator(mesh).inside(point).found[0]
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_distance_outside_a_corner(gdim: int) -> None:
+    """The nearest point of the box is its corner."""
+    nearest = Locator(unit_box(gdim, 4).mesh).nearest(np.full((1, gdim), 1.1))
+    assert nearest.distances == pytest.approx(0.1 * np.sqrt(gdim), rel=1e-12)
+    assert nearest.found.all()
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_distance_outside_a_side(gdim: int) -> None:
+    """The side is nearest, however skew the cells behind it."""
+    mesh = unit_box(gdim, 4).mesh
+    mesh.geometry.x[:, 1] += 0.8 * mesh.geometry.x[:, 0]
+    points = np.random.default_rng(4).random((200, gdim))
+    points[:, 0] = -np.linspace(1e-3, 0.3, 200)
+    nearest = Locator(mesh).nearest(points)
+    assert places_again(mesh, nearest) == pytest.approx(points, abs=1e-12)
+    assert nearest.distances == pytest.approx(-points[:, 0], rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_distance_inside_a_round_hole(order: int) -> None:
+    """The hole of radius 1/2 seen from within: the distance is that to the circle."""
+    angles = np.linspace(0.0, 6.0, 50)
+    points = 0.45 * np.column_stack([np.cos(angles), np.sin(angles)])
+    mesh = ring(0.5, 1.0, 24, order).mesh
+    nearest = Locator(mesh).nearest(points)
+    assert nearest.distances == pytest.approx(0.05, rel=0.02)
+    assert places_again(mesh, nearest) == pytest.approx(points, abs=1e-10)
+
+
+def test_something_is_found_however_far() -> None:
+    """Straight cells go on for ever; the map of a curved one may have no inverse there, then a near point counts."""
+    for mesh in (unit_box(2, 3).mesh, bent_box(2, 3, 2)):
+        nearest = Locator(mesh).nearest(np.array([[30.0, -40.0], [0.0, 1000.0]]))
+        assert nearest.found.all()
+        assert np.isfinite(nearest.reference).all()
+        assert nearest.distances == pytest.approx([49.4, 999.0], rel=0.01)
+
+
+def test_a_flat_cell_holds_nothing() -> None:
+    """Nor does it stop the search; the rest of the mesh is found."""
+    mesh = unit_box(2, 2).mesh
+    cell = compat.geometry_dofs(mesh)[0]
+    corners = [tuple(mesh.geometry.x[k]) for k in cell]
+    middle = np.mean(corners, axis=0)
+    mesh.geometry.x[cell[0]] = mesh.geometry.x[cell[1:]].mean(axis=0)
+    places = Locator(mesh).inside(np.vstack([middle, mesh.geometry.x]))
+    assert 0 not in places.cells
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_values_are_the_librarys(gdim: int, order: int) -> None:
+    """Random coefficients, so that every node counts, in cells turned in all ways."""
+    mesh = bent_box(gdim, 2, 2)
+    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (gdim,)))
+    random = np.random.default_rng(5)
+    function.x.array[:] = random.standard_normal(len(function.x.array))
+    inner = random.dirichlet(np.ones(gdim + 1), 100)[:, 1:]
+    points = Locator(mesh).mapped(
+        inner, np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 100)
+    )
+    places = Locator(mesh).inside(points)
+    spatial = np.pad(points, ((0, 0), (0, 3 - gdim)))
+    expected = function.eval(spatial, places.cells.astype(np.int32))
+    assert evaluate(function, places) == pytest.approx(expected, abs=1e-8)
+
+
+# -- values and extrema ---------------------------------------------------------------------------
+
+
+def sampled_field(gdim: int, shape: tuple[int, ...], values: Any) -> Any:
     """A field of order two on the unit box."""
     function = dolfinx.fem.Function(compat.space(unit_box(gdim, 4).mesh, ("Lagrange", 2), shape))
     function.interpolate(values)
@@ -22,34 +168,23 @@ def field(gdim: int, shape: tuple[int, ...], values: Any) -> Any:
 
 def test_scalar_values() -> None:
     """A quadratic field is met exactly."""
-    function = field(2, (), lambda x: x[0] ** 2 + x[1])
+    function = sampled_field(2, (), lambda x: x[0] ** 2 + x[1])
     points = np.array([[0.1, 0.2], [0.77, 0.31], [1.0, 1.0]])
     assert sample(function, points) == pytest.approx(
         (points[:, 0] ** 2 + points[:, 1])[:, None], abs=1e-13
     )
 
 
-def test_vector_values_in_three_dimensions() -> None:
-    function = field(3, (3,), lambda x: np.vstack([x[0], x[1] * x[2], 1 + 0 * x[0]]))
-    assert sample(function, np.array([[0.3, 0.5, 0.4]])) == pytest.approx(
-        np.array([[0.3, 0.2, 1.0]]), abs=1e-13
-    )
-
-
 def test_outside_is_not_a_number() -> None:
-    function = field(2, (), lambda x: x[0])
+    function = sampled_field(2, (), lambda x: x[0])
     values = sample(function, np.array([[0.5, 0.5], [1.5, 0.5], [0.5, -1e-3]]))[:, 0]
     assert np.isnan(values).tolist() == [False, True, True]
 
 
 def test_points_on_the_boundary_and_on_edges_are_inside() -> None:
-    function = field(2, (), lambda x: x[0])
+    function = sampled_field(2, (), lambda x: x[0])
     points = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 1.0], [1.0, 0.3]])
     assert sample(function, points)[:, 0] == pytest.approx(points[:, 0], abs=1e-13)
-
-
-def test_no_points() -> None:
-    assert sample(field(2, (2,), lambda x: x[:2]), np.empty((0, 2))).shape == (0, 2)
 
 
 def along(y: float) -> Any:
@@ -59,7 +194,7 @@ def along(y: float) -> Any:
 @pytest.mark.parametrize(("sign", "value", "position"), [(1, 1.09, 0.3), (-1, 0.6, 1.0)])
 def test_extremum_of_a_parabola(sign: int, value: float, position: float) -> None:
     """1 + 0.6 s - s^2 on (0, 1): the largest value 1.09 at s = 0.3, the smallest 0.6 at the end."""
-    function = field(2, (2,), lambda x: np.vstack([x[1], 1 + 0.6 * x[0] - x[0] ** 2]))
+    function = sampled_field(2, (2,), lambda x: np.vstack([x[1], 1 + 0.6 * x[0] - x[0] ** 2]))
     found = extremum(function, 1, along(0.6), (0.0, 1.0), sign)
     assert found.value == pytest.approx(value, abs=1e-12)
     assert found.position == pytest.approx(position, abs=1e-6)
@@ -67,7 +202,7 @@ def test_extremum_of_a_parabola(sign: int, value: float, position: float) -> Non
 
 def test_extremum_on_a_line_partly_outside() -> None:
     """Places outside the mesh do not count."""
-    function = field(2, (2,), lambda x: np.vstack([x[0], x[1]]))
+    function = sampled_field(2, (2,), lambda x: np.vstack([x[0], x[1]]))
     found = extremum(function, 0, along(0.5), (-1.0, 1.5), 1)
     assert found.value == pytest.approx(1.0, abs=1e-5)
 
@@ -82,7 +217,7 @@ def test_cells_of_a_short_line() -> None:
     assert cells_between(unit_box(2, 4).mesh, (0.1, 0.02), (0.12, 0.021)) == 1
 
 
-RANKS = """
+RANKS_THAT_SAMPLE = """
 import sys
 import numpy as np
 from mpi4py import MPI
@@ -106,6 +241,201 @@ if MPI.COMM_WORLD.allreduce(1) == 2 and MPI.COMM_WORLD.rank == 0:
 
 
 def test_all_ranks_get_all_values(mpirun: Any) -> None:
-    done = mpirun(2, RANKS)
+    done = mpirun(2, RANKS_THAT_SAMPLE)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "good\n"
+
+
+# -- transfer ------------------------------------------------------------------------------------
+
+
+def field(mesh: Any, order: int, values: Values, components: int = 1) -> Any:
+    shape = (components,) if components > 1 else ()
+    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), shape))
+    function.interpolate(values)
+    return function
+
+
+def polynomials(degree: int, components: int) -> Values:
+    """Full polynomials of a degree in all coordinates, one a component."""
+    slopes = np.random.default_rng(6).standard_normal((components, 3))
+    return lambda x: np.squeeze(
+        (0.3 + slopes @ x) ** degree - slopes @ x, axis=0 if components == 1 else ()
+    )
+
+
+def error(source: Any, target: Any, order: int, degree: int, components: int) -> float:
+    """Largest error at the nodes of another mesh's space; none of them is outside."""
+    values = polynomials(degree, components)
+    points = compat.space(target, ("Lagrange", order)).tabulate_dof_coordinates()
+    transfer = Transfer(source, points)
+    assert transfer.outside == 0
+    assert transfer.farthest == 0.0
+    found = transfer.values(field(source, order, values, components))
+    return float(np.abs(found - values(points.T).reshape(components, -1).T).max())
+
+
+@pytest.mark.parametrize("components", [1, 2])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_polynomials_in_straight_cells(order: int, components: int) -> None:
+    """Of the elements' own degree: exact, between meshes about the same hole that share no inner node."""
+    source, target = square_in_box(0.3, 0.3).mesh, square_in_box(0.3, 0.21).mesh
+    assert error(source, target, order, order, components) < 1e-11
+
+
+@pytest.mark.parametrize("components", [1, 3])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_polynomials_in_tetrahedra(order: int, components: int) -> None:
+    assert error(unit_box(3, 2).mesh, unit_box(3, 3).mesh, order, order, components) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("gdim", "bend", "order", "degree"),
+    [
+        (2, 2, 2, 1),
+        (2, 2, 4, 2),
+        (2, 3, 3, 1),
+        (2, 3, 4, 1),
+        (3, 2, 2, 1),
+        (3, 2, 4, 2),
+    ],
+)
+def test_polynomials_in_curved_cells(gdim: int, bend: int, order: int, degree: int) -> None:
+    """Cells bent by a map of degree g hold polynomials of degree k/g in space."""
+    assert error(bent_box(gdim, 2, bend), bent_box(gdim, 3, bend), order, degree, gdim) < 1e-11
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_smooth_function_converges(order: int) -> None:
+    """One order more than the elements' degree, between unrelated meshes."""
+
+    def smooth(x: np.ndarray) -> np.ndarray:
+        return np.vstack([np.sin(3 * x[0] + x[1]), np.cos(4 * x[0] * x[1])])
+
+    errors = []
+    for n in (4, 8, 16):
+        points = unit_box(2, 3 * n // 2 + 1).mesh.geometry.x
+        source = unit_box(2, n).mesh
+        found = Transfer(source, points).values(field(source, order, smooth, 2))
+        errors.append(np.sqrt(np.mean((found - smooth(points.T).T) ** 2)))
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert orders[-1] == pytest.approx(order + 1, abs=0.1), orders
+
+
+@pytest.mark.parametrize(("mesh", "order", "degree"), [("straight", 3, 3), ("bent", 4, 2)])
+def test_points_outside_take_the_polynomial(mesh: str, order: int, degree: int) -> None:
+    """They are counted, and how far out they are is told; the bent side leans by at most 0.37 to the vertical."""
+    source = unit_box(2, 4).mesh if mesh == "straight" else bent_box(2, 4, 2)
+    s = np.linspace(0.05, 0.95, 10)
+    above = np.column_stack([0.5 + 0 * s, 0.5 + 0 * s, 0 * s])
+    left = np.column_stack([(0.2 * s**2 if mesh == "bent" else 0.0) - 0.1 * s, s, 0 * s])
+    points = np.vstack([above, left])
+    values = polynomials(degree, 2)
+    transfer = Transfer(source, points)
+    assert transfer.values(field(source, order, values, 2)) == pytest.approx(
+        values(points.T).T, abs=1e-10
+    )
+    assert transfer.outside == 10
+    lean = 0.37 if mesh == "bent" else 0.0
+    assert 0.095 * np.cos(lean) - 1e-9 < transfer.farthest < 0.095 + 1e-9
+
+
+def test_points_outside_may_take_the_value_next_to_them() -> None:
+    """What is steep at a boundary is not extrapolated: values stay between those of the cell, points inside do."""
+    source = unit_box(2, 4).mesh
+    s = np.linspace(0.05, 0.95, 10)
+    points = np.column_stack([-0.1 * s, s, 0 * s])
+    points[::5, 0] = 0.1
+
+    def steep(x: np.ndarray) -> np.ndarray:
+        return np.array([1000.0 * x[0] ** 2 - 500.0 * x[0], x[1]])
+
+    known = field(source, 2, steep, 2)
+    found = Transfer(source, points, reach=0.0).values(known)
+    assert found[::5] == pytest.approx(steep(points[::5].T).T, abs=1e-10)
+    outside = np.delete(found, [0, 5], axis=0)
+    assert (outside[:, 0] <= 1e-10).all() and (outside[:, 0] >= -62.5).all()
+    assert outside[:, 1] == pytest.approx(np.delete(s, [0, 5]), abs=0.25)
+    extrapolated = np.delete(Transfer(source, points).values(known), [0, 5], axis=0)
+    assert (extrapolated[:, 0] > 1.0).all()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_round_boundary_meshed_anew(order: int) -> None:
+    """Nodes off the old mesh lie out by what its cells cut off the circle, less than h^2/8; a line is exact."""
+    source, target = ring(0.5, 1.0, 20, order).mesh, ring(0.5, 1.0, 28, order).mesh
+    transfer = Transfer(source, target.geometry.x)
+    assert transfer.outside > 0
+    assert transfer.farthest < 1.5 * (2 * np.pi / 20) ** 2 / 8
+    if order > 1:
+        assert transfer.farthest < 2e-4
+    values = polynomials(1, 2)
+    found = transfer.values(field(source, max(order, 2), values, 2))
+    assert found == pytest.approx(values(target.geometry.x.T).T, abs=1e-11)
+
+
+def test_points_within_a_ball() -> None:
+    """Of radius 1/4, quadratic cells about it: points at 0.24 lie out by about 0.01."""
+    mesh = ball_in_box(0.35).mesh
+    directions = np.random.default_rng(9).standard_normal((60, 3))
+    points = (0.6, 0.5, 0.5) + 0.24 * directions / np.linalg.norm(directions, axis=1)[:, None]
+    transfer = Transfer(mesh, points)
+    assert transfer.outside == 60
+    assert transfer.farthest == pytest.approx(0.01, rel=0.1)
+    values = polynomials(1, 3)
+    assert transfer.values(field(mesh, 2, values, 3)) == pytest.approx(
+        values(points.T).T, abs=1e-11
+    )
+
+
+def test_no_points_are_transferred() -> None:
+    mesh = unit_box(2, 2).mesh
+    transfer = Transfer(mesh, np.empty((0, 3)))
+    assert (transfer.outside, transfer.farthest) == (0, 0.0)
+    assert transfer.values(field(mesh, 2, polynomials(1, 2), 2)).shape == (0, 2)
+
+
+RANKS_THAT_TRANSFER = """
+import json
+from mpi4py import MPI
+import dolfinx
+import numpy as np
+from domains import ring
+from incipient import compat
+from incipient.mesh.transfer import Transfer
+
+comm = MPI.COMM_WORLD
+mesh = ring(0.5, 1.0, 20, 2).mesh
+function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", 3), (2,)))
+function.interpolate(lambda x: np.vstack([np.sin(3 * x[0]) * x[1], np.exp(x[0])]))
+function.x.scatter_forward()
+# Drawn the same on all ranks: some within, many out by a little, some by a lot. The last rank has none.
+random = np.random.default_rng(8)
+angles, radii = random.uniform(0.0, 6.3, 400), np.repeat([0.4, 0.4999, 0.75, 1.02], 100)
+points = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+askers = max(comm.size - 1, 1)
+mine = np.arange(comm.rank, 400, askers) if comm.rank < askers else np.arange(0)
+transfer = Transfer(mesh, points[mine])
+gathered = comm.gather((mine, transfer.values(function)))
+if comm.rank == 0:
+    values = np.empty((400, 2))
+    for rows, theirs in gathered:
+        values[rows] = theirs
+    print(json.dumps([comm.size, transfer.outside, transfer.farthest, values.tolist()]))
+"""
+
+
+def test_ranks_agree_with_one(mpirun: Any) -> None:
+    """Wherever the points are asked for and the cells are: of three ranks two ask."""
+    found = []
+    for n in (1, 3):
+        done = mpirun(n, RANKS_THAT_TRANSFER)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    (one, outside, farthest, values), (three, *rest) = found
+    assert (one, three) == (1, 3)
+    assert outside == 300
+    assert farthest == pytest.approx(0.1, rel=0.02)
+    assert rest[0] == outside
+    assert rest[1] == pytest.approx(farthest, rel=1e-9)
+    assert np.array(rest[2]) == pytest.approx(np.array(values), abs=1e-9)

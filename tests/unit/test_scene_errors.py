@@ -273,7 +273,7 @@ ONE_KEY = [
             ("velocity", (1, 0)),
             ("spin", 1),
             ("locked", ("x",)),
-            ("on_contact", "repel"),
+            ("on_contact", "touch"),
         )
     ],
     *[
@@ -291,7 +291,7 @@ ONE_KEY = [
             ("velocity", (1, 0)),
             ("spin", 1),
             ("locked", ("x",)),
-            ("on_contact", "repel"),
+            ("on_contact", "touch"),
         )
     ],
     (
@@ -391,15 +391,10 @@ BETWEEN = [
             f"numerics.{key}: is read only for a grain that moves; leave it out or set body.motion",
         )
         for key, value in (
-            ("coupling", "naive"),
             ("interface_tolerance", 1e-6),
             ("remesh_below", 0.5),
         )
     ],
-    (
-        {"numerics": Numerics(form="energy-stable")},
-        "numerics.form: is read only for flow in time; leave it out or add a section [time]",
-    ),
     (
         {"output": Output(every=2)},
         "output.every: counts time steps but without [time] the flow is steady; "

@@ -454,7 +454,7 @@ WRONG_KEYS = [
     ),
     (
         lambda: HeapBed(spheres=()),
-        "HeapBed: spheres: 0 centres and 0 radii; give as many of both, one or more",
+        "HeapBed: spheres: a bed of spheres has none; give one or more",
     ),
     (
         lambda: HeapBed(spheres=((0, 0, 0, -1),)),

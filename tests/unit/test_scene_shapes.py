@@ -140,8 +140,8 @@ class TestBadScenes:
                 "body.exponent: is 1.5; give a number of at least 2",
             ),
             (
-                'shape = "superellipse"\nsemi_axes = [1, 1]\nexponent = 101',
-                "body.exponent: is 101; give a number of at most 100",
+                'shape = "superellipse"\nsemi_axes = [1, 1]\nexponent = 20.5',
+                "body.exponent: is 20.5; give a number of at most 20",
             ),
             (
                 'shape = "superellipse"\nsemi_axes = [1, 0]\nexponent = 3',

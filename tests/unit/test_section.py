@@ -9,14 +9,14 @@ import pytest
 from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
-from incipient.pictures.flow.section import (
+from incipient.pictures.record import StoredRun
+from incipient.pictures.section import (
     PARTS,
     TETRAHEDRON,
     boundary_lines,
     grain_lines,
     section_of,
 )
-from incipient.pictures.record import StoredRun
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = (

@@ -12,8 +12,7 @@ import trimesh
 from scenes import message
 
 from incipient.effects.plan import make_plan
-from incipient.evaluation.si_units import in_si
-from incipient.results.si import si_lines
+from incipient.results.si import in_si, si_lines
 from incipient.scene import Disc, Domain, Flat, Rectangle, Scene, Shear, Sphere, Units, dumps, loads
 from incipient.scene.units import nominal_diameter
 

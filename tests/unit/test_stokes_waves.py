@@ -112,7 +112,7 @@ velocity = 0.2
 [gravity]
 acceleration = 1.0
 [surface]
-wave = {amplitude = 0.02, period = 3.5, zone = 1.0}
+wave = {amplitude = 0.02, period = 3.5}
 [time]
 end = 1.0
 step = 0.1
@@ -123,17 +123,10 @@ step = 0.1
     ("old", "new", "why"),
     [
         (
-            "[surface]",
-            '[surface]\ninflow = "sin(t)"',
-            "surface.inflow: is given beside surface.wave",
-        ),
-        ("[surface]", "[surface]\ntension = 0.1", "surface.wave: is a wave by gravity alone"),
-        (
             "height = 1.0",
             'height = 1.0\nwidth = 1.0\nsides = "wall"',
             "surface.wave: is the same across the channel",
         ),
-        ("zone = 1.0", "zone = 2.5", "surface.wave.zone: is 2.5, more than half"),
     ],
 )
 def test_what_is_refused(old, new, why):

@@ -1,11 +1,9 @@
-"""What a sweep varies, the identity of its cases, and the file that keeps them."""
+"""The values that a sweep varies, the identity of its cases, and their table."""
 
 from __future__ import annotations
 
-import sqlite3
-import subprocess
+import json
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +12,18 @@ import pytest
 from scenes import message
 
 from incipient.cli import main
-from incipient.errors import OutputError
 from incipient.pictures.charts.sweep_axes import soulsby_whitehouse
-from incipient.progress import Silent
-from incipient.scene import Scene, example, load
+from incipient.progress import telling
+from incipient.scene import Scene, example, load, loads
 from incipient.scene.key_units import unit_of
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
-from incipient.sweep.call import Means
-from incipient.sweep.cases import Source, SweepCase, resolved
-from incipient.sweep.dry_run import foretold, sampled
+from incipient.sweep.cases import Source, resolved
+from incipient.sweep.procedure import Means
 from incipient.sweep.request import parsed_seconds, requested
-from incipient.sweep.store import DONE, RUNNING, WAITING, CaseOutcome, Store
+from incipient.sweep.store import Store
+from incipient.sweep.worker import CaseOutcome
 
 SOURCE = Source("mine", example())
-# Claims the first case of a file and is killed.
-CLAIM = """
-import os, signal, sys
-from pathlib import Path
-from incipient.sweep.store import Store
-store = Store(Path(sys.argv[1]))
-assert store.claim(["a"])
-os.kill(os.getpid(), signal.SIGKILL)
-"""
 
 
 def test_ranges_hold_both_ends_and_equal_ratios_or_differences() -> None:
@@ -103,7 +91,7 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert "given twice" in message(lambda: combined(pair[:1] * 2, False))
     assert "nothing is varied" in message(lambda: requested([SOURCE]))
     many = [parsed(f"a.x{n}=lin:0:1:1000") for n in range(3)]
-    assert "at most 1000000" in message(lambda: combined(many, False))
+    assert "at most 100000" in message(lambda: combined(many, False))
     ragged = tmp_path / "cases.csv"
     ragged.write_text("a.x,a.y\n1\n")
     assert "row 2 has not as many cells" in message(lambda: table_of_cases(ragged))
@@ -112,57 +100,23 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     ragged.write_text("a.x,,\n1,,\n")  # empty columns, as spreadsheets write them
     assert table_of_cases(ragged) == [("a.x=1",)]
     ragged.write_text("a.x,a.y\n1,2\n")
-    assert "--over a.x: the table of cases has it, too" in message(
+    assert "--over a.x: the table of cases has it as well" in message(
         lambda: combined(pair[:1], False, table_of_cases(ragged))
     )
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
     wrong = requested([SOURCE], [parsed("fluid.reynolds=1,-1")])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
-    assert "is not a time" in message(lambda: parsed_seconds("soon"))
+    assert "is not a time" in message(lambda: parsed_seconds("soon", "wall"))
 
 
 def test_means_that_are_no_positive_numbers_are_refused() -> None:
-    assert "--memory nan: is not a number" in message(lambda: Means(memory_mib=float("nan")))
-    assert "--memory -1.0: is not above zero" in message(lambda: Means(memory_mib=-1.0))
-    assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
-
-
-class Counting(Silent):
-    """Keeps what was counted."""
-
-    def __init__(self) -> None:
-        self.counted: list[tuple[int, int]] = []
-
-    def count(self, what: str, done: int, total: int) -> None:
-        self.counted.append((done, total))
-
-
-def test_a_dry_run_of_many_cases_looks_at_a_sample_and_says_so(tmp_path: Path) -> None:
-    """One case of a hundred thousand is looked at in no time at all; it stands for all, and that is told."""
-    many = [parsed("fluid.reynolds=lin:1:20:1000"), parsed("contact.friction=lin:0.1:0.9:100")]
-    request, voice = requested([SOURCE], many), Counting()
-    sample = sampled(request, voice, longest=1e-9)
-    assert (len(sample.cases), sample.of_all, voice.counted) == (1, 100_000, [(100, 100)])
-    few = requested(
-        [SOURCE], [parsed("fluid.reynolds=1,2,1.0"), parsed("contact.friction=0.1,0.2")]
+    assert "--memory nan: is not above zero" in message(lambda: Means(memory_mib=float("nan")))
+    assert "--memory 60: the libraries of a worker process take" in message(
+        lambda: Means(memory_mib=60)
     )
-    found = sampled(few)
-    assert found.is_whole and found.of_all == 4  # 1 and 1.0 are the same
-    assert found.cases.keys() == {case.identity for case in few.cases()[0]}
-
-
-def test_what_a_sample_says_is_taken_for_all(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    request = requested([SOURCE], [parsed("fluid.reynolds=lin:1:20:50")])
-    file = tmp_path / "sweep.sqlite"
-    whole = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
-    assert whole[0].endswith("50: 0 already in " + str(file) + ", 50 to compute, 2 at a time")
-    assert whole[-1].endswith("; 50 cases are too large") and len(whole) == 3
-    monkeypatch.setattr("incipient.sweep.dry_run.sampled", partial(sampled, longest=1e-9))
-    some = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
-    assert some[0] == whole[0] and some[-1].endswith("; 50 cases are too large")
-    assert some[1].startswith("sample") and "1 cases drawn at random" in some[1]
+    assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
+    remedy = "are started by you; give --nworkers to its `dask worker` instead"
+    assert remedy in message(lambda: Means(scheduler="tcp://here:1", jobs=2))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +124,7 @@ def test_what_a_sample_says_is_taken_for_all(
     [("8h", 28800.0), ("1h30m", 5400.0), ("90", 90.0), ("1.5d", 129600.0), ("2m5s", 125.0)],
 )
 def test_times_are_read(text: str, time: float) -> None:
-    assert parsed_seconds(text) == time
+    assert parsed_seconds(text, "wall") == time
 
 
 def test_the_section_of_a_scene_says_what_is_varied(tmp_path: Path) -> None:
@@ -189,69 +143,20 @@ def test_the_section_of_a_scene_says_what_is_varied(tmp_path: Path) -> None:
 
 
 def test_the_identity_hangs_on_content_and_task_alone() -> None:
+    changes = ("fluid.reynolds=40", "contact.friction=0.4")
+
     def identity(*settings: str, task: str = "run", source: Source = SOURCE) -> str:
         return resolved(source, settings, task).identity
 
     ways = {
-        identity("fluid.reynolds=40", "contact.friction=0.4"),
+        identity(*changes),
         identity("contact.friction=0.4", "fluid.reynolds=40.0"),
         identity("fluid.reynolds=4e1", "contact.friction=0.4", "title=x", "output.pictures=true"),
-        identity(source=Source.of(load_with("fluid.reynolds=40", "contact.friction=0.4"))),
+        identity(source=Source.of(loads(example(), overrides=changes))),
     }
     assert len(ways) == 1
     others = {identity(), identity(task="threshold"), identity("numerics.mesh_size=2")}
     assert len(ways | others) == 4
-
-
-def load_with(*overrides: str):
-    from incipient.scene import loads
-
-    return loads(example(), overrides=overrides)
-
-
-def case(identity: str) -> SweepCase:
-    return SweepCase(identity, "judge", "made", ("a.x=1",), "{}", "")
-
-
-def test_a_case_is_computed_by_one_of_those_who_want_it(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.sqlite"
-    with Store(path, make=True) as store:
-        store.add([case("a"), case("b")], ["a.x"])
-        store.add([case("a")], ["a.x", "a.y"])
-        assert store.keys() == ["a.x", "a.y"]
-        assert store.claim(["a"]) and not store.claim(["a"])
-        store.finish({"a": CaseOutcome({"found": 1.0}, wall=2.0)})
-        assert not store.claim(["a"])
-        assert store.claim(["b"])
-        store.give_back()
-        assert store.states(["a", "b"]) == {"a": DONE, "b": WAITING}
-        assert [row["tries"] for row in store.rows()] == [1, 0]
-
-
-def test_what_a_killed_sweep_was_at_waits_again(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.sqlite"
-    with Store(path, make=True) as store:
-        store.add([case("a")], [])
-        killed = subprocess.run([sys.executable, "-c", CLAIM, path], check=False)
-        assert killed.returncode == -9
-        assert store.states(["a"]) == {"a": RUNNING}
-        assert store.free_abandoned() == 1 and store.claim(["a"])
-        assert store.free_abandoned() == 0  # this process is at it, and alive
-
-
-def test_files_of_others_are_refused(tmp_path: Path) -> None:
-    text, other = tmp_path / "text.sqlite", tmp_path / "other.sqlite"
-    text.write_text("not a database, but long enough to have the head of one\n" * 20)
-    with sqlite3.connect(other) as base:
-        base.execute("CREATE TABLE things (id TEXT)")
-    for path, said in (
-        (text, "is not the file of a sweep"),
-        (other, "database of another program"),
-    ):
-        with pytest.raises(OutputError, match=said):
-            Store(path, make=True)
-    with pytest.raises(OutputError, match="no such file"):
-        Store(tmp_path / "absent.sqlite")
 
 
 def test_the_curve_beside_ours_is_that_of_soulsby_and_whitehouse() -> None:
@@ -273,11 +178,11 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
         parsed("contact.friction=0.25"),
     ]
     request, file = requested([SOURCE], axes), tmp_path / "sweep.sqlite"
-    cases, keys = request.cases()
+    cases = request.cases()
     with Store(file, make=True) as store:
-        store.add(cases, keys)
-        assert store.claim([cases[0].identity])
-        store.finish({cases[0].identity: CaseOutcome({"verdict": None}, wall=2.5)})
+        store.add(cases)
+        outcome = CaseOutcome(json.dumps({"verdict": None}), wall=2.5)
+        store.finish([(cases[0].identity, 1, outcome)])
     assert main(["table", str(file)]) == 0
     head, first, second = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
@@ -291,3 +196,14 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(
         unit_of(Scene, "gravity.acceleration") == "length/time^2"
         and unit_of(Scene, "no.such") == ""
     )
+
+
+def test_brackets_in_a_stage_are_no_markup(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    """A closing tag without an opening one would be an error of markup, which ends a sweep."""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with telling(0) as voice:
+        voice.begin("mesh of sand[/coarse]")
+        voice.say("1/2  title=[/coarse]: failed")
+        voice.count("[/cases]", 1, 2)
+    shown = capsys.readouterr().err
+    assert "[/cases]" in shown and "title=[/coarse]: failed" in shown

@@ -1,199 +1,134 @@
-"""The file of a sweep when it is damaged, changed by hand, or of an earlier version of the program."""
+"""The file of a sweep: its cases and columns, files of others, damage, a second writer."""
 
 from __future__ import annotations
 
 import json
+import math
 import random
-import shutil
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from incipient.cli import main
 from incipient.errors import OutputError
-from incipient.reporting.sweep import part
-from incipient.sweep import store as stores
 from incipient.sweep.cases import SweepCase
-from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store, network_of
-from incipient.sweep.table import as_csv, columns, in_words, rows
+from incipient.sweep.store import DONE, FAILED, WAITING, Store
+from incipient.sweep.table import as_csv, in_words, rows
+from incipient.sweep.worker import CaseOutcome
 
 CASES = [
-    SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "")
+    SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}))
     for n in range(40)
 ]
-AS_LONG_AS_RESULTS = "x" * 3000
 
 
-def filled(path: Path) -> list[dict]:
-    """A file of finished cases, closed as a sweep leaves it, and its table."""
+def outcome(drag: float) -> CaseOutcome:
+    result = json.dumps({"verdict": None, "coefficients": {"drag": drag}, "text": "x" * 3000})
+    return CaseOutcome(result, {"drag": drag, "held": True}, wall=1.5, versions={"incipient": "1"})
+
+
+def filled(path: Path, count: int = 40) -> list[dict[str, Any]]:
+    """A file of cases of which `count` are done, and its table."""
     with Store(path, make=True) as store:
-        store.add(CASES, ["a.x"])
-        for number, case in enumerate(CASES):
-            assert store.claim([case.identity])
-            result = {
-                "verdict": None,
-                "coefficients": {"drag": float(number)},
-                "text": AS_LONG_AS_RESULTS,
-            }
-            store.finish(
-                {case.identity: CaseOutcome(result, wall=1.5, versions={"incipient": "1"})}
-            )
+        store.add(CASES)
+        store.finish([(case.identity, 1, outcome(n)) for n, case in enumerate(CASES[:count])])
+        store.write_view()
     return rows(path)
 
 
-def changed(path: Path, statement: str, *values: object) -> None:
+def changed(path: Path, statement: str) -> list[Any]:
     with sqlite3.connect(path) as base:
-        base.execute(statement, values)
+        found = base.execute(statement).fetchall()
     base.close()
+    return found
 
 
-@pytest.mark.parametrize("start", range(5))
-def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(
-    tmp_path: Path, start: int
-) -> None:
-    """Two hundred bytes at random places, as of a bad disk, in 200 files in all: no other error, no wrong number."""
+def test_cases_wait_are_finished_and_wait_again_after_a_failure(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.sqlite"
+    with Store(path, make=True) as store:
+        store.add(CASES[:3])
+        store.finish([("case0", 1, outcome(2.0)), ("case1", 3, CaseOutcome(reason="too heavy"))])
+        store.add(CASES[:4])
+        states = {"case0": DONE, "case1": FAILED, "case2": WAITING, "case3": WAITING}
+        assert store.states() == states and store.keys() == ["a.x"]
+        assert store.columns(states) == {"case0": {"drag": 2.0, "held": True}}
+        store.add(CASES[:2], retry=True)
+        assert store.states() == states | {"case1": WAITING}
+    first, second, *_ = rows(path)
+    assert (first["a.x"], first["drag"], first["versions"]) == (0, 2.0, "incipient 1")
+    assert (second["tries"], second["reason"], "drag" in second) == (3, "", False)
+
+
+def test_the_view_has_varied_keys_and_quantities_infinite_ones_too(tmp_path: Path) -> None:
+    path, odd = tmp_path / "sweep.sqlite", SweepCase("odd", "run", "s", ("b.0=1",), '{"b": [7]}')
+    with Store(path, make=True) as store:
+        store.add([*CASES[:2], odd])
+        store.finish([("case1", 1, CaseOutcome("{}", {"shields": math.inf}))])
+        store.finish([("odd", 1, CaseOutcome("{}", {"shields": 0.5}))])
+        store.write_view()
+    query = 'SELECT "a.x", "b.0", shields, status FROM results'
+    expected = [(0, None, None, WAITING), (1, None, math.inf, DONE)]
+    assert changed(path, query) == [*expected, (None, 7, 0.5, DONE)]
+    assert rows(path)[1]["shields"] == math.inf
+
+
+def test_files_of_others_and_of_other_versions_are_refused(tmp_path: Path) -> None:
+    text, other, old = (tmp_path / f"{name}.sqlite" for name in ("text", "other", "old"))
+    text.write_text("not a database, but long enough to have the head of one\n" * 20)
+    changed(other, "CREATE TABLE things (id TEXT)")
+    filled(old, 0)
+    changed(old, "PRAGMA user_version = 4")
+    for path, words in (
+        (text, "is not the file of a sweep"),
+        (other, "is not the file of a sweep"),
+        (old, "is the file of a sweep by another version of incipient; give another name"),
+    ):
+        with pytest.raises(OutputError, match=words):
+            Store(path, make=True)
+    with pytest.raises(OutputError, match="no such file"):
+        Store(tmp_path / "absent.sqlite")
+
+
+def test_a_second_writer_is_refused_and_readers_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.sqlite"
+    filled(path, 1)
+    with Store(path, make=True) as store:
+        with pytest.raises(OutputError, match="another sweep writes to it; wait"):
+            Store(path, make=True)
+        assert len(rows(path)) == 40
+        store.finish([("case1", 1, outcome(1.0))])
+    with Store(path, make=True) as store:
+        assert store.states()["case1"] == DONE
+
+
+def test_random_bytes_give_one_line_or_a_table(tmp_path: Path) -> None:
+    """Bytes at random places, as of a bad disk, in 100 files: no other error."""
     path, broken = tmp_path / "whole.sqlite", tmp_path / "broken.sqlite"
-    whole = filled(path)
-    content, unnoticed = path.read_bytes(), 0
-    for seed in range(40 * start, 40 * start + 40):
-        chance, bytes_of = random.Random(seed), bytearray(content)
-        number = chance.choice((1, 20, 200))
-        for place in (chance.randrange(len(content)) for _ in range(number)):
-            bytes_of[place] = chance.randrange(256)
-        for left_over in tmp_path.glob("broken*"):
-            left_over.unlink()
-        broken.write_bytes(bytes_of)
+    filled(path)
+    content, refused = path.read_bytes(), 0
+    for seed in range(100):
+        chance, damaged = random.Random(seed), bytearray(content)
+        for place in (chance.randrange(len(content)) for _ in range(chance.choice((20, 200)))):
+            damaged[place] = chance.randrange(256)
+        broken.write_bytes(damaged)
         try:
-            found = rows(broken)
+            table = rows(broken)
+            as_csv(table), [in_words(row) for row in table]
         except OutputError as error:
             assert len(str(error)) < 400 and "\n" not in str(error)
-            continue
-        as_csv(found), columns(found), [in_words(row) for row in found]
-        sure = [row for row in found if row["status"] != DAMAGED]
-        assert all(
-            {**row, "status": "", "tries": 0}
-            in [{**one, "status": "", "tries": 0} for one in whole]
-            for row in sure
-        )
-        unnoticed += len(sure) == len(whole)
-    assert unnoticed < 40  # free pages, and single bytes that do not matter
+            refused += 1
+    assert refused > 20
 
 
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [
-        ("result", '{"verdict": null}'),
-        ("scene", '{"a": {"x": 7}}'),
-        ("wall", 99.0),
-        ("status", "dome"),
-    ],
-)
-def test_a_changed_case_is_noticed_and_waits_again(
-    tmp_path: Path, column: str, value: object
+def test_the_table_prints_the_first_cases_and_counts_all(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("incipient.commands.tabulate.FIRST", 30)
     path = tmp_path / "sweep.sqlite"
-    whole = filled(path)
-    changed(path, f"UPDATE cases SET {column} = ? WHERE id = 'case3'", value)
-    found = rows(path)
-    assert [row["id"] for row in found if row["status"] == DAMAGED] == ["case3"]
-    assert "computes it again" in in_words(found[3]) and "drag" not in found[3]
-    with Store(path, make=True) as store:
-        assert store.mark_damaged() == 1
-        assert store.results(["case2", "case3"]).keys() == {"case2"}
-        store.add(CASES, ["a.x"])
-        assert store.states(["case2", "case3"]) == {"case2": DONE, "case3": WAITING}
-        assert store.claim(["case3"]) and store.mark_damaged() == 0
-        store.finish(
-            {"case3": CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5)}
-        )
-        assert store.mark_damaged() == 0
-    anew = rows(path)
-    assert [row["id"] for row in anew] == [row["id"] for row in whole]
-    assert anew[3]["drag"] == 3.0 and anew[3]["a.x"] == 3
-
-
-def test_scenes_that_are_none_are_damaged_whatever_their_checksum(tmp_path: Path) -> None:
-    """As somebody who wants to harm may write them; a report of such a file ended without a reason."""
-    path, forged = tmp_path / "sweep.sqlite", ["5", '"words"', "[" * 5000 + "]" * 5000, None]
-    filled(path)
-    changed(path, "CREATE TABLE anew AS SELECT * FROM cases")  # without NOT NULL
-    changed(path, "DROP TABLE cases")
-    changed(path, "ALTER TABLE anew RENAME TO cases")
-    with sqlite3.connect(path) as base:
-        base.row_factory = sqlite3.Row
-        tried = [(task, scene) for task in ("judge", "threshold") for scene in forged]
-        for number, (task, scene) in enumerate(tried):
-            content = scene, task, f"source {number}", f"case{number}"
-            base.execute("UPDATE cases SET scene = ?, task = ?, source = ? WHERE id = ?", content)
-            row = base.execute("SELECT * FROM cases WHERE id = ?", content[3:]).fetchone()
-            new = stores._checksum(row), *content[3:]
-            base.execute("UPDATE cases SET checksum = ? WHERE id = ?", new)
-    base.close()
-    assert [row["status"] for row in rows(path)] == [DAMAGED] * 8 + [DONE] * 32
-    page = part(path)
-    assert "32 computed, 0 failed, 8 damaged" in page.statements[0]
-    titles = [section.title for section in page.sections if "First case" in section.title]
-    assert titles == ["First case of made"]
-
-
-def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None:
-    """As the first version of the file was: the same tables without the column."""
-    path, kept = tmp_path / "sweep.sqlite", tmp_path / "kept.sqlite"
-    whole = filled(path)
-    changed(path, "ALTER TABLE cases DROP COLUMN checksum")
-    changed(path, "ALTER TABLE cases DROP COLUMN log")
-    changed(path, "DROP TABLE shown")
-    changed(path, "DROP INDEX cases_by_status")
-    changed(path, "PRAGMA user_version = 1")
-    shutil.copy(path, kept)
-    assert rows(path) == whole
-    with Store(path, make=True) as store:
-        assert store.mark_damaged() == 0
-    changed(path, "UPDATE cases SET result = '{}' WHERE id = 'case0'")
-    assert rows(path)[0]["status"] == DAMAGED
-    changed(kept, "UPDATE cases SET result = '{}' WHERE id = 'case0'")
-    assert rows(kept)[0]["status"] == DAMAGED
-
-
-def test_a_missing_column_is_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.sqlite"
-    filled(path)
-    changed(path, "ALTER TABLE cases RENAME COLUMN versions TO versionz")
-    with pytest.raises(OutputError, match=r"is damaged \(no column versions\); put back a copy"):
-        rows(path)
-
-
-def test_network_file_systems_are_found_by_their_mount(tmp_path: Path) -> None:
-    """Lines as in proc(5), with octal escapes; the longest mount point that holds a file counts."""
-    mounts = tmp_path / "mounts"
-    home = tmp_path / "my home"
-    mounts.write_text(
-        f"/dev/sda1 / ext4 rw 0 0\nserver:/home {str(home).replace(' ', chr(92) + '040')} nfs4 rw,vers=4.2 0 0\n"
-        f"/dev/sdb1 {home}/scratch ext4 rw 0 0\nhost: {tmp_path}/far fuse.sshfs rw 0 0\n".replace(
-            f"{home}/scratch", str(home).replace(" ", chr(92) + "040") + "/scratch"
-        )
-    )
-    places = ("my home/a", "my home/b/c", "my home/scratch/d", "far/e", "my homes/f", "g")
-    assert [network_of(tmp_path / one / "x.sqlite", mounts) for one in places] == [
-        *("nfs4", "nfs4", "", "fuse.sshfs", "", "")
-    ]
-
-
-def test_no_shared_memory_is_used_on_a_network_file_system(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A file that was begun on a local disk, too; SQLite's WAL needs shared memory (sqlite.org/wal.html)."""
-    path = tmp_path / "sweep.sqlite"
-    filled(path)
-    with sqlite3.connect(path) as base:
-        assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
-    base.close()
-    monkeypatch.setattr(stores, "network_of", lambda path: "nfs4")
-    with Store(path, make=True) as store:
-        assert "is on a network file system (nfs4)" in caplog.text
-        store.free_failed([])
-        assert {one.name for one in tmp_path.iterdir()} <= {path.name, f"{path.name}-journal"}
-    with sqlite3.connect(path) as base:
-        assert base.execute("PRAGMA journal_mode").fetchone() == ("delete",)
-    base.close()
-    assert [row["drag"] for row in rows(path)] == [float(n) for n in range(len(CASES))]
+    filled(path, 38)
+    assert main(["table", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 32
+    assert lines[-1].startswith("40 cases: 38 done, 2 waiting; the first 30 are shown")

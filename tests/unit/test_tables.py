@@ -24,17 +24,12 @@ CASES = Path(__file__).parents[2] / "demos" / "cases"
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """A sweep of three judged cases, of which one waits and one moves."""
-    from mpi4py import MPI
-
     source = Source.of(CASES / "block_on_incline.toml")
-    cases, keys = requested(
-        [source], [parsed("contacts.friction=0.2,0.5,0.6")], task="judge"
-    ).cases()
+    axes = [parsed("contacts.friction=0.2,0.5,0.6")]
+    cases = requested([source], axes, task="judge").cases()
     with Store(tmp_path / "sweep.sqlite", make=True) as store:
-        store.add(cases, keys)
-        for case in cases[:2]:
-            assert store.claim([case.identity])
-            store.finish({case.identity: computed("judge", case.text, MPI.COMM_SELF)})
+        store.add(cases)
+        store.finish([(case.identity, 1, computed("judge", case.text)) for case in cases[:2]])
     return tmp_path / "sweep.sqlite"
 
 

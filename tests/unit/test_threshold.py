@@ -24,7 +24,7 @@ from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.closest import touching
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.beds import Hemispheres
+from incipient.geometry.space.beds import SphereBed
 from incipient.geometry.space.grains import Sphere
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
@@ -356,7 +356,7 @@ def test_what_a_threshold_needs(override: str, need: str) -> None:
 def test_goal_of_a_threshold_in_space(halved: bool) -> None:
     """By what the critical factor of a bead in a pocket changes with each component of the load, found anew."""
     height = np.sqrt(2.0 / 3.0)
-    bed = Hemispheres(0.5, 1.0, "triangular", (np.sqrt(1.0 / 12.0), 0.5), 0.0, np.pi / 2.0)
+    bed = SphereBed.array(0.5, 1.0, "triangular", (np.sqrt(1.0 / 12.0), 0.5), 0.0, np.pi / 2.0)
     centre = np.array([0.0, 0.0, height])
     contacts = touching(Sphere(1.0), Placement((0.0, 0.0, float(height))), bed, 1e-6)
     flow, weight = np.array([0.2, 0.0, 0.01, 0.0, 0.05, 0.0]), np.array([0.0, 0.0, -1.0])

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from incipient.geometry import Plane, Triangulated, rest
 from incipient.geometry.closest import touching
-from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed, summed
+from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed
 from incipient.geometry.space.surfaces import (
     Surface,
     Triangles,
@@ -62,17 +62,6 @@ def test_no_triangles_have_no_edges() -> None:
         and found.beside.shape == (0, 2)
         and found.of_sides.shape == (0, 3)
     )
-
-
-def test_sums_are_those_of_one_after_another() -> None:
-    of, values = np.array([2, 0, 2, 2]), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [0.1, 0.2]])
-    assert summed(of, values, 4).tolist() == [
-        [3.0, 4.0],
-        [0.0, 0.0],
-        [1.0 + 5.0 + 0.1, 2.0 + 6.0 + 0.2],
-        [0.0, 0.0],
-    ]
-    assert summed(of, values[:, 0], 4).tolist() == [3.0, 0.0, 6.1, 0.0]
 
 
 class Polyhedral(ExactSurface):
@@ -209,15 +198,3 @@ def test_a_point_at_the_corner_of_a_segment_is_found(seed):
     # One segment alone has no other to be found in its place.
     for one in segments.corners:
         assert len(Triangles(one[None]).nearest(one, 0.0)[0]) == 3
-
-
-def test_points_straight_beyond_the_end_of_a_segment_find_it():
-    """Their distance from its middle is its half and that from its end, but for round-off: a third were lost."""
-    random = np.random.default_rng(0)
-    for _ in range(100):
-        start, along = 10.0 * random.random(3), random.normal(size=3)
-        segment = Triangles(np.array([[start, start + along, start + along]]))
-        points = start - along * random.random((20, 1))
-        feet, row, _ = segment.nearest(points, 0.0)
-        assert row.tolist() == list(range(20))
-        assert feet == pytest.approx(np.tile(start, (20, 1)), abs=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from tetrahedra import area, cells, faces, grain_above, names, volume
+from tetrahedra import area, cells, faces, grain_above, volume
 
 from incipient import compat, make_plan
 from incipient.errors import MeshError
@@ -62,7 +62,7 @@ def meshed_in_plane(region, walls=("bed",), order=2, factor=1.0, near=()):
     layers = WallLayers(dict.fromkeys(walls, THIN), 80, 1.3, graded=True)
     along = tuple(Near(0.1, 0.3, boundary=name) for name in walls)
     sizes = Sizes(0.4, (*along, *near), layers=layers).scaled(factor)
-    return build(MPI.COMM_SELF, lambda: meshed(region, sizes, order), 2)
+    return build(MPI.COMM_SELF, lambda: meshed(region, sizes, order))
 
 
 def step():
@@ -148,19 +148,19 @@ def test_layers_leave_the_region_as_it_is(symmetric):
     """Volume and areas are exact to what curved cells miss; no cell folds over."""
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5, symmetric=symmetric)
     whole = 0.5 if symmetric else 1.0
-    with meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2) as model:
-        assert volume(model) == pytest.approx(whole * (27.0 - np.pi / 6.0), rel=1e-4)
-        assert area(faces(model, "body")) == pytest.approx(whole * np.pi, rel=2e-3)
-        assert area(faces(model, "bed")) == pytest.approx(whole * 9.0, rel=1e-9)
-        for side in ("inflow", "outflow"):
-            assert area(faces(model, side)) == pytest.approx(whole * 9.0, rel=1e-9)
-        if symmetric:
-            assert area(faces(model, "symmetry")) == pytest.approx(9.0 - np.pi / 4.0, rel=1e-3)
-        assert jacobian_lower_bound(cells(model)).min() > 0.0
-        assert {"bed", "body"} < set(names(model))
-        found = len(cells(model))
-    with meshed(region, sizes(), 2) as plain:
-        before = len(cells(plain))
+    mesh = meshed(region, sizes(WallLayers(FIRST, 4, 1.5)), 2)
+    assert volume(mesh) == pytest.approx(whole * (27.0 - np.pi / 6.0), rel=1e-4)
+    assert area(faces(mesh, "body")) == pytest.approx(whole * np.pi, rel=2e-3)
+    assert area(faces(mesh, "bed")) == pytest.approx(whole * 9.0, rel=1e-9)
+    for side in ("inflow", "outflow"):
+        assert area(faces(mesh, side)) == pytest.approx(whole * 9.0, rel=1e-9)
+    if symmetric:
+        assert area(faces(mesh, "symmetry")) == pytest.approx(9.0 - np.pi / 4.0, rel=1e-3)
+    assert jacobian_lower_bound(cells(mesh)).min() > 0.0
+    assert {"bed", "body"} < set(mesh.sides)
+    found = len(cells(mesh))
+    plain = meshed(region, sizes(), 2)
+    before = len(cells(plain))
     told = expected_cells(region, sizes(WallLayers(FIRST, 4, 1.5)))
     assert found > before
     assert told["layers along walls"] == pytest.approx(found - before, rel=1.0)
@@ -171,7 +171,7 @@ def test_first_cells_are_as_thick_as_wanted_and_fill_gaps():
     region, _ = grain_above(Sphere(1.0), gap=0.1, half=1.5)
     centre = region.holes["body"].placement.centre
     shape = sizes(WallLayers(FIRST, 4, 1.5))
-    domain = build(MPI.COMM_SELF, lambda: meshed(region, shape, 2), 3)
+    domain = build(MPI.COMM_SELF, lambda: meshed(region, shape, 2))
     space = compat.space(domain.mesh, ("Lagrange", 1))
     near = cells_at(domain, ("bed", "body"))
     corners = space.tabulate_dof_coordinates()[np.unique(compat.cell_dofs(space)[near])]
@@ -204,6 +204,6 @@ def test_no_cell_in_the_layers_of_a_pocket_folds_over():
         gravity=Gravity(acceleration=1.0),
         numerics=Numerics(mesh_size=2.2, order=2, error_bars=False),
     )
-    with lay_out(Setup(scene), make_plan(scene)).gmsh_model() as model:
-        folded = jacobian_lower_bound(cells(model))
+    mesh = lay_out(Setup(scene), make_plan(scene)).mesh()
+    folded = jacobian_lower_bound(cells(mesh))
     assert len(folded) > 10_000 and folded.min() > 0.05

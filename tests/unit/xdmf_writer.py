@@ -21,10 +21,12 @@ from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grains import Ellipse
-from incipient.mesh.domain import build, mesh_of
+from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import meshed
+from incipient.meshes.session import session
+from incipient.meshes.simplices import Simplices
 from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
@@ -43,23 +45,23 @@ def pressure(x):
 
 def holed_square(order, size):
     """Unit-centred square of side 2 with a round hole, cells of a geometric order, and the hole's facets."""
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    if MPI.COMM_WORLD.rank == 0:
-        make = gmsh.model.occ
-        make.cut(
-            [(2, make.addRectangle(-1, -1, 0, 2, 2))], [(2, make.addDisk(0, 0, 0, RADIUS, RADIUS))]
-        )
-        make.synchronize()
-        hole = [c for c in gmsh.model.getEntities(1) if gmsh.model.getType(*c) not in ("Line",)]
-        gmsh.model.addPhysicalGroup(2, [1], 1)
-        gmsh.model.addPhysicalGroup(1, [tag for _, tag in hole], 7)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(order)
-    mesh, facets = mesh_of(gmsh.model, MPI.COMM_WORLD, 2)
-    gmsh.finalize()
-    return mesh, facets.find(7)
+
+    def drawing():
+        with session():
+            make = gmsh.model.occ
+            square, disc = make.addRectangle(-1, -1, 0, 2, 2), make.addDisk(0, 0, 0, RADIUS, RADIUS)
+            make.cut([(2, square)], [(2, disc)])
+            make.synchronize()
+            sides = {"hole": [], "outer": []}
+            for curve in gmsh.model.getEntities(1):
+                sides["outer" if gmsh.model.getType(*curve) == "Line" else "hole"].append(curve[1])
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+            gmsh.model.mesh.generate(2)
+            gmsh.model.mesh.setOrder(order)
+            return Simplices.read(sides, 2, order).used()
+
+    domain = build(MPI.COMM_WORLD, drawing)
+    return domain.mesh, domain.facets_of("hole")
 
 
 def functions(mesh, degree=2):
@@ -101,7 +103,7 @@ def around_ellipse(number, cell):
     sides = ("bottom", "right", "top", "left")
     region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
     sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
-    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, 2), 2)
+    return build(MPI.COMM_WORLD, partial(meshed, region, sizes, 2))
 
 
 def counts(mesh):

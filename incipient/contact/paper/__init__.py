@@ -4,8 +4,7 @@ Equation numbers are the label keys of the paper's source; how its print is read
 Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
 """
 
-from dataclasses import dataclass, fields, is_dataclass
-from enum import Enum
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -18,20 +17,20 @@ from incipient.contact.paper.equations import (
     Distribution,
     can_vanish,
     distribute,
-    equal_shares,
+    equal_fractions,
 )
 from incipient.contact.paper.outcomes import Category, Criterion, Mode
-from incipient.contact.problem import Load, require_outward
+from incipient.contact.problem import Law, Load, plain, require_outward
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 TOLERANCE = 1e-9
-Located = Literal["force", "couple"]
+Located = Literal["force", "torque"]
 
 
 @dataclass(frozen=True, eq=False)
 class Minima:
-    """The significant reaction surfaces of the force (2) and of the couple (7)."""
+    """The significant reaction surfaces of the force (2) and of the torque (7)."""
 
     # (n,): the minimised quantities at every contact.
     projections_2: Floats
@@ -46,17 +45,17 @@ class Minima:
 
 @dataclass(frozen=True, eq=False)
 class Distributions:
-    """The answer of the whole contact surface to the force, to the couple, and to both together.
+    """The answer of the whole contact surface to the force, to the torque, and to both together.
 
     The table of outcomes does without them; they are what the paper offers where one significant reaction
-    surface is not enough. `force_left`, `couple_left` (3,): force and couple that `of_both` does not balance.
+    surface is not enough. `force_left`, `torque_left` (3,): force and torque that `of_both` does not balance.
     """
 
     of_force: Distribution  # P = F_flow&g
-    of_couple: Distribution  # P = F_tau of (6) at each contact
+    of_torque: Distribution  # P = F_tau of (6) at each contact
     of_both: Distribution  # P = F_flow&g + F_tau
     force_left: Floats
-    couple_left: Floats
+    torque_left: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ class Classification:
     """The verdict of the paper's criteria with every quantity on the way to it.
 
     Arrays with a first axis of k belong to the contacts `significant`, the place x* of the paper; reaction
-    and friction forces there already carry their `share`. Forces act on the grain, couples are about its
+    and friction forces there already carry their `fraction`. Forces act on the grain, torques are about its
     centre.
     """
 
@@ -72,7 +71,7 @@ class Classification:
     category: Category | None  # the item of the paper's list of modes, with 6(a) and 6(b) apart
     criterion: Criterion
     force: Floats  # F by (3), (24), or the force of uncoupling below (8); (3,)
-    couple: Floats  # tau by the formula below (3), by (8) or (25); (3,)
+    torque: Floats  # tau by the formula below (3), by (8) or (25); (3,)
     F_flow_and_g: Floats  # (9), (3,)
     tau_flow_and_g: Floats  # (21) about the centre, (3,)
     minimum_2: float
@@ -80,25 +79,25 @@ class Classification:
     minima: Minima
     located_by: Located
     common_position: bool  # (2) and (7) share a contact, as the simultaneous criteria assume
-    away_from_surface: bool  # minimum (7) > 0: the couple presses on no contact
+    away_from_surface: bool  # minimum (7) > 0: the torque presses on no contact
     significant: tuple[int, ...]
-    share: Floats  # (k,)
+    fraction: Floats  # (k,)
     F_tau: Floats  # (6), (k, 3)
     F_flow_g_and_tau: Floats  # the force that presses on x*, (k, 3)
     quantity_22: Floats  # n_in . F_flow_g_and_tau, negative: pressed; (k,)
-    quantity_23: Floats  # negative: the reaction at x* counters the couple; (k,)
+    quantity_23: Floats  # negative: the reaction at x* counters the torque; (k,)
     C_friction: Floats  # 1: sticks, below: slips, 0: not pressed; (k,)
     reaction: Floats  # (k, 3)
     friction_force: Floats  # (k, 3)
-    couple_about_contact: (
+    torque_about_contact: (
         Floats  # tau - r ^ F of the load, zero: no tendency to turn about x*; (k, 3)
     )
     held_by_sharing: (
-        bool  # an unequal sharing among the significant contacts makes the couple vanish
+        bool  # an unequal sharing among the significant contacts makes the torque vanish
     )
     obstructed_by: tuple[int, ...]  # contacts that the motion found would have to pass through
     force_scale: float
-    couple_scale: float
+    torque_scale: float
     friction: float
     tolerance: float
     load: Load
@@ -109,24 +108,27 @@ class Classification:
         """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
         load, arms = self.load, self.contacts.points - self.load.centre
         from_force = np.broadcast_to(load.force, arms.shape)
-        from_couple = _tangential_force(load.couple, arms)
-        of_force, of_couple, of_both = (
+        from_torque = _tangential_force(load.flow_couple, arms)
+        of_force, of_torque, of_both = (
             distribute(
                 pressing, self.contacts, arms, self.friction, self.force_scale * self.tolerance
             )
-            for pressing in (from_force, from_couple, from_force + from_couple)
+            for pressing in (from_force, from_torque, from_force + from_torque)
         )
-        left = load.force + of_both.force, load.couple + of_both.couple
-        return Distributions(of_force, of_couple, of_both, *left)
+        left = load.force + of_both.force, load.flow_couple + of_both.torque
+        return Distributions(of_force, of_torque, of_both, *left)
 
     @cached_property
     def away(self) -> Away | None:
-        """Which contact normals exclude the axis of the couple through the centre; None without a couple."""
-        size, reach = _norm(self.load.couple), self.couple_scale / max(self.force_scale, 1e-300)
-        if size <= self.couple_scale * self.tolerance:
+        """Which contact normals exclude the axis of the torque through the centre; None without a torque."""
+        size, reach = (
+            _norm(self.load.flow_couple),
+            self.torque_scale / max(self.force_scale, 1e-300),
+        )
+        if size <= self.torque_scale * self.tolerance:
             return None
         return away(
-            self.contacts, self.load.centre, self.load.couple / size, self.tolerance * reach
+            self.contacts, self.load.centre, self.load.flow_couple / size, self.tolerance * reach
         )
 
     @property
@@ -136,32 +138,29 @@ class Classification:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as numbers, strings and lists for JSON."""
-        stored = {
-            "row": self.mode.row,
-            "wording": self.mode.wording,
-            "moves": self.moves,
-            **_plain(self),
-        }
-        return stored | {"away": _plain(self.away), "distributions": _plain(self.distributions)}
+        read = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves}
+        derived = {"away": plain(self.away), "distributions": plain(self.distributions)}
+        return read | plain(self) | derived
 
 
 def classify(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    friction: Law,
     located_by: Located | None = None,
     tolerance: float = TOLERANCE,
 ) -> Classification:
     """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
 
     `friction` is the coefficient of static friction zeta. `located_by` chooses which minimum gives x* when
-    force and couple act together; None: that of the force (2) unless the force lifts everywhere, then that of
-    the couple (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |couple| / arm count
-    as zero, couples below that times the longest arm |x - c|.
+    force and torque act together; None: that of the force (2) unless the force lifts everywhere, then that of
+    the torque (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |torque| / arm count
+    as zero, torques below that times the longest arm |x - c|.
 
     Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
     normals point into the grain.
     """
+    friction = friction if isinstance(friction, float | int) else float(friction.coefficient)
     arms = _arms(load, contacts, friction)
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
@@ -172,10 +171,10 @@ def classify(
     located = _located(criterion, minima, located_by)
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
-    moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["couple"]) > scales[1]
-    # The resultant couples (k, 3) if each of the significant contacts in turn carried everything.
-    whole = (answer["reaction"] + answer["friction_force"]) / answer["share"][:, None]
-    held = not turns or can_vanish(load.couple + np.cross(arms[list(at)], whole), scales[1])
+    moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
+    # The resultant torques (k, 3) if each of the significant contacts in turn carried everything.
+    whole = (answer["reaction"] + answer["friction_force"]) / answer["fraction"][:, None]
+    held = not turns or can_vanish(load.flow_couple + np.cross(arms[list(at)], whole), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
     mode = _mode(criterion, minima, moves, turns, held, leaves)
     common = bool(set(minima.surface_2) & set(minima.surface_7))
@@ -184,7 +183,7 @@ def classify(
         category=outcomes.category(mode, common),
         criterion=criterion,
         F_flow_and_g=load.force,
-        tau_flow_and_g=load.couple,
+        tau_flow_and_g=load.flow_couple,
         minimum_2=float(minima.projections_2.min()),
         minimum_7=float(minima.projections_7.min()),
         minima=minima,
@@ -195,7 +194,7 @@ def classify(
         held_by_sharing=held,
         obstructed_by=_obstacles(mode, contacts, list(at), answer, scales),
         force_scale=force_scale,
-        couple_scale=force_scale * reach,
+        torque_scale=force_scale * reach,
         friction=float(friction),
         tolerance=tolerance,
         load=load,
@@ -216,12 +215,12 @@ def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
         raise SceneError(
             f"contact {int(np.argmin(lengths))} lies at the centre of mass; give surface points"
         )
-    require_outward(contacts, load.centre)
+    require_outward(arms, contacts.normals)
     return np.asarray(arms)
 
 
 def _criterion(load: Load, scales: tuple[float, float]) -> Criterion:
-    pushed, turned = _norm(load.force) > scales[0], _norm(load.couple) > scales[1]
+    pushed, turned = _norm(load.force) > scales[0], _norm(load.flow_couple) > scales[1]
     if pushed:
         return Criterion.SIMULTANEOUS if turned else Criterion.TRANSLATION_ONLY
     return Criterion.ROTATION_ONLY if turned else Criterion.NO_LOAD
@@ -232,64 +231,64 @@ def _minima(
 ) -> Minima:
     """(2) and (7) at every contact, their signs and where they are least."""
     toward = -contacts.normals @ load.force
-    # The lever of the couple on the normal: (7) is -lever |lever|, and has the same minimisers as -lever.
+    # The lever of the torque on the normal: (7) is -lever |lever|, and has the same minimisers as -lever.
     lengths = np.linalg.norm(arms, axis=1)
-    lever = lengths * (contacts.normals * _tangential_force(load.couple, arms)).sum(axis=1)
-    force_zero, couple_zero = scales
-    if _norm(load.couple) > couple_zero:
-        couple_zero = tolerance * _norm(
-            load.couple
+    lever = lengths * (contacts.normals * _tangential_force(load.flow_couple, arms)).sum(axis=1)
+    force_zero, torque_zero = scales
+    if _norm(load.flow_couple) > torque_zero:
+        torque_zero = tolerance * _norm(
+            load.flow_couple
         )  # its sign is a matter of direction, not of size
     return Minima(
         projections_2=toward,
         projections_7=-lever * np.abs(lever),
         sign_2=_sign(toward.min(), force_zero),
-        sign_7=_sign((-lever).min(), couple_zero),
+        sign_7=_sign((-lever).min(), torque_zero),
         surface_2=_indices_of_least(toward, force_zero),
-        surface_7=_indices_of_least(-lever, couple_zero),
+        surface_7=_indices_of_least(-lever, torque_zero),
     )
 
 
-def _tangential_force(couple: Floats, arms: Floats) -> Floats:
+def _tangential_force(torque: Floats, arms: Floats) -> Floats:
     """(6): F_tau = tau ^ r / |r|^2 at the ends of the arms, (n, 3); the part of tau along r has none."""
-    return np.asarray(np.cross(couple, arms) / (arms * arms).sum(axis=1, keepdims=True))
+    return np.asarray(np.cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
 def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Located:
     """Which of the two minima is taken as x*."""
     if criterion is Criterion.ROTATION_ONLY:
-        return "couple"
+        return "torque"
     if criterion is not Criterion.SIMULTANEOUS:
         return "force"
-    if wish not in (None, "force", "couple"):
-        raise SceneError(f"located_by {wish!r} is unknown; give 'force' or 'couple'")
-    return wish or ("force" if minima.sign_2 <= 0 else "couple")
+    if wish not in (None, "force", "torque"):
+        raise SceneError(f"located_by {wish!r} is unknown; give 'force' or 'torque'")
+    return wish or ("force" if minima.sign_2 <= 0 else "torque")
 
 
 def _reaction_at(
     load: Load, contacts: Contacts, arms: Floats, at: list[int], coefficient: float
 ) -> dict[str, Any]:
-    """The quantities at x* and the resultants (24), (25); without a couple (3), without a force (8)."""
+    """The quantities at x* and the resultants (24), (25); without a torque (3), without a force (8)."""
     arm, normals = arms[at], contacts.normals[at]
-    share = equal_shares(contacts.points[at], normals)
-    from_couple = _tangential_force(load.couple, arm)
-    pressing = load.force + from_couple
+    fraction = equal_fractions(contacts.points[at], normals)
+    from_torque = _tangential_force(load.flow_couple, arm)
+    pressing = load.force + from_torque
     toward = -(normals * pressing).sum(axis=1)
-    against = (np.cross(arm, -normals) @ load.couple) * np.abs(toward)
-    reaction = share[:, None] * equations.reaction(pressing, normals)
-    friction_force = share[:, None] * equations.friction(pressing, normals, coefficient)
+    against = (np.cross(arm, -normals) @ load.flow_couple) * np.abs(toward)
+    reaction = fraction[:, None] * equations.reaction(pressing, normals)
+    friction_force = fraction[:, None] * equations.friction(pressing, normals, coefficient)
     return {
-        "share": share,
-        "F_tau": from_couple,
+        "fraction": fraction,
+        "F_tau": from_torque,
         "F_flow_g_and_tau": pressing,
         "quantity_22": toward,
         "quantity_23": against,
         "C_friction": equations.C_friction(pressing, normals, coefficient),
         "reaction": reaction,
         "friction_force": friction_force,
-        "couple_about_contact": load.couple - np.cross(arm, load.force),
+        "torque_about_contact": load.flow_couple - np.cross(arm, load.force),
         "force": load.force + (reaction + friction_force).sum(axis=0),
-        "couple": load.couple + np.cross(arm, reaction + friction_force).sum(axis=0),
+        "torque": load.flow_couple + np.cross(arm, reaction + friction_force).sum(axis=0),
     }
 
 
@@ -315,7 +314,7 @@ def _obstacles(
 ) -> tuple[int, ...]:
     """Contacts that the motion found would press the grain into: where the paper's assumption fails.
 
-    Where x* sticks the grain can only turn about it, with the load's couple about x*; else it follows F. With
+    Where x* sticks the grain can only turn about it, with the load's torque about x*; else it follows F. With
     several contacts x* the grain is obstructed if it is whichever of them it turns about.
     """
     if not mode.moves:
@@ -324,7 +323,7 @@ def _obstacles(
         met = (contacts.normals @ answer["force"] > scales[0])[None]
     else:
         arms = contacts.points[None] - contacts.points[at][:, None]
-        velocity = np.cross(answer["couple_about_contact"][:, None], arms)
+        velocity = np.cross(answer["torque_about_contact"][:, None], arms)
         reach = max(float(np.linalg.norm(arms, axis=2).max()), 1e-300)
         met = (velocity * contacts.normals).sum(axis=2) > scales[1] * reach
     if not met.any(axis=1).all():
@@ -342,17 +341,3 @@ def _sign(value: float, zero: float) -> int:
 
 def _norm(value: Floats) -> float:
     return float(np.linalg.norm(value))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Category):
-        return {"item": value.item, "wording": value.wording}
-    if isinstance(value, Enum):
-        return value.name if isinstance(value, Mode) else value.value
-    if is_dataclass(value) and not isinstance(value, type):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
-    if isinstance(value, np.ndarray | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value

@@ -34,12 +34,12 @@ class Axis(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Away:
-    """The condition on the axis through the centre of mass along the couple, and the nearest axis that meets it.
+    """The condition on the axis through the centre of mass along the torque, and the nearest axis that meets it.
 
     `levers` (n,) are lengths, negative where the turn takes the contact away. `nearest` (3,) is where, by the
     paper's principle of least action, the grain is presumed to turn instead: on the edge of the nearest
     region that no normal excludes, the centre itself if it may; None if normals exclude every axis along the
-    couple. `distance` is how far that is from the centre, infinite for None.
+    torque. `distance` is how far that is from the centre, infinite for None.
     """
 
     direction: Floats

@@ -7,7 +7,7 @@ contact surface Gamma_c
     F_c   = c_1 int (F_reaction + F_friction) H(n . P) dGamma_c
     tau_c = c_1 int r ^ (F_reaction + F_friction) H(n . P) dGamma_c,    c_1 = c_2 / int H(n . P) dGamma_c
 
-P is the force that presses at each place: F_flow&g in the print, F_tau of (6) for a couple, or their sum. One
+P is the force that presses at each place: F_flow&g in the print, F_tau of (6) for a torque, or their sum. One
 scale serves the whole surface, fixed by the normal n* where P presses most: the reactions balance n* . P there,
 c_1 = (n* . P) / int (n . P)(n . n*) H dGamma_c. On a plane under a force that gives c_2 = 1, the ordinary law.
 """
@@ -45,7 +45,7 @@ def C_friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
     One where the contact is pressed and sticks, less where it slips, zero where it is not pressed.
     """
     press, along = pressing(force, normals), np.linalg.norm(tangential(force, normals), axis=1)
-    return np.where(press > 0.0, FrictionCone(coefficient).mobilised(press, along), 0.0)
+    return np.where(press > 0.0, FrictionCone.of(coefficient).mobilised(press, along), 0.0)
 
 
 def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
@@ -53,25 +53,25 @@ def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
     return -C_friction(force, normals, coefficient)[:, None] * tangential(force, normals)
 
 
-def equal_shares(points: Floats, normals: Floats) -> Floats:
-    """Equal shares (k,) that sum to one; contacts at one place with one normal count as one between them."""
+def equal_fractions(points: Floats, normals: Floats) -> Floats:
+    """Equal fractions (k,) that sum to one; contacts at one place with one normal count as one between them."""
     size = max(float(np.ptp(points, axis=0).max()), float(np.abs(points).max()), 1e-300)
     apart = np.abs(points[:, None] - points[None]).max(axis=2) > SAME_PLACE * size
     turned = np.abs(normals[:, None] - normals[None]).max(axis=2) > SAME_PLACE
-    shares = 1.0 / (~(apart | turned)).sum(axis=1)
-    return np.asarray(shares / shares.sum())
+    fractions = 1.0 / (~(apart | turned)).sum(axis=1)
+    return np.asarray(fractions / fractions.sum())
 
 
-def can_vanish(couples: Floats, tolerance: float) -> bool:
-    """Whether some sharing makes the sum of shares times `couples` (k, 3) vanish to `tolerance`.
+def can_vanish(torques: Floats, tolerance: float) -> bool:
+    """Whether some sharing makes the sum of fractions times `torques` (k, 3) vanish to `tolerance`.
 
     True if the origin lies in their convex hull; by Caratheodory's theorem rank + 1 of them then suffice.
     """
-    rank = int(np.linalg.matrix_rank(couples, tol=tolerance))
+    rank = int(np.linalg.matrix_rank(torques, tol=tolerance))
     return any(
-        _encloses_origin(couples[list(some)], tolerance)
-        for size in range(1, min(rank + 1, len(couples)) + 1)
-        for some in combinations(range(len(couples)), size)
+        _encloses_origin(torques[list(some)], tolerance)
+        for size in range(1, min(rank + 1, len(torques)) + 1)
+        for some in combinations(range(len(torques)), size)
     )
 
 
@@ -79,9 +79,11 @@ def _encloses_origin(corners: Floats, tolerance: float) -> bool:
     """Whether the origin is in the simplex of a few corners (k, 3)."""
     scale = max(float(np.abs(corners).max()), tolerance)
     system = np.vstack([corners.T / scale, np.ones(len(corners))])
-    shares = np.linalg.lstsq(system, np.array([0.0, 0.0, 0.0, 1.0]), rcond=None)[0]
-    rest = np.abs(shares @ corners).max()
-    return bool(rest <= tolerance and abs(shares.sum() - 1.0) <= 1e-9 and shares.min() >= -1e-9)
+    fractions = np.linalg.lstsq(system, np.array([0.0, 0.0, 0.0, 1.0]), rcond=None)[0]
+    rest = np.abs(fractions @ corners).max()
+    return bool(
+        rest <= tolerance and abs(fractions.sum() - 1.0) <= 1e-9 and fractions.min() >= -1e-9
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ class Distribution:
     reaction: Floats  # (n, 3)
     friction_force: Floats  # (n, 3)
     force: Floats  # F_c, (3,)
-    couple: Floats  # tau_c about the centre, (3,)
+    torque: Floats  # tau_c about the centre, (3,)
     unbalanced: (
         Floats  # n . P less what the reactions balance of it at pressed contacts, (n,); 0 at n*
     )
@@ -121,7 +123,7 @@ def distribute(
     at = np.flatnonzero(toward >= toward.max() - tolerance).tolist()
     pressed = np.where(toward > tolerance, toward, 0.0)
     c_1 = _scale(
-        pressed, normals, measure, at, equal_shares(contacts.points[at], normals[at]), tolerance
+        pressed, normals, measure, at, equal_fractions(contacts.points[at], normals[at]), tolerance
     )
     held = C_friction(pressing, normals, friction) * (pressed > 0.0)
     reaction = -(c_1 * measure * pressed)[:, None] * normals
@@ -138,7 +140,7 @@ def distribute(
         reaction=reaction,
         friction_force=along,
         force=(reaction + along).sum(axis=0),
-        couple=np.cross(arms, reaction + along).sum(axis=0),
+        torque=np.cross(arms, reaction + along).sum(axis=0),
         unbalanced=np.where(pressed > 0.0, toward + normals @ reaction.sum(axis=0), 0.0),
     )
 
@@ -150,8 +152,8 @@ def measures(contacts: Contacts) -> Floats:
     """
     if contacts.areas is not None and (contacts.areas > 0.0).all():
         return contacts.areas
-    shares = equal_shares(contacts.points, contacts.normals)
-    return np.asarray(shares / shares.max())
+    fractions = equal_fractions(contacts.points, contacts.normals)
+    return np.asarray(fractions / fractions.max())
 
 
 def _scale(
@@ -159,13 +161,13 @@ def _scale(
     normals: Floats,
     measure: Floats,
     at: list[int],
-    share: Floats,
+    fraction: Floats,
     tolerance: float,
 ) -> float:
     """c_1, from the balance of n* . P; where several n* share, from that of their mean."""
     if not pressed[at].all():
         return 0.0
-    wanted = float(share @ pressed[at])
-    answered = (measure * pressed) @ (normals @ normals[at].T) @ share
+    wanted = float(fraction @ pressed[at])
+    answered = (measure * pressed) @ (normals @ normals[at].T) @ fraction
     smallest = 1e-9 * float(measure.max()) * max(wanted, tolerance)
     return wanted / float(answered) if answered > smallest else float("nan")

@@ -72,15 +72,15 @@ def category(mode: Mode, common_position: bool) -> Category | None:
 
 
 class Criterion(Enum):
-    """Which of the paper's sections applied: is there a force, a couple, or both?"""
+    """Which of the paper's sections applied: is there a force, a torque, or both?"""
 
-    NO_LOAD = "neither force nor couple acts"
-    TRANSLATION_ONLY = "incipient translation only, (3): no couple acts"
+    NO_LOAD = "neither force nor torque acts"
+    TRANSLATION_ONLY = "incipient translation only, (3): no torque acts"
     ROTATION_ONLY = "incipient rotation only, (6)-(8): no force acts"
     SIMULTANEOUS = "simultaneous incipient rotation and translation, (22)-(25)"
 
 
-def simultaneous(force_sign: int, couple_sign: int, moves: bool, turns: bool) -> Mode:
+def simultaneous(force_sign: int, torque_sign: int, moves: bool, turns: bool) -> Mode:
     """The row of the table by the signs of the minima (2), (7), by F != 0 (24) and tau != 0 (25).
 
     Where the table is silent because a minimum is zero: minimum (2) = 0 presses nowhere but keeps the contact
@@ -90,8 +90,8 @@ def simultaneous(force_sign: int, couple_sign: int, moves: bool, turns: bool) ->
     if not turns:
         return translation(force_sign) if moves else Mode.NO_INCIPIENT_MOTION
     if force_sign > 0:
-        return Mode.LIFTING_WITH_PIVOTTING if couple_sign < 0 else Mode.LIFTING_WITH_AWAY_ROTATION
-    if couple_sign > 0:
+        return Mode.LIFTING_WITH_PIVOTTING if torque_sign < 0 else Mode.LIFTING_WITH_AWAY_ROTATION
+    if torque_sign > 0:
         return Mode.SLIDING_WITH_AWAY_ROTATION if moves else Mode.AWAY_ROTATION
     return Mode.SLIDING_AND_PIVOTTING if moves else Mode.PIVOTTING
 
@@ -102,22 +102,22 @@ def translation(force_sign: int) -> Mode:
 
 
 def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
-    """The outcome without a couple: row 1 if F != 0 by (3), else row 5a or 7.
+    """The outcome without a torque: row 1 if F != 0 by (3), else row 5a or 7.
 
-    `held`: the couple of the contact forces vanishes, or can vanish by sharing them among the minimisers.
+    `held`: the torque of the contact forces vanishes, or can vanish by sharing them among the minimisers.
     """
     if moves:
         return translation(force_sign)
     return Mode.NO_INCIPIENT_MOTION if held else Mode.PIVOTTING
 
 
-def rotation_only(couple_sign: int, turns: bool, leaves: bool) -> Mode:
+def rotation_only(torque_sign: int, turns: bool, leaves: bool) -> Mode:
     """The outcome without a force: row 5, or row 1 if friction stops the turn, tau = 0 by (8).
 
     Minimum (7) = 0 is a rotation away from the surface, which the paper defines by the absence of a counter torque.
     `leaves`: the force of uncoupling that is left then points away from every contact.
     """
-    if couple_sign >= 0:
+    if torque_sign >= 0:
         return Mode.AWAY_ROTATION
     if turns:
         return Mode.PIVOTTING

@@ -12,7 +12,7 @@ from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...planning.open_channel import froude, near_critical, wave_of
 from ...results.left_out import Omission
-from ...scene.open_channel import STREAMS
+from ...scene.rules import STREAMS
 from ..effect import Effect, Solved
 from ..run_part import Stage
 

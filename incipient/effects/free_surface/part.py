@@ -19,9 +19,8 @@ from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
 from ...mesh.elevation import RisingDisplacement
-from ...mesh.locator import Locator
 from ...mesh.motion import MeshMotion
-from ...mesh.sampling import sample
+from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
@@ -218,10 +217,9 @@ class MovingSurface(RunPart):
         return {"surface": found | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """What enters per time at the inflow of a channel and through the bed, of the whole where half is meshed."""
+        """What enters per time at the inflow of a channel, of the whole where half is meshed."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
-        found = {"inflow": whole * (held.influx - held.seepage)} if held.entries else {}
-        return found | ({"seepage": whole * held.seepage} if held.seeps else {})
+        return {"inflow": whole * held.influx} if held.entries else {}
 
     def unknowns(self) -> dict[str, int]:
         """Nodes of the surface."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...arrays import Floats, planar_cross
+from ...arrays import Floats
 from ...body.state import BodyState
 from ...coupled.coupling import Coupling, InterfaceReport
 from ...coupled.energy import EnergyBudget
@@ -73,7 +73,6 @@ class MovingGrain(RunPart):
         self.grain, self.time = scene.grain, scene.time
         self.surroundings, self._halved = setup.surroundings, setup.symmetric
         self.turns_mesh = not isinstance(self.grain, Disc | Sphere)
-        self._is_free, self._is_repelled = scene.body.is_free, scene.body.on_contact == "repel"
         self.body = rigid_body(scene.body, self._halved)
         first = setup.geometry.stance.placement
         assert first is not None
@@ -117,9 +116,8 @@ class MovingGrain(RunPart):
             self._fluid.constraints.boundary_points_moved()
         self.part = self._rigid_part(
             *(self._fluid, self.body, self._start, self._displacement, self._other_load),
-            room=None if self._is_repelled else self._room,
+            room=self._room,
             stage=self._stage,
-            added_mass=self.scene.numerics.coupling == "exact",
         )
 
     def _rigid_part(self, *others: Any, **named: Any) -> RigidPart:
@@ -161,7 +159,7 @@ class MovingGrain(RunPart):
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
-        """Place, velocities and loads; those of the repulsion are zero for a free grain that is not repelled."""
+        """Place, velocities and loads."""
         assert coupling is not None
         return {
             **columns_of_state(self.state),
@@ -171,12 +169,8 @@ class MovingGrain(RunPart):
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        """The load of what repels a free grain."""
-        return (
-            columns_of_load(self.repulsion(), "repulsion", "repulsion_couple")
-            if self._is_free
-            else {}
-        )
+        """What a grain that moves on its bed adds."""
+        return {}
 
     def budget(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
@@ -228,10 +222,6 @@ class MovingGrain(RunPart):
         """How far the grain is from what is nearest to it. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
-    def repulsion(self) -> Floats:
-        """Force and couple (3,), in space (6,), from what the grain has come close to; zero unless it is repelled."""
-        return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
-
     def _in_the_way(self) -> Surroundings:
         """What the grain may not touch."""
         return self.surroundings
@@ -246,13 +236,10 @@ class MovingGrain(RunPart):
         return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:
-        """Weight and buoyancy, and what keeps a repelled grain away."""
+        """Weight and buoyancy, and what a gust exerts on the fluid displaced."""
         load = np.zeros(self.body.size)
         load[: self.body.gdim] = self._weight()
-        load += self.displaced_load(state)
-        if self._is_repelled:
-            load += self._repulsion(state)
-        return load
+        return load + self.displaced_load(state)
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
         """Force and couple (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
@@ -260,36 +247,6 @@ class MovingGrain(RunPart):
         gdim = self.body.gdim
         load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
         if self._halved:
-            load[[1, 3, 5]] = 0.0
-        return load
-
-    def _repulsion(self, state: BodyState) -> Floats:
-        """Force and couple that keep a grain from what it comes close to.
-
-        Along the shortest line between both, S ((r - d)/r)^2 at a distance d below the range r, which is three
-        times the contact gap: enough to stop the grain at the reference velocity V, S = 10 (m + m_f) V^2/r,
-        against ten times its submerged weight, and against the drag, 100 nu V in the plane, times its size in space.
-        """
-        reach = 3.0 * self.scene.contact_gap
-        near = self.surroundings.clearance(state.placement, reach)
-        if near.distance >= reach:
-            return np.zeros(self.body.size)
-        speed, volume, mass = (
-            self.scene.reference_velocity,
-            self.grain.volume,
-            self.body.inertia.mass,
-        )
-        weight = abs(mass - volume) * float(np.linalg.norm(self.scene.gravity_vector))
-        drag = 100.0 * self.scene.viscosity * speed * self.grain.size ** (self.scene.gdim - 2)
-        strength = 10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + drag
-        on_grain, on_other = np.array(near.on_grain), np.array(near.on_other)
-        towards = on_grain - on_other if near.distance > 0.0 else on_other - on_grain
-        away = towards / max(float(np.linalg.norm(towards)), 1e-300)
-        force = strength * (1.0 - near.distance / reach) ** 2 * away
-        arm = on_grain - state.place
-        twist = np.cross(arm, force) if len(arm) == 3 else [planar_cross(arm, force)]
-        load = np.concatenate([force, twist])
-        if self._halved:  # as much from the mirror image of what it has come close to
             load[[1, 3, 5]] = 0.0
         return load
 

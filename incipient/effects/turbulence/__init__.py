@@ -192,14 +192,6 @@ class TurbulenceEffect(Effect):
             )
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
-    def kind_of_cost(self, setup: Setup) -> str:
-        """Each model has laws of its own, and so have rough walls that the mesh reaches."""
-        if not setup.is_averaged:
-            return ""
-        if setup.has_wall_layer:
-            return " with turbulence"
-        return " with turbulence to the wall" + " over sand" * bool(setup.turbulence.roughness)
-
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from ...arrays import Floats
 from ...fluid import Fluid
-from ...fluid.along_walls import AlongWall, along_resolved_wall
+from ...fluid.along_walls import AlongWall, along_resolved_wall, coarse_along
 from ...mesh.domain import Domain
 from ...mesh.wall_distance import distances
 from ...planning.base_flow import Velocity
@@ -134,9 +134,8 @@ class KOmegaFlow(TurbulentFlow):
             on_sand=walls.thickest(walls.rough[0]) if walls.rough else 0.0,
             excess=float((y_plus / limits).max()),
             iteration=self.continued,
-            coarse_along=bottom.coarse_share(self._fluid.space.order, LARGEST_CHANGE)
-            if walls.smooth
-            else (0.0 if walls.plane else None),
+            coarse_along=0.0 if walls.plane else coarse_along(along, walls.rough, LARGEST_CHANGE),
+            judged_along=walls.smooth,
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:

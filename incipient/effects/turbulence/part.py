@@ -116,20 +116,20 @@ class TurbulentFlow(RunPart):
             if from_inflow:
                 self.enter(fluid)
             with run.stage("flow"), self._timed():
-                self.continued = continued(
+                found = self.continued = continued(
                     fluid,
                     self.fields,
                     tolerance,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )
-            if self.continued.converged:
+            if found.converged:
                 break
-        run.count(turbulence=len(self.continued.changes))
-        if not self.continued.converged:
+        run.count(turbulence=len(found.changes))
+        if not found.converged:
             # A run in time that begins with this flow has no other place for that.
             run.voice.say(
-                f"the steady flow has not converged: its loads change by {100.0 * self.continued.spread:.2g}%"
+                f"the steady flow has not converged: its loads change by {100.0 * found.spread:.2g}%"
             )
         return True
 

@@ -4,7 +4,6 @@ Every bed takes `origin_y`, the height of its base line in the scene. Lengths ar
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
@@ -13,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, Point, rows
+from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, increasing_roots, plain
-from incipient.geometry.shape import require_not_negative, require_positive
 
 ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
 LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 6000  # of a stretch that bends
@@ -103,8 +101,9 @@ class Bed(ABC):
 
     def side_normals(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """Unit normals into the fluid just left and just right of abscissae (n,), (n, 2) each."""
-        left, right = (np.arctan(slope) for slope in self.slopes(x))
-        return _upward(left), _upward(right)
+        angles = np.arctan(self.slopes(x))
+        left, right = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)
+        return left, right
 
     def distance(self, points: Floats) -> Floats:
         """The Euclidean distance of points (n, 2) from the bed, (n,), negative below it."""
@@ -141,7 +140,6 @@ class Flat(Bed):
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One line."""
-        require_order(x0, x1)
         return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
 
 
@@ -153,10 +151,6 @@ class Sinusoidal(Bed):
     wavelength: float
     phase: float = 0.0
     origin_y: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("wavelength", self.wavelength)
-        require_not_negative("amplitude", self.amplitude)
 
     @property
     def feature(self) -> float:
@@ -191,25 +185,18 @@ class Sinusoidal(Bed):
 
     def nearest(self, points: Floats) -> Floats:
         """The nearest point, within half a wavelength of each abscissa because the bed is periodic."""
-        points = rows(points)
-        window = np.linspace(-0.55, 0.55, ACROSS) * self.wavelength
+        points, window = rows(points), np.linspace(-0.55, 0.55, ACROSS) * self.wavelength
         x = points[:, :1] + window
-        squared = (window**2) + (self.height(x) - points[:, 1:]) ** 2
-        inner = squared[:, 1:-1]
-        # The best of up to three valleys: sampling alone could mistake a near tie between valleys.
-        valley = (inner <= squared[:, :-2]) & (inner <= squared[:, 2:])
-        count = int(np.clip(valley.sum(axis=1).max(initial=1), 1, 3))
-        order = np.argsort(np.where(valley, inner, np.inf), axis=1)[:, :count]
-        order = np.where(np.take_along_axis(valley, order, axis=1), order, order[:, :1])
-        start, step = np.take_along_axis(x[:, 1:-1], order, axis=1).ravel(), window[1] - window[0]
-        owner = np.repeat(points, count, axis=0)
-        feet = _foot(self, owner, start - step, start + step).reshape(-1, count, 2)
-        apart = ((feet - points[:, None]) ** 2).sum(axis=2)
-        return np.asarray(feet[np.arange(len(points)), np.argmin(apart, axis=1)])
+        squared = window**2 + (self.height(x) - points[:, 1:]) ** 2
+        # All valleys: sampling alone could mistake a near tie between them.
+        valley = (squared[:, 1:-1] <= squared[:, :-2]) & (squared[:, 1:-1] <= squared[:, 2:])
+        owner, k = np.nonzero(valley)
+        feet = _foot(self, points[owner], x[owner, k], x[owner, k + 2])
+        order = np.lexsort([((feet - points[owner]) ** 2).sum(axis=1), owner])
+        return np.asarray(feet[order[np.unique(owner[order], return_index=True)[1]]])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One spline, closer to the bed than 1e-6 of the wavelength also in kernels with crude end slopes."""
-        require_order(x0, x1)
         # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
         # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
         steepness = max(self.amplitude / self.wavelength, 1e-3)
@@ -227,15 +214,6 @@ class HalfDiscs(Bed):
     spacing: float
     offset: float = 0.0
     origin_y: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("radius", self.radius)
-        require_positive("spacing", self.spacing)
-        if self.spacing < 2.0 * self.radius * (1.0 - 1e-12):
-            raise SceneError(
-                f"spacing {self.spacing} of the half-discs is below their diameter {2.0 * self.radius}; "
-                "they would overlap: enlarge spacing or reduce radius"
-            )
 
     @property
     def feature(self) -> float:
@@ -281,74 +259,54 @@ class HalfDiscs(Bed):
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx left and right; infinite where a half-disc stands on the base line."""
-        x = abscissae(x)
-        away = x - self._centre(x)
+        away = abscissae(x) - self._centre(abscissae(x))
         # A foot of a half-disc found to round-off is that foot.
-        away = np.where(
-            np.isclose(np.abs(away), self.radius, rtol=1e-12), np.copysign(self.radius, away), away
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(
-                np.abs(away) <= self.radius, -away / np.sqrt(self.radius**2 - away**2), 0.0
-            )
-        if self._touching:
-            at_foot = np.abs(away) == self.radius
-            return np.where(at_foot, -np.inf, slope), np.where(at_foot, np.inf, slope)
-        return np.where(away == -self.radius, 0.0, slope), np.where(away == self.radius, 0.0, slope)
+        foot = np.isclose(np.abs(away), self.radius, rtol=1e-12)
+        on_disc = (np.abs(away) < self.radius) & ~foot
+        root = np.sqrt(np.where(on_disc, self.radius**2 - away**2, 1.0))
+        slope, beside = np.where(on_disc, -away / root, 0.0), np.inf if self._touching else 0.0
+        left, right = np.where(away > 0.0, -np.inf, -beside), np.where(away > 0.0, beside, np.inf)
+        return np.where(foot, left, slope), np.where(foot, right, slope)
 
     def corners(self, x0: float, x1: float) -> Floats:
         """The feet of the half-discs."""
         centres = self._centres(x0, x1)
-        feet = np.sort(np.concatenate([centres - self.radius, centres + self.radius]))
-        if self._touching:
-            feet = feet[::2]
+        sides = (-self.radius,) if self._touching else (-self.radius, self.radius)
+        feet = np.sort(np.concatenate([centres + side for side in sides]))
         return np.asarray(feet[(feet >= x0) & (feet <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
         """The foot on the half-disc whose centre is nearest, or that on the base line beside it if it is nearer."""
-        points = rows(points)
-        x = points[:, 0]
+        points, r = rows(points), self.radius
         # Half-way between two it is the left one.
-        centre = self.offset + self.spacing * np.ceil((x - self.offset) / self.spacing - 0.5)
-        feet = self._on_disc(points, centre)
-        if self._touching:
-            return feet
-        left = np.where(
-            x < centre, centre - self.spacing, centre
-        )  # of the base line next to the point
-        base_x = np.clip(x, left + self.radius, left + self.spacing - self.radius)
-        base = np.column_stack([base_x, np.full(len(points), self.origin_y)])
-        is_nearer = np.square(base - points).sum(axis=1) < np.square(feet - points).sum(axis=1)
-        return np.where(is_nearer[:, None], base, feet)
-
-    def _on_disc(self, points: Floats, centre: Floats) -> Floats:
-        """Nearest points on the half-discs with the given centres."""
-        away = points - np.column_stack([centre, np.full(len(points), self.origin_y)])
-        away[:, 1] = np.maximum(away[:, 1], 0.0)
-        length = np.linalg.norm(away, axis=1, keepdims=True)
-        direction = np.where(length > 0.0, away / np.where(length > 0.0, length, 1.0), [0.0, 1.0])
-        return (
-            np.column_stack([centre, np.full(len(points), self.origin_y)]) + self.radius * direction
+        place = np.ceil((points[:, 0] - self.offset) / self.spacing - 0.5)
+        centre = np.column_stack(
+            [self.offset + self.spacing * place, np.full(len(points), self.origin_y)]
         )
+        away = points - centre
+        up = np.column_stack([away[:, 0], np.maximum(away[:, 1], 0.0)])
+        up[~up.any(axis=1), 1] = 1.0
+        feet = r * unit(up)
+        if not self._touching:
+            x, side = np.abs(away[:, 0]), np.where(away[:, 0] < 0.0, -1.0, 1.0)
+            base = np.column_stack([side * np.clip(x, r, self.spacing - r), np.zeros(len(points))])
+            nearer = ((base - away) ** 2).sum(axis=1) < ((feet - away) ** 2).sum(axis=1)
+            feet = np.where(nearer[:, None], base, feet)
+        return np.asarray(centre + feet)
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""
-        require_order(x0, x1)
-        crests = self._centres(x0, x1)
-        sliver = 1e-9 * self.radius
-        stations = abscissae_between(x0, x1, np.concatenate([self.corners(x0, x1), crests]), sliver)
+        sliver, curves = 1e-9 * self.radius, list[Curve]()
+        x = np.union1d(self.corners(x0, x1), self._centres(x0, x1))
+        x = np.array([x0, *x[(x > x0 + sliver) & (x < x1 - sliver)], x1])
         # The height is so steep at a foot that a cut there must be set on the base line, not computed.
-        at_foot = np.abs(np.abs(stations - self._centre(stations)) - self.radius) <= sliver
-        heights = np.where(at_foot, self.origin_y, self.height(stations)).tolist()
-        curves: list[Curve] = []
-        for k in range(len(stations) - 1):
-            start, end = (float(stations[k]), heights[k]), (float(stations[k + 1]), heights[k + 1])
-            middle = 0.5 * (start[0] + end[0])
-            centre = float(self._centre(np.array(middle)))
-            on_disc = abs(middle - centre) < self.radius
-            curves.append(
-                Arc(start, (centre, float(self.origin_y)), end) if on_disc else Line(start, end)
-            )
+        at_foot = np.abs(np.abs(x - self._centre(x)) - self.radius) <= sliver
+        stations = np.column_stack([x, np.where(at_foot, self.origin_y, self.height(x))])
+        for start, end in pairwise(map(plain, stations)):
+            middle = np.array(0.5 * (start[0] + end[0]))
+            centre = float(self._centre(middle)), float(self.origin_y)
+            on_disc = abs(middle - centre[0]) < self.radius
+            curves.append(Arc(start, centre, end) if on_disc else Line(start, end))
         return tuple(curves)
 
 
@@ -368,35 +326,12 @@ def abscissae(x: ArrayLike) -> Floats:
     return np.asarray(x, dtype=float)
 
 
-def _upward(angle: Floats) -> Floats:
-    """Unit normals (n, 2) of lines at the angles (n,) to the horizontal."""
-    angle = np.atleast_1d(angle)
-    return np.column_stack([-np.sin(angle), np.cos(angle)])
-
-
-def abscissae_between(x0: float, x1: float, between: Floats, sliver: float) -> Floats:
-    """x0, the abscissae `between` that keep `sliver` away from both ends, and x1; ascending."""
-    inner = between[(between > x0 + sliver) & (between < x1 - sliver)]
-    return np.concatenate([[x0], np.unique(inner), [x1]])
-
-
 def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
     """Abscissae from x0 to x1 at most `step` apart, `end_step` at both ends, growing by 2% a step."""
-    count = int(np.ceil(np.log(step / end_step) / np.log(1.02)))
-    growing = end_step * 1.02 ** np.arange(count)
+    growing = end_step * 1.02 ** np.arange(np.ceil(np.log(step / end_step) / np.log(1.02)))
     middle = max(int(np.ceil((x1 - x0 - 2.0 * growing.sum()) / step)), 4)
-    x = np.concatenate(
-        [[0.0], np.cumsum(np.concatenate([growing, np.full(middle, step), growing[::-1]]))]
-    )
-    x = x0 + (x1 - x0) * (x / x[-1])
-    x[-1] = x1
-    return np.asarray(x)
-
-
-def require_order(x0: float, x1: float) -> None:
-    """Refuse a piece of bed that does not go from left to right. Raises SceneError."""
-    if not x0 < x1:
-        raise SceneError(f"a piece of bed from x = {x0} to {x1} is empty; give x0 < x1")
+    x = np.append(0.0, np.cumsum([*growing, *np.full(middle, step), *growing[::-1]]))
+    return np.append((x0 + (x1 - x0) * (x / x[-1]))[:-1], x1)
 
 
 @dataclass(frozen=True, init=False)
@@ -411,19 +346,9 @@ class Polyline(Bed):
     origin_y: float = 0.0
 
     def __init__(self, points: ArrayLike, origin_y: float = 0.0) -> None:
-        array = np.array(points, dtype=float)
-        if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
-            raise SceneError(
-                "a polyline bed needs at least two points of two finite coordinates; add them"
-            )
-        dx, dy = np.diff(array, axis=0).T
-        falling = (dx < 0.0) | ((dx == 0.0) & (dy == 0.0))
-        if falling.any():
-            k = int(np.argmax(falling)) + 1
-            raise SceneError(
-                f"polyline point {k} lies to the left of, or at, the one before; sort by x"
-            )
-        object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
+        object.__setattr__(
+            self, "points", tuple((float(x), float(y)) for x, y in np.asarray(points))
+        )
         object.__setattr__(self, "origin_y", float(origin_y))
 
     @cached_property
@@ -449,19 +374,15 @@ class Polyline(Bed):
     def crest_level(self, x0: float, x1: float) -> float:
         """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
         cuts = np.linspace(x0, x1, 4)
-        thirds = [self._between(*cut)[:, 1].max() for cut in pairwise(cuts)]
+        thirds = [self._cut(*cut)[:, 1].max() for cut in pairwise(cuts)]
         return float(max(min(thirds), self.height([x0])[0]))
 
     def mean(self, x0: float, x1: float) -> float:
         """The mean height from x0 to x1."""
-        x, y = self._between(x0, x1).T
+        x, y = self._cut(x0, x1).T
         return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
 
-    def _between(self, x0: float, x1: float) -> Floats:
-        """The points (n, 2) of the bed at x0, at its corners between, and at x1."""
-        return self._cut(x0, x1, 0.0)
-
-    def _cut(self, x0: float, x1: float, sliver: float) -> Floats:
+    def _cut(self, x0: float, x1: float, sliver: float = 0.0) -> Floats:
         """Points (n, 2) at x0 and x1, and of the corners between them those that keep `sliver` away from both."""
         x = self._vertices[:, 0]
         inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
@@ -470,22 +391,20 @@ class Polyline(Bed):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
-        vertices = self._vertices
-        return np.asarray(np.interp(abscissae(x), vertices[:, 0], vertices[:, 1]))
+        return np.asarray(np.interp(abscissae(x), *self._vertices.T))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """The slopes of the lines left and right; zero beyond the ends."""
-        vertices, x = self._vertices, abscissae(x)
-        dx, dy = np.diff(vertices, axis=0).T
-        upright = dx == 0.0  # no abscissa lies within such a line
-        slope = np.concatenate(
-            [[0.0], np.where(upright, 0.0, dy / np.where(upright, 1.0, dx)), [0.0]]
-        )
+        at, (dx, dy) = self._vertices[:, 0], np.diff(self._vertices, axis=0).T
+        # No abscissa lies within an upright line.
+        slope = np.pad(np.divide(dy, dx, out=np.zeros_like(dx), where=dx > 0.0), 1)
         # A vertex found to round-off is that vertex.
-        slack = 1e-12 * np.ptp(vertices[:, 0])
-        left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
-        right = slope[np.searchsorted(vertices[:, 0], x + slack, side="right")]
-        return left, right
+        x, slack = abscissae(x), 1e-12 * np.ptp(at)
+        left, right = (
+            np.searchsorted(at, x - slack, "left"),
+            np.searchsorted(at, x + slack, "right"),
+        )
+        return slope[left], slope[right]
 
     def corners(self, x0: float, x1: float) -> Floats:
         """The points between x0 and x1, also those that are not real corners."""
@@ -506,34 +425,25 @@ class Polyline(Bed):
         """The nearest points (n, 2) of the bed for a few points (n, 2), by all lines no farther than the bed below."""
         if len(points) == 0:
             return points
-        vertices = self._vertices
+        v = self._vertices
         reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(
-            vertices[:, 0]
+            v[:, 0]
         )
         x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
-        left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
-        right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])
-        vertices = np.vstack([left, vertices, right])
-        first = max(int(np.searchsorted(vertices[:, 0], x0)) - 1, 0)
-        vertices = vertices[first : int(np.searchsorted(vertices[:, 0], x1)) + 1]
+        ends = [min(x0, v[0, 0]) - reach, v[0, 1]], [max(x1, v[-1, 0]) + reach, v[-1, 1]]
+        v = np.vstack([ends[0], v, ends[1]])
+        vertices = v[max(np.searchsorted(v[:, 0], x0) - 1, 0) : np.searchsorted(v[:, 0], x1) + 1]
         side = np.diff(vertices, axis=0)
-        from_start = points[:, None] - vertices[:-1]
-        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
+        s = ((points[:, None] - vertices[:-1]) * side).sum(axis=2) / (side * side).sum(axis=1)
+        s = np.clip(s, 0.0, 1.0)[..., None]
         # Weighted ends: a foot at an end of a line is that end exactly.
-        feet = (1.0 - s[..., None]) * vertices[:-1] + s[..., None] * vertices[1:]
+        feet = (1.0 - s) * vertices[:-1] + s * vertices[1:]
         best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
         return np.asarray(feet[np.arange(len(points)), best])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One line from point to point, cut at x0 and x1."""
-        require_order(x0, x1)
-        x = self._vertices[:, 0]
-        if x0 < x[0] or x1 > x[-1]:
-            raise SceneError(
-                f"the polyline bed reaches from x = {x[0]:g} to {x[-1]:g}, the domain from {x0:g} to {x1:g}; "
-                "add points or shorten the domain"
-            )
-        ends = [(float(a), float(b)) for a, b in self._cut(x0, x1, 1e-9 * (x1 - x0))]
+        ends = map(plain, self._cut(x0, x1, 1e-9 * (x1 - x0)))
         return tuple(Line(start, end) for start, end in pairwise(ends))
 
 
@@ -548,12 +458,7 @@ class Curved(Polyline):
     knots: tuple[Point, ...] = ()
 
     def __init__(self, knots: ArrayLike, origin_y: float = 0.0) -> None:
-        corners = Polyline(knots).points
-        if any(left[0] == right[0] for left, right in pairwise(corners)):
-            raise SceneError(
-                "a smooth bed has a step, two points with the same x; leave one of them out"
-            )
-        object.__setattr__(self, "knots", corners)
+        object.__setattr__(self, "knots", Polyline(knots).points)
         places = [self._on_curve(a, b, bends) for a, b, bends in self._stretches()]
         super().__init__(np.vstack([places[0], *(place[1:] for place in places[1:])]), origin_y)
 
@@ -591,19 +496,13 @@ class Curved(Polyline):
         return max((b - a) / self._lines(b - a) for a, b, bends in self._stretches() if bends)
 
     @cached_property
-    def _radii(self) -> Floats:
-        """The radius of curvature (n - 2,) at each knot but the first and last, by the lines to its neighbours."""
+    def feature(self) -> float:
+        """The smallest radius of curvature, by the lines between the knots; infinite where these are on one line."""
         sides = np.diff(np.array(self.knots), axis=0)
         turns = np.abs(np.diff(np.arctan2(sides[:, 1], sides[:, 0])))
         lengths = np.linalg.norm(sides, axis=1)
-        with np.errstate(divide="ignore"):
-            return np.asarray(0.5 * (lengths[1:] + lengths[:-1]) / turns)
-
-    @cached_property
-    def feature(self) -> float:
-        """The smallest radius of curvature; infinite where the knots are on one line."""
-        result = float(self._radii.min(initial=np.inf))
-        return result if result < LEVEL * np.ptp([x for x, _ in self.knots]) else np.inf
+        curvature = (2.0 * turns / (lengths[1:] + lengths[:-1])).max(initial=0.0)
+        return float(1.0 / curvature) if curvature * LEVEL * sides[:, 0].sum() > 1.0 else np.inf
 
     @property
     def crest(self) -> float:
@@ -634,16 +533,13 @@ class Curved(Polyline):
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """Lines where the bed is straight and smooth curves between, cut at x0 and x1."""
-        super().curves(x0, x1)  # refuses what is beyond the ends
-        return tuple(self._cut_curves(x0, x1))
-
-    def _cut_curves(self, x0: float, x1: float) -> Iterator[Curve]:
-        sliver = 1e-9 * (x1 - x0)
+        curves, sliver = list[Curve](), 1e-9 * (x1 - x0)
         for a, b, bends in self._stretches():
             start, end = max(a, x0), min(b, x1)
             if end - start > sliver:
                 places = self._on_curve(start, end, bends) + np.array([0.0, self.origin_y])
-                yield Spline(places) if bends else Line(plain(places[0]), plain(places[-1]))
+                curves.append(Spline(places) if bends else Line(*map(plain, places)))
+        return tuple(curves)
 
 
 def effective_level(bed: Bed) -> float:

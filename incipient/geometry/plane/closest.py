@@ -53,29 +53,18 @@ class PlanarProximity:
         return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
 
     @cached_property
-    def _samples(self) -> tuple[np.ndarray, Floats, Floats, Floats]:
-        """Curves (m,), parameters (m,) and points (m, 2) of samples in order, and the way (m,) to the next one."""
-        chain, steps = self.grain.chain, self._steps
-        curve = np.repeat(np.arange(len(steps)), steps)
-        s = np.concatenate([np.arange(n) / n for n in steps])
-        points = chain.point(curve, s)
+    def _samples(self) -> tuple[np.ndarray, Floats, Floats, float]:
+        """Curves (m,), parameters (m,) and points (m, 2) of samples in order, and the longest way to the next one."""
+        curve, s = self.grain.chain.samples(self._steps)
         # An estimate of a curve's length may be a little too small.
-        way = 1.1 * np.repeat(chain.lengths / steps, steps)
-        return curve, s, points, way
+        way = 1.1 * float((self.grain.chain.lengths / self._steps).max())
+        return curve, s, self.grain.chain.point(curve, s), way
 
     def _distances(self, points: Floats, within: float | None) -> Floats:
         """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`, or the least one."""
-        way, count = self._samples[3], len(points)
-        along = np.concatenate([[0.0], np.cumsum(way)[:-1]])
-        first = np.arange(0, count, STRIDE)
-        middle = np.minimum(first + STRIDE // 2, count - 1)
-        reach = np.maximum(
-            along[middle] - along[first], along[np.append(first[1:], count) - 1] - along[middle]
-        )
-        known = self.bed.distance(points[middle])
-        bound = float(known.min()) if within is None else within
-        near = np.repeat(known - reach <= bound + 2.0 * way.max(), STRIDE)[:count]
-        distances = np.full(count, np.inf)
+        known, distances = self.bed.distance(points[::STRIDE]), np.full(len(points), np.inf)
+        bound = known.min() if within is None else within
+        near = np.repeat(known <= bound + (STRIDE + 1) * self._samples[3], STRIDE)[: len(points)]
         distances[near] = self.bed.distance(points[near])
         return distances
 
@@ -90,7 +79,7 @@ class PlanarProximity:
         curve, s, points, way = self._samples
         points = placement.to_scene(points)
         distances = self._distances(points, within)
-        bound = (float(distances.min()) if within is None else within) + float(way.max())
+        bound = (float(distances.min()) if within is None else within) + way
         low, high = np.roll(distances, 1), np.roll(distances, -1)
         even = LEVEL * self.size
         least = (distances <= low + even) & (distances < high - even) & (distances <= bound)
@@ -133,34 +122,23 @@ class PlanarProximity:
         self, placement: Placement, k: np.ndarray, s: Floats, touching: float | None = None
     ) -> ClosestPoints:
         """Minima on curves (m,) at parameters (m,); where a corner of the grain stands in a valley there are two."""
-        body = self.grain.chain.point(k, s)
+        chain, slack = self.grain.chain, ON_CORNER * self.size if touching is None else touching
+        body = chain.point(k, s)
         points = placement.to_scene(body)
         gaps, feet = self.bed.distance(points), self.bed.nearest(points)
-        inward = quarter_turned(self.grain.chain.tangent(k, s) @ placement.rotation.T)
-        slack = ON_CORNER * self.size if touching is None else touching
-        rows, normals = [], []
-        for i in range(len(k)):
-            beside = [inward[i]]
-            if s[i] == 0.0 and self.grain.chain.sharp[k[i]]:
-                closed = abs(gaps[i]) <= slack
-                beside = (
-                    self._facing(feet[i, 0], slack) if closed else [(points[i] - feet[i]) / gaps[i]]
-                )
-            rows += [i] * len(beside)
-            normals += beside
+        normals = quarter_turned(chain.tangent(k, s) @ placement.rotation.T)
+        corner, near = (s == 0.0) & chain.sharp[k], np.abs(gaps) <= slack
+        apart, closed = corner & ~near, np.flatnonzero(corner & near)
+        normals[apart] = (points - feet)[apart] / gaps[apart, None]
+        # At a corner of the bed, to the slack: in a valley both of its normals
+        at = [(*self.bed.corners(x - slack, x + slack), x)[0] for x in feet[closed, 0]]
+        left, right = self.bed.side_normals(np.array(at))
+        valley = planar_cross(left, right) > SAME_DIRECTION
+        normals[closed] = np.where(valley[:, None], left, self.bed.normal(np.array(at)))
         origin = np.column_stack([k, np.zeros(len(k), dtype=int)])
-        result = ClosestPoints(gaps, points, inward, anchors=body, origin=origin, parameters=s)
-        return replace(result.only(rows), normals=np.reshape(normals, (-1, 2)))
-
-    def _facing(self, x: float, slack: float) -> list[Floats]:
-        """The bed's normals at an abscissa, or at a corner of it within a slack: two in a valley."""
-        at = np.asarray([*self.bed.corners(x - slack, x + slack), x][:1])
-        left, right = (side[0] for side in self.bed.side_normals(at))
-        return (
-            [left, right]
-            if planar_cross(left, right) > SAME_DIRECTION
-            else [self.bed.normal(at)[0]]
-        )
+        result = ClosestPoints(gaps, points, normals, anchors=body, origin=origin, parameters=s)
+        second = replace(result.only(closed[valley]), normals=right[valley])
+        return ClosestPoints.joined([result, second])
 
     # Corners of the outline and smooth ends of its straight sides, seen from each piece of the bed.
 
@@ -281,13 +259,13 @@ class PlanarProximity:
         drops = points[:, 1] - self.bed.height(points[:, 0])
         lowest = min(drops.min(), self._drops_onto_corners(placement, points).min(initial=np.inf))
         placement = placement.raised(-float(lowest))
-        near = self.minima(placement, float(self._samples[3].max()))
+        near = self.minima(placement, self._samples[3])
         for _ in range(60):
             if not len(near):
                 raise SceneError("the grain finds no bed below it; move it over the bed")
             lift = float((-near.gaps / np.maximum(near.normals[:, 1], STEEPEST)).max())
             placement = placement.raised(lift)
-            if abs(lift) <= 1e-14 * self.size:
+            if abs(lift) <= 1e-12 * self.size:
                 break
             near = self.tracked(placement, near)
         return placement

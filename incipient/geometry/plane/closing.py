@@ -15,7 +15,6 @@ from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Curve, Line, part, plain
 
 FEWEST, MOST, PER_WIDTH = 64, 4096, 8.0  # samples along a curve, and how many within a width
-HALVINGS = 50
 CRUMB = 0.02  # of the width: shorter ends of curves are left out
 
 
@@ -39,97 +38,56 @@ def closing(outline: Sequence[Curve], bed: Bed, contacts: Floats, width: float) 
 
     Raises SceneError if the space is nowhere wider than `width`.
     """
-    count = len(outline)
-    tables = [_sampled(curve, width) for curve in outline]
-    places = [_nearest(tables, point) for point in contacts]
-    # Parameters along the outline count from its highest point, which lies beyond all contacts.
-    top = _top(tables)
-    along = np.array([(place - top) % count for place in places])
-    order = np.argsort(along)
-    first, last = (top + float(along[order[k]]) for k in (0, -1))
-    low, high = (_wider(outline, bed, tables, start, width) for start in ((first, -1), (last, 1)))
-    if low is None or high is None or high - low >= count:
+    from scipy.optimize import brentq  # which takes time to import
+
+    samples = [
+        np.linspace(0.0, 1.0, int(np.clip(PER_WIDTH * curve.length / width, FEWEST, MOST)))
+        for curve in outline
+    ]
+    # Places are the number of a curve and the parameter on it in one, counted from the highest, beyond all contacts.
+    place = np.concatenate([k + s for k, s in enumerate(samples)])
+    points = np.vstack([curve.point(s) for curve, s in zip(outline, samples, strict=True)])
+    top = int(np.argmax(points[:, 1]))
+    place, points = (
+        np.append(place[top:], place[:top] + len(outline)),
+        np.roll(points, -top, axis=0),
+    )
+    at = np.array([np.argmin(np.linalg.norm(points - x[:2], axis=1)) for x in contacts])
+    wide = bed.distance(points) > width
+    before, after = np.flatnonzero(wide[: at.min()]), at.max() + np.flatnonzero(wide[at.max() :])
+    if not len(before) or not len(after):
         raise SceneError(
             "contact.gap: the space between grain and bed is nowhere wider; give a smaller one"
         )
-    high, low = (
-        _without_crumbs(outline, high, width, up=True),
-        _without_crumbs(outline, low, width, up=False),
-    )
-    ends = [_at(outline, place) for place in (low, high)]
+
+    def excess(place: float) -> float:
+        return float(bed.distance(_at(outline, place)[None])[0]) - width
+
+    k = before[-1], after[0] - 1
+    low, high = (brentq(excess, place[i], place[i + 1], xtol=1e-12) for i in k)
+    low, high = _without_crumbs(outline, low, -1, width), _without_crumbs(outline, high, 1, width)
+    ends = [_at(outline, end) for end in (low, high)]
     left, right = (Line(plain(bed.nearest(end[None])[0]), plain(end)) for end in ends)
-    return Closing(
-        width, left, right, _pieces(outline, high, low + count), np.asarray(contacts)[order]
-    )
+    rest = _pieces(outline, high, low + len(outline))
+    return Closing(width, left, right, rest, np.asarray(contacts)[np.argsort(at, kind="stable")])
 
 
-def _sampled(curve: Curve, width: float) -> tuple[Floats, Floats]:
-    """Parameters (n,) and points (n, 2) along a curve, dense beside the width."""
-    s = np.linspace(0.0, 1.0, int(np.clip(PER_WIDTH * curve.length / width, FEWEST, MOST)))
-    return s, curve.point(s)
-
-
-def _nearest(tables: list[tuple[Floats, Floats]], point: Floats) -> float:
-    """The sampled place of an outline, number of the curve and parameter in one, that is nearest to a point."""
-    distances = [np.linalg.norm(points - point[:2], axis=1) for _, points in tables]
-    k = int(np.argmin([item.min() for item in distances]))
-    return k + float(tables[k][0][np.argmin(distances[k])])
-
-
-def _top(tables: list[tuple[Floats, Floats]]) -> float:
-    k = int(np.argmax([points[:, 1].max() for _, points in tables]))
-    return k + float(tables[k][0][np.argmax(tables[k][1][:, 1])])
-
-
-def _wider(
-    outline: Sequence[Curve],
-    bed: Bed,
-    tables: list[tuple[Floats, Floats]],
-    start: tuple[float, int],
-    width: float,
-) -> float | None:
-    """The first place along an outline from a start, in a sense, at which the bed is farther than the width."""
-    (place, sense), count = start, len(outline)
-    inside = place
-    for step in range(count + 1):
-        k = int(np.floor(place)) + sense * step
-        s, points = tables[k % count]
-        wide = bed.distance(points) > width
-        ahead = (k + s - inside) * sense >= 0.0
-        for i in np.flatnonzero(ahead)[::sense]:
-            if wide[i]:
-                return _crossing(outline, bed, inside, k + float(s[i]), width)
-            inside = k + float(s[i])
-    return None
-
-
-def _crossing(
-    outline: Sequence[Curve], bed: Bed, inside: float, outside: float, width: float
-) -> float:
-    """Where between two places the distance from the bed is the width."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (inside + outside)
-        is_wide = bed.distance(_at(outline, middle)[None])[0] > width
-        inside, outside = (inside, middle) if is_wide else (middle, outside)
-    return outside
-
-
-def _without_crumbs(outline: Sequence[Curve], place: float, width: float, up: bool) -> float:
+def _without_crumbs(outline: Sequence[Curve], place: float, sense: int, width: float) -> float:
     """The place, or the joint of curves next to it if only a crumb of a curve lies between."""
-    joint = float(np.ceil(place) if up else np.floor(place))
-    left = abs(joint - place) * outline[int(np.floor(place)) % len(outline)].length
+    joint = float(sense * np.ceil(sense * place))
+    left = abs(joint - place) * outline[int(place) % len(outline)].length
     return joint if left < CRUMB * width else place
 
 
 def _at(outline: Sequence[Curve], place: float) -> Floats:
-    k = int(np.floor(place))
+    k = int(place)
     return np.asarray(outline[k % len(outline)].point([place - k])[0])
 
 
 def _pieces(outline: Sequence[Curve], first: float, last: float) -> tuple[Curve, ...]:
     """The curves between two places of an outline."""
     result = []
-    for k in range(int(np.floor(first)), int(np.ceil(last))):
+    for k in range(int(first), int(np.ceil(last))):
         low, high = max(first - k, 0.0), min(last - k, 1.0)
         if high > low:
             whole = outline[k % len(outline)]

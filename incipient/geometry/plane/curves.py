@@ -5,7 +5,7 @@ A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,9 +25,10 @@ class Curve(ABC):
     end: Point
 
     @property
-    @abstractmethod
     def length(self) -> float:
-        """An estimate for choosing numbers of samples, exact for lines and circles."""
+        """The length of a polygon through points of the curve, a little below that of the curve."""
+        points = self.point(np.linspace(0.0, 1.0, 65))
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
     @abstractmethod
     def point(self, s: ArrayLike) -> Floats:
@@ -37,13 +38,15 @@ class Curve(ABC):
     def derivative(self, s: ArrayLike) -> Floats:
         """Derivatives of the points by the parameter, (n, 2)."""
 
-    @abstractmethod
-    def moved(self, placement: Placement) -> "Curve":
-        """The curve turned and carried from the body frame to its place in the scene."""
-
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (n, 2)."""
         return unit(self.derivative(s))
+
+    def moved(self, placement: Placement) -> "Curve":
+        """The curve turned and carried from the body frame to its place in the scene."""
+        points = {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
+        moved = {k: plain(placement.to_scene([x])[0]) for k, x in points.items() if x is not None}
+        return replace(self, **moved)  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,6 @@ class Line(Curve):
         """The vector from start to end, (n, 2)."""
         return np.tile(np.asarray(self.end) - np.asarray(self.start), (len(_column(s)), 1))
 
-    def moved(self, placement: Placement) -> "Line":
-        """The line at its place in the scene."""
-        return Line(*_carried(placement, self.start, self.end))
-
 
 @dataclass(frozen=True)
 class Arc(Curve):
@@ -84,45 +83,32 @@ class Arc(Curve):
     end: Point
     major: Point | None = None
 
-    @property
-    def length(self) -> float:
-        """The arc length for a circle; an upper estimate for an ellipse."""
-        (a, _), _, (_, sweep) = self._shape
-        return abs(sweep) * a
-
     @cached_property
-    def _shape(self) -> tuple[tuple[float, float], Floats, tuple[float, float]]:
-        """Semi-axes, rows of the principal frame, and (first eccentric angle, swept angle)."""
+    def _axes(self) -> tuple[Floats, float, float]:
+        """The semi-axes as rows (2, 2), the first eccentric angle and the swept one."""
         ends = np.array([self.start, self.end]) - np.asarray(self.centre)
         axis = ends[0] if self.major is None else np.asarray(self.major) - np.asarray(self.centre)
-        a = float(np.hypot(*axis))
-        frame = np.array([axis, [-axis[1], axis[0]]]) / a
-        local = ends @ frame.T
-        b = a
+        axes = np.array([axis, [-axis[1], axis[0]]])
+        x, y = axes @ ends.T / (axis @ axis)
         if self.major is not None:  # through the end farther from the major axis
-            x, y = local[np.argmax(np.abs(local[:, 1]))]
-            b = float(abs(y) / np.sqrt(1.0 - (x / a) ** 2))
-        angles = np.arctan2(local[:, 1] / b, local[:, 0] / a)
+            k = np.argmax(np.abs(y))
+            ratio = abs(y[k]) / np.sqrt(1.0 - x[k] ** 2)
+            axes[1], y = ratio * axes[1], y / ratio
+        angles = np.arctan2(y, x)
         sweep = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
-        return (a, b), frame, (float(angles[0]), float(sweep))
+        return axes, float(angles[0]), float(sweep)
 
     def point(self, s: ArrayLike) -> Floats:
         """Points at the parameters s (n,), (n, 2); equal steps of s are equal steps of eccentric angle."""
-        (a, b), frame, (first, sweep) = self._shape
+        axes, first, sweep = self._axes
         angle = first + sweep * _column(s)
-        return np.asarray(self.centre) + np.hstack([a * np.cos(angle), b * np.sin(angle)]) @ frame
+        return np.asarray(self.centre) + np.hstack([np.cos(angle), np.sin(angle)]) @ axes
 
     def derivative(self, s: ArrayLike) -> Floats:
         """Derivatives (n, 2)."""
-        (a, b), frame, (first, sweep) = self._shape
+        axes, first, sweep = self._axes
         angle = first + sweep * _column(s)
-        return np.asarray(sweep * np.hstack([-a * np.sin(angle), b * np.cos(angle)]) @ frame)
-
-    def moved(self, placement: Placement) -> "Arc":
-        """The arc at its place in the scene."""
-        start, centre, end = _carried(placement, self.start, self.centre, self.end)
-        major = None if self.major is None else _carried(placement, self.major)[0]
-        return Arc(start, centre, end, major)
+        return np.asarray(sweep * np.hstack([-np.sin(angle), np.cos(angle)]) @ axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,99 +120,82 @@ class Spline(Curve):
     """
 
     points: Floats
-    start: Point = field(init=False)
-    end: Point = field(init=False)
-
-    def __post_init__(self) -> None:
-        points = np.array(self.points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 4:
-            raise ValueError("a spline needs at least four finite points of two coordinates")
-        if not np.isfinite(points).all():
-            raise ValueError("a spline needs at least four finite points of two coordinates")
-        points.flags.writeable = False
-        for name, value in (
-            ("points", points),
-            ("start", plain(points[0])),
-            ("end", plain(points[-1])),
-        ):
-            object.__setattr__(self, name, value)
 
     @property
-    def length(self) -> float:
-        """The length of the polygon through the points, a little below that of the curve."""
-        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+    def start(self) -> Point:  # type: ignore[override]
+        """The point at s = 0."""
+        return plain(self.points[0])
+
+    @property
+    def end(self) -> Point:  # type: ignore[override]
+        """The point at s = 1."""
+        return plain(self.points[-1])
 
     @cached_property
-    def _slopes(self) -> Floats:
-        """Derivatives at the points per step of the index: central inside, cubic one-sided at the ends."""
+    def _cubics(self) -> Any:
+        """Cubics with central differences as slopes inside, and cubic one-sided ones at the ends."""
+        from scipy.interpolate import CubicHermiteSpline  # which takes time to import
+
         p = self.points
         slopes = np.gradient(p, axis=0)
         slopes[0] = (-11.0 * p[0] + 18.0 * p[1] - 9.0 * p[2] + 2.0 * p[3]) / 6.0
         slopes[-1] = (11.0 * p[-1] - 18.0 * p[-2] + 9.0 * p[-3] - 2.0 * p[-4]) / 6.0
-        return slopes
-
-    def _pieces(self, s: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Local parameter (n, 1), the two end points (n, 2, 2) and the two end slopes (n, 2, 2)."""
-        index = _column(s) * (len(self.points) - 1)
-        piece = np.clip(index[:, 0].astype(int), 0, len(self.points) - 2)
-        ends = np.stack([piece, piece + 1], axis=1)
-        return index - piece[:, None], self.points[ends], self._slopes[ends]
+        return CubicHermiteSpline(np.linspace(0.0, 1.0, len(p)), p, slopes * (len(p) - 1))
 
     def point(self, s: ArrayLike) -> Floats:
-        """Points at the parameters s (n,), (n, 2)."""
-        t, p, m = self._pieces(s)
-        rise = t * t * (3.0 - 2.0 * t)
-        bulge = t * (1.0 - t) ** 2 * m[:, 0] - t * t * (1.0 - t) * m[:, 1]
-        return np.asarray((1.0 - rise) * p[:, 0] + rise * p[:, 1] + bulge)
+        """Points (n, 2)."""
+        return np.asarray(self._cubics(_column(s)[:, 0]))
 
     def derivative(self, s: ArrayLike) -> Floats:
         """Derivatives (n, 2)."""
-        t, p, m = self._pieces(s)
-        rise = 6.0 * t * (1.0 - t) * (p[:, 1] - p[:, 0])
-        bend = (1.0 - t) * (1.0 - 3.0 * t) * m[:, 0] + t * (3.0 * t - 2.0) * m[:, 1]
-        return np.asarray((len(self.points) - 1) * (rise + bend))
+        return np.asarray(self._cubics(_column(s)[:, 0], 1))
 
     def moved(self, placement: Placement) -> "Spline":
-        """The spline at its place in the scene."""
+        """The curve at its place in the scene."""
         return Spline(placement.to_scene(self.points))
 
 
 @dataclass(frozen=True, eq=False)
-class Traced(Spline):
-    """A quarter of a smooth outline, known exactly: `shape.trace` gives points and derivatives by an angle.
-
-    Only mesh generators use the spline through `points`, which lie on the curve, the ends among them.
-    """
+class Traced(Curve):
+    """A piece of a smooth outline, known exactly: `shape.trace` gives points and derivatives by an angle."""
 
     shape: Any  # with a method `trace`
     first: float  # angle at s = 0
     sweep: float  # angle from start to end
     placement: Placement = field(default=ORIGIN)
 
+    @property
+    def start(self) -> Point:  # type: ignore[override]
+        """The point at s = 0."""
+        return plain(self.point([0.0])[0])
+
+    @property
+    def end(self) -> Point:  # type: ignore[override]
+        """The point at s = 1."""
+        return plain(self.point([1.0])[0])
+
     def point(self, s: ArrayLike) -> Floats:
-        """Points of the exact curve at the parameters s (n,), (n, 2)."""
+        """Points (n, 2)."""
         angle = self.first + self.sweep * _column(s)[:, 0]
         return self.placement.to_scene(self.shape.trace(angle)[0])
 
     def derivative(self, s: ArrayLike) -> Floats:
-        """Derivatives (n, 2) of the exact curve."""
+        """Derivatives (n, 2)."""
         angle = self.first + self.sweep * _column(s)[:, 0]
         return np.asarray(self.sweep * self.shape.trace(angle)[1] @ self.placement.rotation.T)
 
     def moved(self, placement: Placement) -> "Traced":
         """The curve at its place in the scene."""
-        centre = placement.to_scene([self.placement.centre])[0]
-        there = Placement(plain(centre), self.placement.angle + placement.angle)
-        return replace(self, points=placement.to_scene(self.points), placement=there)
+        centre = plain(placement.to_scene([self.placement.centre])[0])
+        return replace(self, placement=Placement(centre, self.placement.angle + placement.angle))
 
 
 def part(curve: Curve, first: float, last: float) -> Curve:
     """The part of a curve between two parameters; of a spline one through as many points as the whole has."""
-    if isinstance(curve, Line | Arc):
-        start, end = (plain(row) for row in curve.point([first, last]))
-        return replace(curve, start=start, end=end)
-    assert isinstance(curve, Spline)
-    return Spline(curve.point(np.linspace(first, last, len(curve.points))))
+    if isinstance(curve, Spline):
+        return Spline(curve.point(np.linspace(first, last, len(curve.points))))
+    start, end = (plain(row) for row in curve.point([first, last]))
+    return replace(curve, start=start, end=end)  # type: ignore[type-var]
 
 
 def plain(x: Floats) -> Point:
@@ -274,7 +243,3 @@ def increasing_roots(
 
 def _column(s: ArrayLike) -> Floats:
     return np.atleast_1d(np.asarray(s, dtype=float))[:, None]
-
-
-def _carried(placement: Placement, *points: Point) -> list[Point]:
-    return [plain(row) for row in placement.to_scene(np.array(points))]

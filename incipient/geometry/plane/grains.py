@@ -16,7 +16,15 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, planar_cross, quarter_turned, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, Traced, plain
+from incipient.geometry.plane.curves import (
+    Arc,
+    Curve,
+    Line,
+    Spline,
+    Traced,
+    increasing_roots,
+    plain,
+)
 from incipient.geometry.shape import (
     Balls,
     Moments,
@@ -25,15 +33,15 @@ from incipient.geometry.shape import (
     checked_balls,
     largest_distance,
     require_exposed,
-    require_positive,
 )
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-PANELS = 24  # of Gauss's rule on a curve that is no line or arc
-SPLINE_ERROR = 1e-7  # of the splines that are meshed, in grain sizes
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
+PANELS = 96  # of Gauss's rule on a curve that is no line
+SEARCHED = 64  # samples of a curve between which its point nearest to another one is sought
+# Points of the splines that are meshed; those of a quarter are closer to it than 1e-7 of the grain's size
+QUARTER, EVEN = 768, 192
 # Corners of a smaller radius, in grain sizes, are meshed in pieces that turn by no more than an angle.
 BLUNT, TURN = 0.12, np.radians(20.0)
-EVEN = 192  # points of such a piece
 # Sharper corners than those of this exponent are narrower than cells of default size can follow.
 MAX_EXPONENT = 20.0
 RADII = 2048  # angles of the trapezoidal rule for the pole of stars: spectral accuracy
@@ -78,46 +86,58 @@ class Chain:
 
     def point(self, curve: np.ndarray, s: Floats) -> Floats:
         """Points (m, 2) on curves of the numbers (m,) at the parameters (m,)."""
-        points = self.starts[curve] + s[:, None] * self._sides[curve]
-        for k in np.unique(curve[~self.straight[curve]]):
-            points[curve == k] = self.curves[k].point(s[curve == k])
-        return np.asarray(points)
+        return self._curved("point", curve, s, self.starts[curve] + s[:, None] * self._sides[curve])
+
+    def derivative(self, curve: np.ndarray, s: Floats) -> Floats:
+        """Derivatives (m, 2) of the points by the parameter."""
+        return self._curved("derivative", curve, s, self._sides[curve])
 
     def tangent(self, curve: np.ndarray, s: Floats) -> Floats:
-        """Unit tangents (m, 2) there."""
-        tangents = unit(self._sides[curve])
+        """Unit tangents (m, 2)."""
+        return unit(self.derivative(curve, s))
+
+    def _curved(self, name: str, curve: np.ndarray, s: Floats, table: Floats) -> Floats:
+        """A table (m, 2) for lines, completed on the curves that are none."""
         for k in np.unique(curve[~self.straight[curve]]):
-            tangents[curve == k] = self.curves[k].tangent(s[curve == k])
-        return tangents
+            table[curve == k] = getattr(self.curves[k], name)(s[curve == k])
+        return table
+
+    def samples(self, steps: np.ndarray) -> tuple[np.ndarray, Floats]:
+        """Curves (m,) and parameters (m,) of places in order, as many on each curve as its steps (n,)."""
+        s = np.concatenate([np.arange(count) / count for count in steps])
+        return np.repeat(np.arange(len(steps)), steps), s
 
     def points(self, count: int) -> Floats:
-        """Points (m, 2) in order: `count` on each curve that is not straight, of lines the start."""
-        s = np.linspace(0.0, 1.0, count)
-        if self.straight.all():
-            return self.starts
-        pairs = zip(self.curves, self.straight, strict=True)
-        return np.vstack([curve.point([0.0] if straight else s) for curve, straight in pairs])
+        """Points (m, 2) in order: `count`, with both ends, on each curve that is not straight, of lines the start."""
+        return self.point(*self.samples(np.where(self.straight, 1, count - 1)))
+
+    def nearest(self, x: Floats) -> tuple[np.ndarray, Floats]:
+        """Curve (m,) and parameter (m,) of the place of the outline nearest to each of the points (m, 2)."""
+        steps = np.where(self.straight, 1, SEARCHED)
+        curve, s = self.samples(steps)
+        vertices = self.point(curve, s)
+        parts = np.array_split(x, 1 + len(x) * len(s) // TABLE)
+        k = np.concatenate([_nearest_side(part, vertices) for part in parts])
+        curve, s, step = curve[k], s[k], 1.0 / steps[curve[k]]
+        low, high = np.maximum(s - 0.5 * step, 0.0), np.minimum(s + 1.5 * step, 1.0)
+
+        def approach(s: Floats) -> Floats:
+            return np.asarray(((self.point(curve, s) - x) * self.derivative(curve, s)).sum(axis=1))
+
+        return curve, increasing_roots(approach, low, high)
+
+
+def _nearest_side(x: Floats, corners: Floats) -> np.ndarray:
+    """The numbers (n,) of the sides of a polygon (m, 2) nearest to points (n, 2)."""
+    side, away = np.roll(corners, -1, axis=0) - corners, x[:, None] - corners
+    s = np.clip((away * side).sum(axis=2) / (side * side).sum(axis=1), 0.0, 1.0)
+    return np.asarray(((away - s[..., None] * side) ** 2).sum(axis=2).argmin(axis=1))
 
 
 class Grain(Shape):
-    """A rigid grain in 2-D."""
+    """A rigid grain in 2-D, known by its outline."""
 
     gdim = 2
-
-    @property
-    def polar_moment(self) -> float:
-        """The integral of |x|^2 over the grain, its moment of inertia about the centroid for density one."""
-        return float(np.trace(self.moments.about_centroid()))
-
-    @cached_property
-    def moments(self) -> Moments:
-        """Area, first and second moments, by quadrature along the outline."""
-        return moments_within(self.chain.curves)
-
-    @property
-    def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
-        return np.diag([0.0, 0.0, self.polar_moment])
 
     @abstractmethod
     def outline(self) -> tuple[Curve, ...]:
@@ -132,6 +152,44 @@ class Grain(Shape):
         """The outline as a mesh is made of it."""
         return self.chain.curves
 
+    @cached_property
+    def moments(self) -> Moments:
+        """Area, first and second moments, by Gauss's rule along the outline."""
+        return moments_within(self.chain)
+
+    @property
+    def inertia(self) -> Floats:
+        """The inertia (3, 3) about the centroid for unit density: in 2-D only the 33 component."""
+        return np.diag([0.0, 0.0, np.trace(self.moments.about_centroid())])
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 2)."""
+        x = rows(x)
+        away = x - self.chain.point(*(place := self.chain.nearest(x)))
+        return np.linalg.norm(away, axis=1) * np.sign((away * self._normal(*place)).sum(axis=1))
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 2) at the places of the outline nearest to points (n, 2)."""
+        return self._normal(*self.chain.nearest(rows(x)))
+
+    def _normal(self, curve: np.ndarray, s: Floats) -> Floats:
+        """Outward unit normals (m, 2) on curves (m,) at parameters (m,), at corners the bisector."""
+        side = np.where(s < 1e-9, -1, np.where(s > 1.0 - 1e-9, 1, 0))
+        beside = (curve + side) % len(self.chain.curves), np.where(side, 0.5 - 0.5 * side, s)
+        return -quarter_turned(unit(self.chain.tangent(curve, s) + self.chain.tangent(*beside)))
+
+
+def moments_within(chain: Chain) -> Moments:
+    """The integrals over what curves enclose counter-clockwise, by Gauss's rule along them."""
+    panels = np.where(chain.straight, 1, PANELS)
+    curve, s = (np.repeat(table, len(NODES)) for table in chain.samples(panels))
+    nodes, weights = (
+        np.tile(0.5 * table, panels.sum()) / panels[curve] for table in (NODES, WEIGHTS)
+    )
+    s = s + 0.5 / panels[curve] + nodes
+    normals = -quarter_turned(chain.derivative(curve, s)) * weights[:, None]
+    return Moments.swept(chain.point(curve, s), normals)
+
 
 @dataclass(frozen=True)
 class Ellipse(Grain):
@@ -139,22 +197,10 @@ class Ellipse(Grain):
 
     semi_axes: tuple[float, float]
 
-    def __post_init__(self) -> None:
-        require_positive("semi-axis", *self.semi_axes)
-
     @property
     def size(self) -> float:
         """Twice the larger semi-axis."""
         return 2.0 * max(self.semi_axes)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """min(a, b) (|(x1/a, x2/b)| - 1) at points (n, 2); for a circle the distance."""
-        scaled = np.linalg.norm(rows(x) / np.asarray(self.semi_axes), axis=1)
-        return np.asarray(min(self.semi_axes) * (scaled - 1.0))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) of the similar ellipse through each of the points (n, 2)."""
-        return unit(rows(x) / np.square(self.semi_axes))
 
     def outline(self) -> tuple[Curve, ...]:
         """Four quarter arcs."""
@@ -172,7 +218,6 @@ class Disc(Ellipse):
     diameter: float
 
     def __post_init__(self) -> None:
-        require_positive("diameter", self.diameter)
         object.__setattr__(self, "semi_axes", (0.5 * self.diameter, 0.5 * self.diameter))
 
 
@@ -184,20 +229,10 @@ class Rectangle(RoundedBox, Grain):
     height: float
     corner_radius: float = 0.0
 
-    def __post_init__(self) -> None:
-        require_positive("width", self.width)
-        require_positive("height", self.height)
-        if not 0.0 <= self.corner_radius <= 0.5 * min(self.width, self.height):
-            raise SceneError(
-                f"corner_radius {self.corner_radius} is not between 0 and half the shorter side; change it"
-            )
-
     @property
     def rounding(self) -> float:
         """The corner radius, zero where it is lost in round-off beside the sides."""
-        return (
-            self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
-        )
+        return self.corner_radius * (self.corner_radius > 1e-9 * min(self.width, self.height))
 
     @property
     def core(self) -> Floats:
@@ -206,31 +241,15 @@ class Rectangle(RoundedBox, Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
-        r = self.rounding
-        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        outward = np.array([(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)])
-        centres = signs * self.core
-        curves: list[Curve] = []
+        r, curves = self.rounding, list[Curve]()
+        centres = self.core * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+        outward = r * np.array([(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)])
         for k in range(4):
-            here, there = centres[k], centres[(k + 1) % 4]
-            start, end = plain(here + outward[k]), plain(there + outward[k])
-            if start != end:
-                curves.append(Line(start, end))
-            if r > 0.0:
-                curves.append(Arc(end, plain(there), plain(there + outward[(k + 1) % 4])))
+            there, onwards = centres[(k + 1) % 4], outward[(k + 1) % 4]
+            start, end = plain(centres[k] + outward[k]), plain(there + outward[k])
+            curves += [Line(start, end)] if start != end else []
+            curves += [Arc(end, plain(there), plain(there + onwards))] if r > 0.0 else []
         return tuple(curves)
-
-
-def moments_within(curves: Sequence[Curve]) -> Moments:
-    """The integrals over what curves enclose counter-clockwise, by Gauss's rule along them."""
-    points, normals = [], []
-    for curve in curves:
-        panels = 1 if isinstance(curve, Line | Arc) else PANELS
-        s = ((np.arange(panels)[:, None] + 0.5 + 0.5 * NODES) / panels).ravel()
-        points.append(curve.point(s))
-        weight = np.tile(0.5 * WEIGHTS / panels, panels)[:, None]
-        normals.append(-quarter_turned(curve.derivative(s)) * weight)
-    return Moments.swept(np.vstack(points), np.vstack(normals))
 
 
 class Smooth(Grain):
@@ -241,14 +260,21 @@ class Smooth(Grain):
         """Points (n, 2) of the outline at parameter angles (n,), and the derivatives by the angle (n, 2)."""
 
     def outline(self) -> tuple[Curve, ...]:
-        """Four quarters, exact, with enough points for a spline."""
-        return tuple(self._traced(0.5 * pi * k, 0.5 * pi * (k + 1)) for k in range(4))
+        """Four quarters, exact."""
+        return tuple(Traced(self, 0.5 * pi * k, 0.5 * pi) for k in range(4))
 
     def drawn(self) -> tuple[Curve, ...]:
-        """The quarters, cut in blunt corners so that no cell turns by more than TURN."""
+        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
+        return self._drawn
+
+    @cached_property
+    def _drawn(self) -> tuple[Curve, ...]:
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
-            return self.chain.curves
+            # Ten times as dense at the ends, where splines have to guess their slope
+            s = np.linspace(0.0, 1.0, QUARTER + 1)
+            s = s - 0.9 * np.sin(2.0 * pi * s) / (2.0 * pi)
+            return tuple(Spline(curve.point(s)) for curve in self.chain.curves)
         return tuple(self._even(a, b) for quarter in cuts for a, b in pairwise(quarter))
 
     def _cuts(self, first: float) -> Floats:
@@ -271,22 +297,6 @@ class Smooth(Grain):
         at = np.interp(np.linspace(0.0, way[-1], EVEN + 1), np.append(0.0, way), angle)
         return Spline(self.trace(at)[0])
 
-    def _traced(self, first: float, last: float) -> Traced:
-        """The outline between two angles, with enough points for a spline."""
-        sweep, count = last - first, 96
-        while True:
-            points = self.trace(first + sweep * _crowded(count))[0]
-            between = Spline(points).point((np.arange(4 * count) + 0.5) / (4 * count))
-            if count == 768 or np.abs(self.level(between)).max() <= SPLINE_ERROR * self.size:
-                return Traced(points, self, first, sweep)
-            count *= 2
-
-
-def _crowded(count: int) -> Floats:
-    """Parameters from 0 to 1, ten times as dense at the ends, where splines have to guess their slope."""
-    t = np.linspace(0.0, 1.0, count + 1)
-    return np.asarray(t - 0.9 * np.sin(2.0 * pi * t) / (2.0 * pi))
-
 
 @dataclass(frozen=True)
 class Superellipse(Smooth):
@@ -296,7 +306,6 @@ class Superellipse(Smooth):
     exponent: float
 
     def __post_init__(self) -> None:
-        require_positive("semi-axis", *self.semi_axes)
         if not 2.0 <= self.exponent <= MAX_EXPONENT:
             raise SceneError(
                 f"exponent {self.exponent:g} is not between 2 and {MAX_EXPONENT:g}: corners of larger ones are too "
@@ -307,20 +316,6 @@ class Superellipse(Smooth):
     def size(self) -> float:
         """Twice the largest |x| on the outline, by Hoelder's inequality."""
         return 2.0 * farthest(self.semi_axes, self.exponent)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """min(a, b) ((|x/a|^n + |y/b|^n)^(1/n) - 1) at points (n, 2)."""
-        scaled = np.abs(rows(x)) / np.asarray(self.semi_axes)
-        return np.asarray(min(self.semi_axes) * (power_norm(scaled, self.exponent) - 1.0))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) of the similar superellipse through each of the points (n, 2)."""
-        scaled = rows(x) / np.asarray(self.semi_axes)
-        scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
-        slope = (
-            np.sign(scaled) * np.abs(scaled) ** (self.exponent - 1.0) / np.asarray(self.semi_axes)
-        )
-        return unit(slope)
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
         """Points and derivatives; the direction (a cos, b sin) is stretched to the outline."""
@@ -364,81 +359,50 @@ class Star(Smooth):
 
     def __post_init__(self) -> None:
         angle = np.linspace(0.0, 2.0 * pi, 721)
-        r = self.radius(angle)
+        r = self._radius(angle)[0]
         if not r.min() > 0.0:
             worst = np.degrees(angle[np.argmin(r)])
             raise SceneError(
                 f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
             )
 
-    @cached_property
-    def _coefficients(self) -> Floats:
-        """c (n,) of r = mean (1 + Re sum c_k exp(i k angle))."""
-        c = np.zeros(max(len(self.cosines), len(self.sines)), dtype=complex)
+    def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
+        """The distances (n,) from the pole towards the angles (n,), and their derivatives."""
+        k = np.arange(1, max(len(self.cosines), len(self.sines)) + 1)
+        c = np.zeros(len(k), dtype=complex)
         c[: len(self.cosines)] += self.cosines
         c[: len(self.sines)] -= 1j * np.array(self.sines)
-        return c
-
-    def _harmonics(self, angle: Floats) -> np.ndarray:
-        """exp(i k angle) for angles (n,), (n, harmonics)."""
-        return np.exp(1j * np.multiply.outer(angle, np.arange(1, len(self._coefficients) + 1)))
-
-    def radius(self, angle: Floats) -> Floats:
-        """The distances (n,) from the pole towards the angles (n,)."""
-        return np.asarray(self.mean * (1.0 + (self._harmonics(angle) @ self._coefficients).real))
-
-    def slope(self, angle: Floats) -> Floats:
-        """dr/d(angle) at angles (n,)."""
-        c = self._coefficients
-        return np.asarray(
-            self.mean * (self._harmonics(angle) @ (1j * c * np.arange(1, len(c) + 1))).real
-        )
+        waves = c * np.exp(1j * np.multiply.outer(angle, k))
+        return self.mean * (1.0 + waves.sum(axis=1).real), -self.mean * (waves @ k).imag
 
     @cached_property
     def pole(self) -> Floats:
         """Where the radius is measured from, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
-        radius = self.radius(angle)
+        r = self._radius(angle)[0]
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        return np.asarray(-2.0 / 3.0 * (radius**3) @ outward / (radius**2).sum())
+        return np.asarray(-2.0 / 3.0 * (r**3) @ outward / (r**2).sum())
 
     @cached_property
     def size(self) -> float:
-        """The largest distance of two points of the outline, by sampling and refinement."""
+        """The largest distance of two points of the outline."""
+        from scipy.optimize import minimize  # which takes time to import
+
+        def apart(angles: Floats) -> float:
+            return -float(np.linalg.norm(np.diff(self.trace(angles)[0], axis=0)))
+
         angle = 2.0 * pi * np.arange(512) / 512
-        apart = np.linalg.norm(self.trace(angle)[0][:, None] - self.trace(angle)[0], axis=2)
-        pair = angle[list(np.unravel_index(np.argmax(apart), apart.shape))]
-        steps = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        for step in 2.0 * pi / 512 * 0.5 ** np.repeat(np.arange(24), 2):
-            pairs = pair + step * steps
-            ends = self.trace(pairs.ravel())[0].reshape(-1, 2, 2)
-            pair = pairs[int(np.argmax(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)))]
-        first, second = self.trace(pair)[0]
-        return float(np.linalg.norm(first - second))
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The distance from the pole less the radius in that direction, at points (n, 2)."""
-        away = rows(x) - self.pole
-        return np.asarray(
-            np.linalg.norm(away, axis=1) - self.radius(np.arctan2(away[:, 1], away[:, 0]))
-        )
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2) of the level function at points (n, 2)."""
-        away = rows(x) - self.pole
-        length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-        outward = away / length
-        along = quarter_turned(outward)
-        slope = self.slope(np.arctan2(away[:, 1], away[:, 0]))[:, None]
-        gradient = outward - along * slope / length
-        return unit(gradient)
+        points = self.trace(angle)[0]
+        pairs = np.linalg.norm(points[:, None] - points, axis=2)
+        start = angle[list(np.unravel_index(np.argmax(pairs), pairs.shape))]
+        return float(-minimize(apart, start, method="Nelder-Mead", options={"xatol": 1e-8}).fun)
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
         """Points and derivatives at polar angles about the pole."""
-        r, slope = self.radius(angle)[:, None], self.slope(angle)[:, None]
+        r, slope = self._radius(angle)
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = quarter_turned(outward)
-        return self.pole + r * outward, slope * outward + r * along
+        rate = slope[:, None] * outward + r[:, None] * quarter_turned(outward)
+        return self.pole + r[:, None] * outward, rate
 
 
 @dataclass(frozen=True)
@@ -449,74 +413,24 @@ class Polygon(Grain):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        if (
-            corners.ndim != 2
-            or corners.shape[1] != 2
-            or len(corners) < 3
-            or not np.isfinite(corners).all()
-        ):
+        if len(np.unique(corners, axis=0)) < len(corners):
+            raise SceneError("a vertex is given twice; leave the repeated one out")
+        if sides := meeting_sides(corners):
             raise SceneError(
-                "a polygon needs at least three vertices of two finite coordinates; add them"
+                f"the sides after vertices {sides[0]} and {sides[1]} meet (counted from 0); "
+                "list the vertices in order around the grain"
             )
-        corners = _centred(corners)
-        _require_simple(corners)
-        object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
-
-    @cached_property
-    def _corners(self) -> Floats:
-        return np.array(self.vertices)
+        corners = corners - corners.mean(axis=0)
+        whole = Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+        if abs(whole.volume) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+            raise SceneError("the polygon has no area; give vertices that are not all on one line")
+        corners = (corners - whole.centroid)[:: 1 if whole.volume > 0.0 else -1]
+        object.__setattr__(self, "vertices", tuple(map(plain, corners)))
 
     @cached_property
     def size(self) -> float:
         """The largest distance of two vertices."""
-        return largest_distance(self._corners)
-
-    @cached_property
-    def moments(self) -> Moments:
-        """Area, first and second moments: the sum over the triangles that the sides form with the centroid."""
-        return Moments.within(np.stack([self._corners, np.roll(self._corners, -1, axis=0)], axis=1))
-
-    def _nearest(self, x: Floats) -> Floats:
-        """Distances of points (n, 2) from each side, (n, sides)."""
-        start = self._corners
-        side = np.roll(start, -1, axis=0) - start
-        from_start = x[:, None] - start
-        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
-        return np.asarray(np.linalg.norm(from_start - s[..., None] * side, axis=2))
-
-    def _inside(self, x: Floats) -> Floats:
-        """-1 where a ray to the right crosses the outline an odd number of times, else 1; (n,)."""
-        start = self._corners
-        end = np.roll(start, -1, axis=0)
-        y = x[:, 1, None]
-        straddles = (start[:, 1] > y) != (end[:, 1] > y)
-        rise = np.where(start[:, 1] == end[:, 1], 1.0, end[:, 1] - start[:, 1])
-        crossing = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
-        odd = (straddles & (x[:, 0, None] < crossing)).sum(axis=1) % 2
-        return np.where(odd == 1, -1.0, 1.0)
-
-    def _parts(self, x: Floats) -> list[Floats]:
-        """Points (n, 2) in parts whose tables of points and sides stay small."""
-        return np.array_split(x, 1 + len(x) * len(self.vertices) // TABLE)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 2)."""
-        parts = self._parts(rows(x))
-        return np.concatenate(
-            [self._inside(part) * self._nearest(part).min(axis=1) for part in parts]
-        )
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
-        side = np.roll(self._corners, -1, axis=0) - self._corners
-        outward = unit(-quarter_turned(side))
-        result = []
-        for part in self._parts(rows(x)):
-            distance = self._nearest(part)
-            # Sides that are equally near, to round-off, meet in a corner and share the normal.
-            nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
-            result.append(unit(nearest.astype(float) @ outward))
-        return np.concatenate(result)
+        return largest_distance(self.chain.starts)
 
     def outline(self) -> tuple[Curve, ...]:
         """One line a side."""
@@ -529,18 +443,15 @@ class Polygon(Grain):
 
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
-        short = self.chain.lengths < SHORT * self.size
-        turns = _is_turn(self._corners, self.chain.lengths, self.size)
-        knots = np.flatnonzero(~(short & np.roll(short, 1)) | turns)
+        corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
+        turns = _turns(corners, self.chain.lengths, self.size)
+        knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
         if len(knots) == len(short):
             return self.chain.curves
-        closed = np.vstack([self._corners, self._corners])
         # A closed curve is drawn in parts that each go less than half the way round.
         knots = np.union1d(knots, np.arange(4) * len(short) // 4 if len(knots) < 2 else knots)
-        return tuple(
-            _through(closed[first : last + 1])
-            for first, last in zip(knots, np.append(knots[1:], knots[0] + len(short)), strict=True)
-        )
+        closed, ends = np.vstack([corners, corners]), np.append(knots[1:], knots[0] + len(short))
+        return tuple(_through(closed[a : b + 1]) for a, b in zip(knots, ends, strict=True))
 
     @property
     def smoothed(self) -> "Polygon | None":
@@ -566,10 +477,9 @@ def _through(points: Floats) -> Curve:
     return Spline(points)
 
 
-def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
-    """Vertices (n,) at which the outline, seen from WINDOW to both sides, turns most and by more than CORNER."""
-    n, window = len(corners), WINDOW * size
-    way = np.concatenate([[0.0], np.cumsum(lengths)])
+def _turns(corners: Floats, lengths: Floats, size: float) -> list[int]:
+    """Vertices at which the outline, seen from WINDOW to both sides, turns most and by more than CORNER."""
+    way, window, turns = np.append(0.0, np.cumsum(lengths)), WINDOW * size, list[int]()
     whole, at = way[-1], way[:-1]
     closed = np.vstack([corners, corners[:1]])
 
@@ -579,13 +489,10 @@ def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
 
     before, after = corners - along(at - window), along(at + window) - corners
     turn = np.abs(np.arctan2(planar_cross(before, after), (before * after).sum(axis=1)))
-    candidates = np.flatnonzero(turn > CORNER)
-    result = np.zeros(n, dtype=bool)
-    for k in candidates[np.argsort(-turn[candidates], kind="stable")]:
-        apart = np.abs(at[result] - at[k])
-        if not (np.minimum(apart, whole - apart) < window).any():
-            result[k] = True
-    return result
+    for k in np.argsort(-turn, kind="stable")[: np.count_nonzero(turn > CORNER)]:
+        apart = np.abs(at[turns] - at[k])
+        turns += [int(k)] if (np.minimum(apart, whole - apart) >= window).all() else []
+    return turns
 
 
 def meeting_sides(corners: Floats) -> tuple[int, int] | None:
@@ -620,24 +527,6 @@ def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     )
 
 
-def _centred(corners: Floats) -> Floats:
-    """The polygon's corners (n, 2) counter-clockwise with the centroid at the origin."""
-    corners = corners - corners.mean(axis=0)
-    whole = Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
-    if abs(whole.volume) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
-        raise SceneError("the polygon has no area; give vertices that are not all on one line")
-    return (corners - whole.centroid)[:: 1 if whole.volume > 0.0 else -1]
-
-
-def _require_simple(corners: Floats) -> None:
-    """Refuse repeated vertices and sides that cross."""
-    repeated = (corners == np.roll(corners, -1, axis=0)).all(axis=1)
-    if repeated.any():
-        raise SceneError(f"polygon vertex {int(np.argmax(repeated))} is repeated; leave one out")
-    if meeting_sides(corners) is not None:
-        raise SceneError("the polygon's sides cross; list the vertices in order around it")
-
-
 @dataclass(frozen=True, eq=False)
 class Arcs:
     """The exposed arcs (k,) of discs: which disc they belong to, from and to which angle, counter-clockwise."""
@@ -649,36 +538,33 @@ class Arcs:
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
     """The parts of the circles (n,) that lie in no other disc; of equal discs the last counts."""
-    result: list[tuple[int, float, float]] = []
-    number = np.arange(len(radii))
+    result, number = list[tuple[int, float, float]](), np.arange(len(radii))
     for i, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
         away = centres - centre
         d = np.linalg.norm(away, axis=1)
-        around = (d <= radii - radius) & ((radii > radius) | (number > i))
-        if around.any():
+        if ((d <= radii - radius) & ((radii > radius) | (number > i))).any():
             continue
         cuts = (d < radii + radius) & (d > np.abs(radii - radius))
         middle = np.arctan2(away[cuts, 1], away[cuts, 0])
         half = np.arccos((d[cuts] ** 2 + radius**2 - radii[cuts] ** 2) / (2.0 * d[cuts] * radius))
         ends = np.sort(np.concatenate([middle - half, middle + half]) % (2.0 * pi))
-        for first, last in zip(ends, np.append(ends[1:], ends[:1] + 2.0 * pi), strict=True):
+        ends = np.append(ends, ends[0] + 2.0 * pi) if len(ends) else np.array([0.0, 2.0 * pi])
+        for first, last in pairwise(ends):
             turn = np.abs((0.5 * (first + last) - middle + pi) % (2.0 * pi) - pi)
             if last > first and (turn >= half).all():
                 result.append((i, first, last))
-        if not len(ends):
-            result.append((i, 0.0, 2.0 * pi))
     owner, start, end = np.array(result, dtype=float).reshape(-1, 3).T
     return Arcs(owner.astype(int), start, end)
 
 
 def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
-    """The integrals over the union of discs from its exposed arcs, by Gauss's rule on quarters of each."""
-    s = ((np.arange(4)[:, None] + 0.5 + 0.5 * NODES) / 4.0).ravel()
+    """The integrals over the union of discs from its exposed arcs, by Gauss's rule on sixteenths of each."""
+    s, weights = ((np.arange(16)[:, None] + 0.5 + 0.5 * NODES) / 16.0).ravel(), np.tile(WEIGHTS, 16)
     sweep, r = (arcs.end - arcs.start)[:, None, None], radii[arcs.owner, None, None]
     angle = arcs.start[:, None] + sweep[..., 0] * s
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     points = centres[arcs.owner, None] + r * outward
-    normals = r * sweep * outward * np.tile(0.125 * WEIGHTS, 4)[:, None]
+    normals = r * sweep * outward * weights[:, None] / 32.0
     return Moments.swept(points.reshape(-1, 2), normals.reshape(-1, 2))
 
 
@@ -705,44 +591,27 @@ class Discs(Balls, Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""
-        return _outline(exposed_arcs(*self.tables), *self.tables)
+        (centres, radii), curves = self.tables, list[Curve]()
+        arcs = exposed_arcs(centres, radii)
 
+        def at(angle: Floats, owner: np.ndarray) -> Floats:
+            """Points (n, 2) at angles (n,) on the circles of owners (n,)."""
+            return centres[owner] + radii[owner, None] * np.column_stack(
+                [np.cos(angle), np.sin(angle)]
+            )
 
-def _outline(arcs: Arcs, centres: Floats, radii: Floats) -> tuple[Curve, ...]:
-    """The exposed arcs of discs in order around their union."""
-    order = _chained(arcs, centres, radii)
-    corners = [_on_circle(centres, radii, int(arcs.owner[k]), float(arcs.start[k])) for k in order]
-    curves: list[Curve] = []
-    for position, k in enumerate(order):
-        owner = int(arcs.owner[k])
-        pieces = int(np.ceil((arcs.end[k] - arcs.start[k]) / (0.5 * pi) - 1e-9))
-        angles = np.linspace(arcs.start[k], arcs.end[k], max(pieces, 1) + 1)[1:-1]
-        inner = [_on_circle(centres, radii, owner, float(angle)) for angle in angles]
-        stations = [corners[position], *inner, corners[(position + 1) % len(corners)]]
-        curves += [Arc(a, plain(centres[owner]), b) for a, b in pairwise(stations)]
-    return tuple(curves)
-
-
-def _on_circle(centres: Floats, radii: Floats, owner: int, angle: float) -> Point:
-    return plain(centres[owner] + radii[owner] * np.array([np.cos(angle), np.sin(angle)]))
-
-
-def _chained(arcs: Arcs, centres: Floats, radii: Floats) -> list[int]:
-    """The arcs in order around the outline."""
-    towards = [np.column_stack([np.cos(a), np.sin(a)]) for a in (arcs.start, arcs.end)]
-    starts, ends = (centres[arcs.owner] + radii[arcs.owner, None] * d for d in towards)
-    following = np.argmin(np.linalg.norm(ends[:, None] - starts, axis=2), axis=1)
-    order = [_rightmost(arcs, centres, radii)]
-    while int(following[order[-1]]) != order[0] and len(order) <= len(following):
-        order.append(int(following[order[-1]]))
-    if len(order) != len(following):
-        raise SceneError("the discs enclose a hole; fill it with a disc")
-    return order
-
-
-def _rightmost(arcs: Arcs, centres: Floats, radii: Floats) -> int:
-    """An arc of the outer boundary: the one that reaches farthest to the right."""
-    through = (arcs.start <= 0.0) | (arcs.end >= 2.0 * pi)
-    ends = np.maximum(np.cos(arcs.start), np.cos(arcs.end))
-    reach = centres[arcs.owner, 0] + radii[arcs.owner] * np.where(through, 1.0, ends)
-    return int(np.argmax(reach))
+        starts, ends = at(arcs.start, arcs.owner), at(arcs.end, arcs.owner)
+        following = np.argmin(np.linalg.norm(ends[:, None] - starts, axis=2), axis=1).tolist()
+        # From the arc that reaches farthest to the right
+        rightmost, left = arcs.owner == np.argmax(centres[:, 0] + radii), {*following}
+        k = int(np.argmax(np.where(rightmost, arcs.end, -1.0)))
+        while k in left:
+            left.remove(k)
+            pieces = max(int(np.ceil((arcs.end[k] - arcs.start[k]) / (0.5 * pi) - 1e-9)), 1)
+            inner = at(np.linspace(arcs.start[k], arcs.end[k], pieces + 1)[1:-1], arcs.owner[[k]])
+            stations = [plain(x) for x in (starts[k], *inner, starts[following[k]])]
+            centre, k = plain(centres[arcs.owner[k]]), following[k]
+            curves += [Arc(a, centre, b) for a, b in pairwise(stations)]
+        if left:
+            raise SceneError("the discs enclose a hole; fill it with a disc")
+        return tuple(curves)

@@ -8,10 +8,8 @@ units, angles radians.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,8 +17,6 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints
-from incipient.geometry.shape import require_not_negative, require_positive
-from incipient.geometry.space.surfaces import NearestOf
 
 Sides = tuple[float, float]
 Extent = tuple[Sides, Sides]
@@ -50,11 +46,8 @@ class HalfSpacesAndBalls:
     def distance_estimate(self, points: Floats) -> Floats:
         """The exact distances (k, n)."""
         above = points @ self.directions.T - (self.origins * self.directions).sum(axis=1)
-        away = (
-            np.linalg.norm(self._beside(points[:, None], np.arange(len(self.radii))), axis=2)
-            - self.radii
-        )
-        return np.concatenate([above.T, away.T])
+        away = self._beside(points[:, None], np.arange(len(self.radii)))
+        return np.concatenate([above.T, (np.linalg.norm(away, axis=2) - self.radii).T])
 
     def _beside(self, points: Floats, balls: np.ndarray) -> Floats:
         """Vectors (..., 3) to points from the centres of balls, from the axes of posts below these."""
@@ -65,86 +58,17 @@ class HalfSpacesAndBalls:
 
     def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
         """Closed formulae; `near` does not matter."""
-        gaps, normals = np.empty(len(points)), np.empty((len(points), 3))
-        hessians = np.zeros((len(points), 3, 3))
         flat = which < len(self.origins)
-        plane, ball = which[flat], which[~flat] - len(self.origins)
-        normals[flat] = self.directions[plane]
-        gaps[flat] = ((points[flat] - self.origins[plane]) * normals[flat]).sum(axis=1)
-        away = self._beside(points[~flat], ball)
+        away, level = np.empty_like(points), which[flat]
+        away[flat] = self.directions[level]
+        away[~flat] = self._beside(points[~flat], which[~flat] - len(self.origins))
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
-        normals[~flat] = away / length[:, None]
-        gaps[~flat] = length - self.radii[ball]
-        across = np.eye(3) - np.einsum("ni,nj->nij", normals[~flat], normals[~flat])
-        hessians[~flat] = across / length[:, None, None]
+        normals = away / length[:, None]
+        hessians = np.eye(3) - normals[:, :, None] * normals[:, None]
+        hessians *= np.where(flat, 0.0, 1.0 / length)[:, None, None]
+        gaps = length - np.append(np.zeros(len(self.origins)), self.radii)[which]
+        gaps[flat] = ((points[flat] - self.origins[level]) * normals[flat]).sum(axis=1)
         return ClosestPoints(gaps, points, normals, hessians)
-
-
-@dataclass(frozen=True, eq=False)
-class Graph:
-    """A smooth bed z = b(x): `height`, `gradient` and `hessian` at points (n, 2); `feature` bounds the steps."""
-
-    height: Callable[[Floats], Floats]
-    gradient: Callable[[Floats], Floats]
-    hessian: Callable[[Floats], Floats]  # (n, 2) -> (n, 2, 2)
-    feature: float
-
-    @property
-    def flat(self) -> np.ndarray:
-        """There is one piece, and it is none."""
-        return np.array([False])
-
-    def distance_estimate(self, points: Floats) -> Floats:
-        """The height above the tangent plane straight below, (1, n)."""
-        above = points[:, 2] - self.height(points[:, :2])
-        slope = self.gradient(points[:, :2])
-        return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
-
-    def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
-        """The local nearest points by Newton's method from `near`."""
-        x = self._feet(points, near)
-        height, slope, curvature = self.height(x), self.gradient(x), self.hessian(x)
-        stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
-        normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
-        feet = np.column_stack([x, height])
-        gaps = ((points - feet) * normals).sum(axis=1)
-        second = _hessians(gaps, slope, -curvature / stretch[:, None, None])
-        return ClosestPoints(gaps, points, normals, second)
-
-    def _feet(self, points: Floats, near: Floats) -> Floats:
-        """Where (n, 2) the vector to the points is normal to the bed."""
-        x = near.copy()
-        best, least = x.copy(), np.full(len(x), np.inf)
-        pending = np.arange(len(x))
-        for _ in range(30):
-            residual, step = self._foot_step(points[pending], x[pending])
-            size = np.abs(residual).max(axis=1, initial=0.0)
-            better = size < least[pending]
-            improved = pending[better]
-            best[improved], least[improved] = x[improved], size[better]
-            # Rows that get no better have reached round-off; others get two more tries.
-            going = better & (size > 1e-15 * (self.feature + np.abs(x[pending]).max(axis=1)))
-            x[pending] -= step
-            pending = pending[going]
-            if len(pending) == 0:
-                break
-        return best
-
-    def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
-        offset, slope = self.height(x) - points[:, 2], self.gradient(x)
-        residual = x - points[:, :2] + offset[:, None] * slope
-        matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
-        bent = matrix + offset[:, None, None] * self.hessian(x)
-        convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
-        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
-            ..., 0
-        ]
-        length = np.linalg.norm(step, axis=1, keepdims=True)
-        return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
-
-
-Pieces = HalfSpacesAndBalls | Graph
 
 
 def _hessians(gaps: Floats, slope: Floats, second: Floats) -> Floats:
@@ -213,12 +137,7 @@ class Terrain(ABC):
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals into the fluid at points (n, 2), (n, 3)."""
         slope = self.gradient(x)
-        normals = np.column_stack([-slope, np.ones(len(slope))])
-        # Where the bed is vertical the slope is infinite.
-        steep = ~np.isfinite(slope).all(axis=1)
-        outward = np.where(np.isfinite(slope[steep]), 0.0, -np.sign(slope[steep]))
-        normals[steep] = np.column_stack([outward, np.zeros(len(outward))])
-        return unit(normals)
+        return unit(np.column_stack([-slope, np.ones(len(slope))]))
 
     def nearest(self, points: ArrayLike) -> Floats:
         """The point of the bed nearest to each of the points (n, 3) in the fluid, (n, 3).
@@ -237,7 +156,7 @@ class Terrain(ABC):
         above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
         reach = float(np.linalg.norm(points[:, :2] - middle, axis=1).max() + above)
         pieces = self.pieces(middle, reach)
-        if isinstance(pieces, Graph):
+        if isinstance(pieces, SmoothTerrain):
             step = 0.25 * min(pieces.feature, 4.0 * float(above))
             offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
             which = np.zeros(len(points), dtype=int)
@@ -259,10 +178,6 @@ class Plane(Terrain):
     feature = np.inf
     slope: tuple[float, float] = (0.0, 0.0)
     origin_z: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not np.isfinite([*self.slope, self.origin_z]).all():
-            raise SceneError(f"the plane's slope {self.slope} is not finite; give finite numbers")
 
     @property
     def crest(self) -> float:
@@ -287,34 +202,146 @@ class Plane(Terrain):
         return HalfSpacesAndBalls(origin, normal, np.empty((0, 3)), np.empty(0))
 
 
+@dataclass(frozen=True, eq=False)
 class SphereBed(Terrain):
-    """Spheres above the half-space below the plane z = origin_z; the bed's solid is the union."""
+    """Spheres above the half-space below the plane z = origin_z; the bed's solid is the union.
 
-    @abstractmethod
-    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
-        """Numbers (k,), centres, radii and posts of the spheres of which a part is within a horizontal distance."""
+    Their centres (k, 3) and radii (k,) repeat without end by the horizontal `periods`, two rows, if there are any.
+    Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. A `seed` shifts
+    each sphere of an array horizontally as far as its neighbours leave room and lowers it by at most half a radius.
+    """
+
+    centres: Floats
+    radii: Floats
+    origin_z: float = 0.0
+    posts: Any = None
+    periods: Any = None
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.radii)
+        posts = np.zeros(count, dtype=bool) if self.posts is None else self.posts
+        if count == 0:
+            raise SceneError("a bed of spheres has none; give one or more")
+        object.__setattr__(self, "centres", np.asarray(self.centres, dtype=float))
+        object.__setattr__(self, "radii", np.asarray(self.radii, dtype=float))
+        object.__setattr__(self, "posts", np.asarray(posts, dtype=bool))
+
+    @classmethod
+    def array(
+        cls,
+        radius: float,
+        spacing: float,
+        arrangement: Literal["square", "triangular", "random"] = "square",
+        offset: tuple[float, float] = (0.0, 0.0),
+        origin_z: float = 0.0,
+        angle: float = 0.0,
+        layers: int = 1,
+        seed: int = 0,
+    ) -> SphereBed:
+        """Spheres of one size in a regular array; the centres of the lowest lie on the plane z = origin_z.
+
+        arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by half a
+        spacing against the one before, so that neighbours form equilateral triangles; "random": the triangular one in
+        disorder, the same for the same seed. Every further layer lies in the pockets of that below it. A centre of the
+        array is at `offset`; the whole is turned by `angle` about the vertical. Spheres closer than their diameter
+        overlap.
+        """
+        square, c, s = arrangement == "square", np.cos(angle), np.sin(angle)
+        second = [0.0, 1.0] if square else [0.5, np.sqrt(0.75)]
+        periods = spacing * np.array([[1.0, 0.0], second]) @ np.array([[c, s], [-s, c]])
+        pocket = np.full(2, 0.5 if square else 1.0 / 3.0) @ periods
+        rise = np.sqrt(max(4.0 * radius**2 - pocket @ pocket, 0.0))
+        if layers > 1 and rise == 0.0:
+            why = "spheres so far apart carry no further layer"
+            raise SceneError(f"{why}; reduce spacing or give layers = 1")
+        layer = np.arange(layers)
+        places = np.asarray(offset) + np.multiply.outer(layer % 2, pocket)
+        centres = np.column_stack([places, origin_z + layer * rise])
+        disorder = seed if arrangement == "random" else None
+        return cls(centres, np.full(layers, radius), origin_z, None, periods, disorder)
+
+    @property
+    def feature(self) -> float:
+        """The smallest radius, of a sphere if there is one, or half the spacing of an array where that is smaller."""
+        free = self.radii[self.posts if self.posts.all() else ~self.posts]
+        spacing = np.inf if self.periods is None else np.linalg.norm(self.periods[0])
+        return float(min(free.min(), 0.5 * spacing))
+
+    @property
+    def crest(self) -> float:
+        """The top of the highest sphere (in disorder of one that is not lowered), or the base plane."""
+        return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The height that spheres with centres over a rectangle reach; `crest` of an array."""
+        if self.periods is not None:
+            return self.crest
+        low, high = np.array([x, y]).T
+        inside = ((self.centres[:, :2] >= low) & (self.centres[:, :2] <= high)).all(axis=1)
+        tops = (self.centres[:, 2] + self.radii)[inside]
+        return max(float(tops.max(initial=-np.inf)), self.origin_z)
+
+    def near(self, middle: ArrayLike, reach: float) -> tuple[np.ndarray, Floats]:
+        """Numbers (k,) and centres (k, 3) of the spheres of which a part is within a horizontal distance."""
+        middle, which, centres = np.asarray(middle, float), np.arange(len(self.radii)), self.centres
+        if self.periods is not None:
+            away = (reach + self.radii.max()) / np.linalg.norm(self.periods[0])
+            around = max(int(np.ceil(1.2 * away)), 0) + AROUND
+            steps = np.arange(-around, around + 1)
+            home = np.round(np.linalg.solve(self.periods.T, middle - centres[0, :2]))
+            places = (home + np.stack(np.meshgrid(steps, steps), axis=-1)).reshape(-1, 2)
+            which = np.repeat(which, len(places))
+            places = np.tile(places, (len(centres), 1))
+            shifts = places @ self.periods
+            centres = centres[which] + np.column_stack([shifts, np.zeros(len(which))])
+            if self.seed is not None:
+                centres = centres + self._disorder(places, which)
+        close = np.linalg.norm(centres[:, :2] - middle, axis=1) <= reach + self.radii[which]
+        return which[close], centres[close]
+
+    def _disorder(self, places: Floats, layer: np.ndarray) -> Floats:
+        """Shifts (n, 3) of spheres at places (n, 2) of layers (n,): bits mixed as by Steele, Lea & Flood (2014)."""
+        chances = []
+        for number in range(3):
+            state = np.zeros(len(places), dtype=np.uint64)
+            for part in (self.seed, layer, number, *places.T.astype(np.int64)):
+                state = (state ^ np.asarray(part).astype(np.uint64)) + np.uint64(0x9E3779B97F4A7C15)
+                for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+                    state = (state ^ (state >> np.uint64(shift))) * np.uint64(factor)
+                state ^= state >> np.uint64(31)
+            chances.append((state >> np.uint64(11)) / 2.0**53)
+        reach, turn, drop = chances
+        spacing, radii = float(np.linalg.norm(self.periods[0])), self.radii[layer]
+        room, angle = np.maximum(0.5 * spacing - radii, 0.0) * np.sqrt(reach), 2.0 * np.pi * turn
+        return np.column_stack([room * np.cos(angle), room * np.sin(angle), -LOWEST * radii * drop])
 
     def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
         """The half-space and the spheres of which a part is within a horizontal distance of a point (2,)."""
-        _, centres, radii, posts = self.near(np.asarray(middle, dtype=float), reach)
+        which, centres = self.near(middle, reach)
         base, up = np.array([[0.0, 0.0, self.origin_z]]), np.array([[0.0, 0.0, 1.0]])
-        return HalfSpacesAndBalls(base, up, centres, radii, posts if posts.any() else None)
+        posts = self.posts[which]
+        return HalfSpacesAndBalls(
+            base, up, centres, self.radii[which], posts if posts.any() else None
+        )
 
     def _seen(self, x: ArrayLike) -> tuple[Floats, np.ndarray, Floats]:
         """Heights (n,) at points (n, 2), which sphere is there, -1 on the base, and where its centre is (n, 3)."""
+        from scipy.spatial import cKDTree  # which takes time to import
+
         points = rows(x)
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        reach = float(np.linalg.norm(points - middle, axis=1).max())
-        number, centres, radii, _ = self.near(middle, reach)
-        heights, which = np.full(len(points), self.origin_z), np.full(len(points), -1)
-        over = np.zeros((len(points), 3))
-        for k, below in enumerate(NearestOf(points).within(centres[:, :2], radii)):
+        which, centres = self.near(middle, float(np.linalg.norm(points - middle, axis=1).max()))
+        heights, seen = np.full(len(points), self.origin_z), np.full(len(points), -1)
+        over, radii = np.zeros((len(points), 3)), self.radii[which]
+        covered = cKDTree(points).query_ball_point(centres[:, :2], radii) if len(which) else []
+        for k, below in enumerate(covered):
             squared = ((points[below] - centres[k, :2]) ** 2).sum(axis=1)
             top = centres[k, 2] + np.sqrt(np.maximum(radii[k] ** 2 - squared, 0.0))
-            higher = below[top > heights[below]]
-            heights[higher], which[higher] = top[top > heights[below]], number[k]
+            higher = np.array(below, dtype=int)[top > heights[below]]
+            heights[higher], seen[higher] = top[top > heights[below]], which[k]
             over[higher] = centres[k]
-        return heights, which, over
+        return heights, seen, over
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
@@ -325,184 +352,11 @@ class SphereBed(Terrain):
         return self._seen(x)[1]
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2), infinite at the equators of spheres."""
-        heights, which, centres = self._seen(x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = (centres[:, :2] - rows(x)) / (heights - centres[:, 2])[:, None]
-        return np.asarray(np.where((which < 0)[:, None], 0.0, slope))
-
-
-@dataclass(frozen=True, init=False, eq=False)
-class SphereHeap(SphereBed):
-    """Spheres with given centres (k, 3) and radii (k,), and the half-space below the plane z = origin_z.
-
-    Those that are `posts` (k,) reach down to the plane as cylinders, so that no pores are below them. The bed's solid
-    is the union; heights are those of its upper side. Raises SceneError if a number is not finite or a radius not
-    positive.
-    """
-
-    centres: Floats
-    radii: Floats
-    origin_z: float
-    posts: np.ndarray
-
-    def __init__(
-        self,
-        centres: ArrayLike,
-        radii: ArrayLike,
-        origin_z: float = 0.0,
-        posts: ArrayLike | None = None,
-    ) -> None:
-        points, sizes = np.array(centres, dtype=float).reshape(-1, 3), np.ravel(radii).astype(float)
-        if len(points) != len(sizes) or not len(sizes):
-            raise SceneError(
-                f"{len(points)} centres and {len(sizes)} radii; give as many of both, one or more"
-            )
-        if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
-            raise SceneError(
-                "centres and radii are not finite or not positive; give finite, positive numbers"
-            )
-        standing = (
-            np.zeros(len(sizes), dtype=bool) if posts is None else np.array(posts, dtype=bool)
-        )
-        values = {"centres": points, "radii": sizes, "origin_z": float(origin_z), "posts": standing}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def feature(self) -> float:
-        """The smallest radius, of a sphere if there is one."""
-        return float(self.radii[self.posts if self.posts.all() else ~self.posts].min())
-
-    @property
-    def crest(self) -> float:
-        """The top of the highest sphere, or the base plane."""
-        return max(float((self.centres[:, 2] + self.radii).max()), self.origin_z)
-
-    def crest_level(self, x: Sides, y: Sides) -> float:
-        """The height that spheres with centres over a rectangle reach."""
-        low, high = np.array([x, y]).T
-        inside = ((self.centres[:, :2] >= low) & (self.centres[:, :2] <= high)).all(axis=1)
-        tops = (self.centres[:, 2] + self.radii)[inside]
-        return max(float(tops.max(initial=-np.inf)), self.origin_z)
-
-    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
-        """Numbers (k,) in the list, centres, radii and posts."""
-        away = np.linalg.norm(self.centres[:, :2] - middle, axis=1)
-        number = np.flatnonzero(away <= reach + self.radii)
-        return number, self.centres[number], self.radii[number], self.posts[number]
-
-
-@dataclass(frozen=True)
-class Hemispheres(SphereBed):
-    """Spheres of one size in a regular array; the centres of the lowest lie on the plane z = origin_z.
-
-    arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by half a
-    spacing against the one before, so that neighbours form equilateral triangles; every further layer lies in the
-    pockets of that below it. "random": the triangular array whose every sphere is shifted horizontally as far as its
-    neighbours leave room, and lowered by at most half a radius, by chance: the same for the same seed, wherever the bed
-    is looked at. A centre of the array is at `offset`; the whole is turned by `angle` about the vertical. Spheres
-    closer than their diameter overlap.
-    """
-
-    radius: float
-    spacing: float
-    arrangement: Literal["square", "triangular", "random"] = "square"
-    offset: tuple[float, float] = (0.0, 0.0)
-    origin_z: float = 0.0
-    angle: float = 0.0
-    layers: int = 1
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require_positive("radius", self.radius)
-        require_positive("spacing", self.spacing)
-        if self.arrangement not in ("square", "triangular", "random"):
-            raise SceneError(
-                f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"'
-            )
-        if self.layers < 1:
-            raise SceneError(f"layers {self.layers} is none; give one or more")
-        if self.layers > 1 and not self._rise > 0.0:
-            raise SceneError(
-                "spheres so far apart carry no further layer; reduce spacing or give layers = 1"
-            )
-
-    @property
-    def feature(self) -> float:
-        """The radius, or half the spacing where that is smaller."""
-        return min(self.radius, 0.5 * self.spacing)
-
-    @property
-    def crest(self) -> float:
-        """The top of the uppermost spheres, in disorder of one that is not lowered."""
-        return self.origin_z + (self.layers - 1) * self._rise + self.radius
-
-    def crest_level(self, x: Sides, y: Sides) -> float:
-        """`crest`."""
-        return self.crest
-
-    @cached_property
-    def _lattice(self) -> Floats:
-        """The two steps from one centre to its neighbours, in rows."""
-        second = [0.0, 1.0] if self.arrangement == "square" else [0.5, np.sqrt(0.75)]
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.asarray(
-            self.spacing * np.array([[1.0, 0.0], second]) @ np.array([[c, s], [-s, c]])
-        )
-
-    @property
-    def _pocket(self) -> Floats:
-        """Where, in steps of the lattice, the pockets of a layer are."""
-        return np.full(2, 0.5 if self.arrangement == "square" else 1.0 / 3.0)
-
-    @property
-    def _rise(self) -> float:
-        """The height of a layer above that below it."""
-        across = float(np.linalg.norm(self._pocket @ self._lattice))
-        return float(np.sqrt(max(4.0 * self.radius**2 - across**2, 0.0)))
-
-    def _at(self, places: np.ndarray, layer: int) -> Floats:
-        """The centres (n, 3) of the spheres of a layer at whole places (n, 2) of the lattice."""
-        ideal = np.asarray(self.offset) + (places + layer % 2 * self._pocket) @ self._lattice
-        height = np.full(
-            len(places), self.origin_z + layer * self._rise if layer else self.origin_z
-        )
-        if self.arrangement != "random":
-            return np.column_stack([ideal, height])
-        reach, turn, drop = (self._chance(places, layer, number) for number in range(3))
-        room = max(0.5 * self.spacing - self.radius, 0.0) * np.sqrt(reach)
-        angle = 2.0 * np.pi * turn
-        shift = room[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        return np.column_stack([ideal + shift, height - LOWEST * self.radius * drop])
-
-    def _chance(self, places: np.ndarray, layer: int, number: int) -> Floats:
-        """Numbers (n,) from 0 to 1 that belong to places (n, 2): bits mixed as by Steele, Lea & Flood (2014)."""
-        key = np.array([self.seed, layer, number], dtype=np.uint64)
-        state = np.zeros(len(places), dtype=np.uint64)
-        with np.errstate(over="ignore"):
-            for part in (*key, *places.T.astype(np.int64).astype(np.uint64)):
-                state = (state ^ part) + np.uint64(0x9E3779B97F4A7C15)
-                state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-                state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-                state ^= state >> np.uint64(31)
-        return np.asarray((state >> np.uint64(11)) / 2.0**53)
-
-    def centres_near(self, middle: ArrayLike, reach: float) -> Floats:
-        """All centres (k, 3) within a horizontal distance of a point (2,)."""
-        middle = np.asarray(middle, dtype=float)
-        home = np.round(np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset)))
-        around = int(np.ceil(1.2 * reach / self.spacing)) + AROUND
-        steps = np.arange(-around, around + 1)
-        places = (home + np.stack(np.meshgrid(steps, steps), axis=-1)).reshape(-1, 2)
-        result = np.vstack([self._at(places, layer) for layer in range(self.layers)])
-        return np.asarray(result[np.linalg.norm(result[:, :2] - middle, axis=1) <= reach])
-
-    def near(self, middle: Floats, reach: float) -> tuple[np.ndarray, Floats, Floats, np.ndarray]:
-        """Numbers from the first one near, centres, radii, no posts."""
-        centres = self.centres_near(middle, reach + self.radius)
-        each = np.arange(len(centres))
-        return each, centres, np.full(len(each), self.radius), np.zeros(len(each), dtype=bool)
+        """The derivatives (n, 2), at the equators of spheres very large."""
+        heights, seen, centres = self._seen(x)
+        rise = np.maximum(heights - centres[:, 2], 1e-100)[:, None]
+        slope = (centres[:, :2] - rows(x)) / rise
+        return np.asarray(np.where((seen < 0)[:, None], 0.0, slope))
 
 
 class SmoothTerrain(Terrain):
@@ -517,9 +371,68 @@ class SmoothTerrain(Terrain):
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives of b at points (n, 2), (n, 2, 2)."""
 
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The whole bed."""
-        return Graph(self.height, self.gradient, self.hessian, self.feature)
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Height (n,), gradient (n, 2) and second derivatives (n, 2, 2) at points (n, 2)."""
+        return self.height(x), self.gradient(x), self.hessian(x)
+
+    def pieces(self, middle: ArrayLike, reach: float) -> SmoothTerrain:
+        """The whole bed, a single piece."""
+        return self
+
+    @property
+    def flat(self) -> np.ndarray:
+        """There is one piece, and it is none."""
+        return np.array([False])
+
+    def distance_estimate(self, points: Floats) -> Floats:
+        """The height above the tangent plane straight below, (1, n)."""
+        above = points[:, 2] - self.height(points[:, :2])
+        slope = self.gradient(points[:, :2])
+        return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
+
+    def closest(self, points: Floats, which: np.ndarray, near: Floats) -> ClosestPoints:
+        """The local nearest points by Newton's method from `near`."""
+        x = self._feet(points, near)
+        height, slope, curvature = self.shape(x)
+        stretch = np.sqrt(1.0 + (slope**2).sum(axis=1))
+        normals = np.column_stack([-slope, np.ones(len(x))]) / stretch[:, None]
+        feet = np.column_stack([x, height])
+        gaps = ((points - feet) * normals).sum(axis=1)
+        second = _hessians(gaps, slope, -curvature / stretch[:, None, None])
+        return ClosestPoints(gaps, points, normals, second)
+
+    def _feet(self, points: Floats, near: Floats) -> Floats:
+        """Where (n, 2) the vector to the points is normal to the bed."""
+        best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
+        x = near
+        for _ in range(30):
+            residual, step = self._foot_step(points[pending], x)
+            size = np.abs(residual).max(axis=1, initial=0.0)
+            better = size < least[pending]
+            best[pending[better]], least[pending[better]] = x[better], size[better]
+            # A residual that gets no smaller is round-off.
+            going = better & (size > 1e-15 * (self.feature + np.abs(x).max(axis=1)))
+            x, pending = (x - step)[going], pending[going]
+            if len(pending) == 0:
+                break
+        return best
+
+    def _foot_step(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
+        """What (n, 2) makes x no foot of the points, and Newton's step to remove it, bounded."""
+        height, slope, curvature = self.shape(x)
+        offset = height - points[:, 2]
+        residual = x - points[:, :2] + offset[:, None] * slope
+        matrix = np.eye(2) + np.einsum("ni,nj->nij", slope, slope)
+        bent = matrix + offset[:, None, None] * curvature
+        convex = (np.linalg.det(bent) > 0.0) & (bent[:, 0, 0] > 0.0)
+        step = np.linalg.solve(np.where(convex[:, None, None], bent, matrix), residual[..., None])[
+            ..., 0
+        ]
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        return residual, step * np.minimum(1.0, 0.25 * self.feature / np.maximum(length, 1e-300))
+
+
+Pieces = HalfSpacesAndBalls | SmoothTerrain
 
 
 @dataclass(frozen=True)
@@ -532,10 +445,6 @@ class Ridges(SmoothTerrain):
     phase: float = 0.0
     origin_z: float = 0.0
 
-    def __post_init__(self) -> None:
-        require_positive("wavelength", self.wavelength)
-        require_not_negative("amplitude", self.amplitude)
-
     @property
     def steepest(self) -> float:
         """Midway between crests and troughs."""
@@ -543,16 +452,15 @@ class Ridges(SmoothTerrain):
 
     @property
     def _wave(self) -> Floats:
-        """The wave vector (1, 2)."""
+        """The wave vector (2,)."""
         k = 2.0 * np.pi / self.wavelength
-        return np.array([[k * np.cos(self.angle), k * np.sin(self.angle)]])
+        return np.array([k * np.cos(self.angle), k * np.sin(self.angle)])
 
     @property
     def feature(self) -> float:
         """Half the wavelength, or the radius of curvature at a crest where that is smaller."""
-        number = float(np.linalg.norm(self._wave, axis=1)[0])
-        curvature = self.amplitude * (number * number)
-        return min(np.pi / number, 1.0 / curvature if curvature > 0.0 else np.inf)
+        k = 2.0 * np.pi / self.wavelength
+        return min(np.pi / k, 1.0 / (self.amplitude * k * k) if self.amplitude else np.inf)
 
     @property
     def crest(self) -> float:
@@ -565,17 +473,17 @@ class Ridges(SmoothTerrain):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
-        return np.asarray(self.origin_z + self.amplitude * np.sin(self._phases(x))[:, 0])
+        return np.asarray(self.origin_z + self.amplitude * np.sin(self._phases(x)))
 
     def gradient(self, x: ArrayLike) -> Floats:
         """The derivatives (n, 2)."""
-        return np.asarray(np.cos(self._phases(x)) * (self.amplitude * self._wave))
+        return np.outer(np.cos(self._phases(x)), self.amplitude * self._wave)
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2)."""
         sines = -self.amplitude * np.sin(self._phases(x))
-        return np.einsum("nk,ki,kj->nij", sines, self._wave, self._wave)
+        return np.multiply.outer(sines, np.outer(self._wave, self._wave))
 
     def _phases(self, x: ArrayLike) -> Floats:
-        """The arguments (n, 1) of the sine at points (n, 2)."""
-        return np.asarray(rows(x) @ self._wave.T + self.phase)
+        """The arguments (n,) of the sine at points (n, 2)."""
+        return np.asarray(rows(x) @ self._wave + self.phase)

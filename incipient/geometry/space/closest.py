@@ -1,10 +1,11 @@
 """Closest points of a grain and a bed in 3-D: all local minima of the distance, lowering, contacts.
 
-Smooth grains are minimised over their surface from samples of it; grains with cores (flat faces, round parts)
-over every triangle of the core. Both by Newton's method with the second derivatives of the bed's distance.
+A grain with cores (flat faces, balls, rods) is searched triangle by triangle of its cores, another one over its
+surface; both by Newton's method with the second derivatives of the bed's distance.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,46 +15,36 @@ from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
 from incipient.geometry.shape import Moments
-from incipient.geometry.space.beds import Graph, Pieces, SmoothTerrain, Terrain
-from incipient.geometry.space.grains import Solid, SphereSwept
+from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
+from incipient.geometry.space.grains import Solid
 from incipient.geometry.space.surfaces import (
     Surface,
     Triangles,
     connected,
     grouped,
     nearest_on_triangles,
-    refined,
     vector_areas,
 )
 
-STILL = 1e-11  # grain sizes: a last step this short leaves an error of its square
-THINNEST = 1e-9  # area of a patch, in grain sizes squared, below which it is none
-SAMPLES, SAMPLES_PER_FEATURE = (
-    24.0,
-    6.0,
-)  # along the grain's size and along the bed's smallest feature
+# Of the grain's size. Newton's method squares errors, so that a last step this short leaves 1e-16.
+LAST_STEP = 1e-8
+SAME = 1e-9  # lengths that are one
+SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
 STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
-
-
-def _cut(core: SphereSwept, spacing: float) -> SphereSwept:
-    """A core with smaller triangles; round ones are sampled instead."""
-    if core.radius > 0.0:
-        return core
-    fine = refined(Surface(core.points, core.triangles), spacing)
-    return SphereSwept(fine.points, fine.triangles)
+Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity:
     """A grain and a bed in 3-D, prepared for questions about many placements.
 
-    Parts of a core are numbered: its triangles from 0 on; corner i of n is -1 - i, edge j is -1 - n - j.
+    Parts of a core are numbered: its triangles, its corners, its edges.
     """
 
     grain: Solid
     bed: Terrain
 
-    @property
+    @cached_property
     def size(self) -> float:
         """The grain's size."""
         return self.grain.size
@@ -74,75 +65,78 @@ class SpatialProximity:
         return grouped(np.append(a, b), np.append(b, a), len(self._samples.points))
 
     @cached_property
-    def cores(self) -> tuple[SphereSwept, ...]:
-        """The grain's cores, on smooth beds cut finely enough that a triangle sees no two crests."""
-        if not isinstance(self.bed, SmoothTerrain):
-            return self.grain.cores
-        return tuple(_cut(core, 0.5 * self.bed.feature) for core in self.grain.cores)
-
-    @cached_property
-    def _corners(self) -> tuple[np.ndarray, ...]:
-        """Which points of each core are corners of the grain's own core, not of its finer triangles."""
-        result = []
-        for fine, coarse in zip(self.cores, self.grain.cores, strict=True):
-            scale = 1e-7 * self.size
-            own = {tuple(row) for row in np.round(coarse.points / scale).astype(int).tolist()}
-            mine = np.round(fine.points / scale).astype(int).tolist()
-            result.append(np.array([tuple(row) in own for row in mine]))
-        return tuple(result)
-
-    @cached_property
-    def _edges(self) -> tuple[np.ndarray, ...]:
-        """The ends of the edges of the grain's own cores, (e, 2 ends, 3) in the body frame."""
+    def _parts(self) -> list[Floats]:
+        """The corners (m, 3 corners, 3) of the parts of each core, in the body frame."""
         result = []
         for core in self.grain.cores:
             edges = Surface(core.points, core.triangles).edges
-            result.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
-        return tuple(result)
+            edges = edges[edges[:, 0] != edges[:, 1]]
+            single = np.repeat(np.arange(len(core.points))[:, None], 3, axis=1)
+            result.append(
+                core.points[np.concatenate([core.triangles, single, edges[:, [0, 1, 1]]])]
+            )
+        return result
+
+    @cached_property
+    def _places(self) -> list[tuple[np.ndarray, Floats]]:
+        """Corners of each core, on smooth beds also places along edges: parts (m,) and points (m, 3) in the body frame.
+
+        An edge may lie across crests of a smooth bed, half a feature from each other at least.
+        """
+        result = []
+        for core, parts in zip(self.grain.cores, self._parts, strict=True):
+            first, corners = len(core.triangles), len(core.points)
+            ends = parts[first:] if isinstance(self.bed, SmoothTerrain) else parts[first:][:corners]
+            lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+            counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
+            counts[(lengths > 0.0) & (lengths < 2.0 * self.spacing)] = 0  # as near are corners
+            part = np.repeat(np.arange(len(ends)), counts)
+            s = np.concatenate([(np.arange(n) + 0.5) / n for n in counts])[:, None]
+            result.append((first + part, (1.0 - s) * ends[part, 0] + s * ends[part, 1]))
+        return result
 
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
-        """All minima whose gap is at most `within` (a length): over the surface, or over each triangle of cores.
+        """All minima whose gap is at most `within` (a length): over the surface, or over each part of a core.
 
-        A minimum over a triangle need not be one over the surface (see `locally_least`). Exact to round-off
-        as long as different ones are farther apart than the samples.
+        A minimum over a part need not be one over the surface (see `locally_least`). Different ones are told apart if
+        they are farther from each other than the samples.
         """
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
-        parts = [self._core_minima(placement, pieces, k, within) for k in range(len(self.cores))]
-        if not parts:
-            starts, which = self._valleys(placement, pieces, within)
-            parts = [self._descended(placement, pieces, starts, which)]
+        valleys = np.empty((0, 3)), np.empty(0, dtype=int)
+        if isinstance(pieces, SmoothTerrain) or not self.grain.cores:
+            valleys = self._valleys(placement, pieces, within)
+        parts = [
+            self._on_core(
+                placement, pieces, k, *self._starts(placement, pieces, k, within, valleys[0])
+            )
+            for k in range(len(self._parts))
+        ] or [self._descended(placement, pieces, *valleys)]
         result = ClosestPoints.joined(parts)
         return result.only(result.gaps <= within)
 
     def tracked(self, placement: Placement, old: ClosestPoints) -> ClosestPoints:
         """The minima `old` followed to another placement close by."""
-        pieces = old.pieces
+        if not self.grain.cores:
+            points = placement.to_scene(old.anchors)
+            return self._descended(placement, old.pieces, points, old.origin[:, 2])
         parts = [old.only(np.empty(0, dtype=int))]
-        points = placement.to_scene(old.anchors)
         for k in np.unique(old.origin[:, 0]):
-            mine = old.origin[:, 0] == k
-            pieces_of = old.origin[mine, 2]
-            if k < 0:
-                parts.append(self._descended(placement, pieces, points[mine], pieces_of))
-            else:
-                parts.append(self._tracked_on_core(placement, old.only(mine), int(k)))
+            parts.append(self._tracked_on_core(placement, old.only(old.origin[:, 0] == k), int(k)))
         return ClosestPoints.joined(parts)
 
     def _tracked_on_core(self, placement: Placement, old: ClosestPoints, k: int) -> ClosestPoints:
         """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
-        core = self.cores[k]
-        fixed, free = np.flatnonzero(old.origin[:, 1] < 0), np.flatnonzero(old.origin[:, 1] >= 0)
-        row, triangle = core.search.near(old.anchors[free], 0.1 * self.spacing)
-        row = free[row]
-        row, triangle = (
-            np.concatenate([row, fixed]),
-            np.concatenate([triangle, old.origin[fixed, 1]]),
-        )
-        start = placement.to_scene(
-            nearest_on_triangles(old.anchors[row], self._spanned(k, triangle))
-        )
+        core = self.grain.cores[k]
+        fixed = old.origin[:, 1] >= len(core.triangles)
+        row, part = core.search.near(old.anchors, 0.1 * self.spacing)
+        free = ~fixed[row]
+        row = np.concatenate([row[free], np.flatnonzero(fixed)])
+        part = np.concatenate([part[free], old.origin[fixed, 1]])
+        start = nearest_on_triangles(old.anchors[row], self._parts[k][part])
         feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
-        result = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
+        result = self._on_core(
+            placement, old.pieces, k, part, old.origin[row, 2], placement.to_scene(start), feet
+        )
         order = np.lexsort([result.gaps, row])
         return result.only(order[np.unique(row[order], return_index=True)[1]])
 
@@ -152,178 +146,112 @@ class SpatialProximity:
         """Sampled points (m, 3) nearer to a piece (m,) than the samples around them."""
         points = placement.to_scene(self._samples.points)
         rough = pieces.distance_estimate(points)
-        rough_bound = within + self._samples.spacing
-        close = np.flatnonzero(rough.min(axis=1, initial=np.inf) <= rough_bound)
-        starts, which = [np.empty(0, dtype=int)], [np.empty(0, dtype=int)]
-        for piece in close:
-            near = np.flatnonzero(rough[piece] <= rough_bound)
-            lowest = rough[piece][self._neighbours[near]].min(axis=1)
-            valley = near[rough[piece][near] <= lowest]
-            starts.append(valley)
-            which.append(np.full(len(valley), piece))
-        return points[np.concatenate(starts)], np.concatenate(which)
+        close = rough <= within + self._samples.spacing
+        piece, sample = np.nonzero(close)
+        lowest = rough[piece[:, None], self._neighbours[sample]].min(axis=1, initial=np.inf)
+        least = rough[piece, sample] <= lowest
+        return points[sample[least]], piece[least]
 
     def _descended(
         self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
     ) -> ClosestPoints:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
-        points = placement.to_scene(self.grain.project(placement.to_body(points)))
-        sight = pieces.closest(points, which, points[:, :2])
-        last = np.full((len(points), 1), np.inf)
-        for _ in range(30):
-            tangents, step = self._newton_step(placement, points, sight)
-            # On poles without curvature steps shrink by a constant factor: their sum is taken (Aitken).
-            length = np.linalg.norm(step, axis=1, keepdims=True)
-            ratio = length / np.maximum(last, 1e-300)
-            slow, last = (ratio > 0.4) & (ratio < 0.97), length
-            step = step / np.where(slow, 1.0 - np.minimum(ratio, 0.97), 1.0)
-            moved = np.zeros(len(points))
-            for _ in range(5):
-                trial = points + np.einsum("nik,nk->ni", tangents, step)
-                trial = placement.to_scene(self.grain.project(placement.to_body(trial)))
-                seen = pieces.closest(trial, which, sight.feet[:, :2])
-                lower = seen.gaps <= sight.gaps + 1e-16 * self.size
-                moved = np.maximum(
-                    moved, np.where(lower, np.abs(step).max(axis=1, initial=0.0), 0.0)
-                )
-                points = np.where(lower[:, None], trial, points)
-                sight = sight.replaced(lower, seen)
-                step = np.where(lower[:, None], 0.0, 0.25 * step)
-                if lower.all():
-                    break
-            if moved.max(initial=0.0) <= 1e-12 * self.size:
-                break
+
+        def onto(x: Floats) -> Floats:
+            return placement.to_scene(self.grain.project(placement.to_body(x)))
+
+        def step(x: Floats, sight: ClosestPoints, _: np.ndarray) -> Floats:
+            return self._newton_step(placement, x, sight)
+
+        points, sight = descended(pieces, onto(points), which, points[:, :2], step, onto, self.size)
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
         anchors = placement.to_body(points)
         return ClosestPoints(sight.gaps, points, sight.normals, None, anchors, origin, None, pieces)
 
-    def _newton_step(
-        self, placement: Placement, points: Floats, sight: ClosestPoints
-    ) -> tuple[Floats, Floats]:
-        """Tangents (n, 3, 2) of the grain and the step along them (n, 2) towards the least distance."""
-        outward = self._outward(placement, points)
-        tangents = np.stack(frame_of(outward), axis=2)
+    def _newton_step(self, placement: Placement, points: Floats, sight: ClosestPoints) -> Floats:
+        """Steps (n, 3) along the grain's surface towards the least distance, no longer than the samples' spacing."""
         h = 1e-5 * self.size
-        # All at once: (ahead or behind, 2 tangents, n, 3).
-        shifts = np.multiply.outer([h, -h], np.moveaxis(tangents, 2, 0))
-        around = self._outward(placement, (points + shifts).reshape(-1, 3)).reshape(shifts.shape)
-        ahead, behind = np.moveaxis(around, 1, 3)
-        curvature = np.swapaxes(tangents, 1, 2) @ (ahead - behind) / (2.0 * h)
+        outward = self.grain.normal(placement.to_body(points)) @ placement.rotation.T
+        tangents = np.stack(frame_of(outward), axis=1)  # (n, 2, 3)
+        around = points[:, None] + h * np.concatenate([tangents, -tangents], axis=1)
+        turned = self.grain.normal(placement.to_body(around.reshape(-1, 3))) @ placement.rotation.T
+        ahead, behind = np.moveaxis(turned.reshape(-1, 2, 2, 3), 1, 0)
+        curvature = (ahead - behind) @ np.swapaxes(tangents, 1, 2) / (2.0 * h)
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
-        bent = np.swapaxes(tangents, 1, 2) @ sight.hessians @ tangents + facing * curvature
+        bent = tangents @ sight.hessians @ np.swapaxes(tangents, 1, 2) + facing * curvature
         values, vectors = np.linalg.eigh(0.5 * (bent + np.swapaxes(bent, 1, 2)))
         values = np.maximum(np.abs(values), 1e-9 / self.size)
-        slope = np.einsum("nik,ni->nk", tangents, sight.normals)
-        step = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
-        length = np.linalg.norm(step, axis=1, keepdims=True)
-        return tangents, step * np.minimum(1.0, self.spacing / np.maximum(length, 1e-300))
+        slope = np.einsum("nki,ni->nk", tangents, sight.normals)
+        along = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
+        return _shortened(np.einsum("nki,nk->ni", tangents, along), self.spacing)
 
-    def _outward(self, placement: Placement, x: Floats) -> Floats:
-        """The placed grain's unit normals (n, 3) at points (n, 3) of the scene."""
-        return self.grain.normal(placement.to_body(x)) @ placement.rotation.T
-
-    def _core_minima(
-        self, placement: Placement, pieces: Pieces, k: int, within: float
-    ) -> ClosestPoints:
-        """Minima over the triangles of a core, and all its corners where they are close."""
-        core = self.cores[k]
-        points = placement.to_scene(core.points)
-        bound = within + core.radius
-        curved = isinstance(pieces, Graph)
-        rough = pieces.distance_estimate(points) - (0.5 * self.spacing if curved else 0.0)
+    def _starts(
+        self, placement: Placement, pieces: Pieces, k: int, within: float, valleys: Floats
+    ) -> Starts:
+        """Where to search a core: corners (and edges) close to a plane or a smooth bed, and triangles."""
+        core, curved = self.grain.cores[k], isinstance(pieces, SmoothTerrain)
+        parts, points = self._places[k]
+        points, bound = placement.to_scene(points), within + core.radius
+        slack = 0.5 * self.spacing + 0.25 * self.bed.feature if curved else 0.0
         # Balls are met by triangles as well as by corners; single points are no triangles.
-        wanted = pieces.flat | curved | (len(points) == 1)
-        piece, vertex = np.nonzero((rough <= bound) & wanted[:, None] & self._corners[k])
-        tables = [(-1 - vertex, piece, points[vertex], points[vertex, :2])]
+        cornered = pieces.flat | curved | (len(core.points) == 1)
+        close = pieces.distance_estimate(points) - slack <= bound
+        piece, place = np.nonzero(close & cornered[:, None])
+        corners = parts[place], piece, points[place], points[place, :2]
         if curved:
-            tables.append(self._edges_near(placement, pieces, k, bound))
-        if isinstance(pieces, Graph) and core.radius > 0.0:
-            tables.append(self._round_starts(placement, pieces, k, within))
+            triangles = self._below(placement, k, valleys)
         else:
-            tables.append(self._triangles_near(pieces, points[core.triangles], bound))
-        columns = [np.concatenate(column) for column in zip(*tables, strict=True)]
-        return self._on_core(placement, pieces, k, *columns)
+            triangles = self._near_balls(
+                pieces, placement.to_scene(self._parts[k][: len(core.triangles)]), bound
+            )
+        both = zip(corners, triangles, strict=True)
+        part, piece, start, near = (np.concatenate(tables) for tables in both)
+        return part, piece, start, near
 
-    def _edges_near(
-        self, placement: Placement, pieces: Pieces, k: int, bound: float
-    ) -> tuple[np.ndarray, np.ndarray, Floats, Floats]:
-        """Starts along the edges of a core that are close to a smooth bed: where one lies across a crest."""
-        edges = self._edges[k]
-        lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
-        counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
-        edge = np.repeat(np.arange(len(edges)), counts)
-        place = (
-            np.concatenate([np.arange(n) for n in counts]) if len(counts) else np.empty(0)
-        ) + 0.5
-        s = (place / counts[edge])[:, None]
-        starts = placement.to_scene((1.0 - s) * edges[edge, 0] + s * edges[edge, 1])
-        slack = (0.5 * lengths / counts)[edge] + 0.5 * self.spacing
-        near = np.flatnonzero(pieces.distance_estimate(starts)[0] - slack <= bound)
-        number = -1 - len(self.cores[k].points) - edge[near]
-        return number, np.zeros(len(near), dtype=int), starts[near], starts[near, :2]
-
-    def _triangles_near(
-        self, pieces: Pieces, corners: Floats, bound: float
-    ) -> tuple[np.ndarray, np.ndarray, Floats, Floats]:
-        """Triangles and pieces that are not flat and may be within a bound, with starting points."""
+    def _near_balls(self, pieces: Pieces, corners: Floats, bound: float) -> Starts:
+        """Triangles (m, 3, 3) within a bound of balls, from their middles."""
         middle = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-        slack = reach + (reach + 0.5 * self.spacing if isinstance(pieces, Graph) else 0.0)
-        proper = reach > 0.0
-        close = (pieces.distance_estimate(middle) - slack <= bound) & proper & ~pieces.flat[:, None]
-        piece, triangle = np.nonzero(close)
+        close = (pieces.distance_estimate(middle) - reach <= bound) & (reach > 0.0)
+        piece, triangle = np.nonzero(close & ~pieces.flat[:, None])
         return triangle, piece, middle[triangle], middle[triangle, :2]
 
-    def _round_starts(
-        self, placement: Placement, pieces: Pieces, k: int, within: float
-    ) -> tuple[np.ndarray, np.ndarray, Floats, Floats]:
-        """Starts on a smooth bed: where samples of the round surface are lowest, and the triangles below them."""
-        core = self.cores[k]
-        starts, _ = self._valleys(placement, pieces, within)
-        corners = placement.to_scene(core.points)[core.triangles]
-        nearest = nearest_on_triangles(starts[:, None], corners)
-        apart = np.linalg.norm(nearest - starts[:, None], axis=2)
-        mine = np.abs(apart.min(axis=1, initial=np.inf) - core.radius) <= 1e-6 * self.size
-        # The minimum may lie on a triangle next to that below the sample.
-        beside = apart <= apart.min(axis=1, keepdims=True, initial=np.inf) + self.spacing
-        sample, triangle = np.nonzero(beside & mine[:, None])
-        return (
-            triangle,
-            np.zeros(len(sample), dtype=int),
-            nearest[sample, triangle],
-            starts[sample, :2],
-        )
+    def _below(self, placement: Placement, k: int, valleys: Floats) -> Starts:
+        """The triangles of a core next to samples (m, 3) of the surface that are lower than those around them."""
+        core, body = self.grain.cores[k], placement.to_body(valleys)
+        sample, triangle = core.search.near(body, core.radius + self.spacing)
+        nearest = nearest_on_triangles(body[sample], self._parts[k][triangle])
+        apart = np.linalg.norm(nearest - body[sample], axis=1)
+        least = np.full(len(valleys), np.inf)
+        np.minimum.at(least, sample, apart)
+        own = np.abs(least - core.radius) <= 1e-6 * self.size
+        close = own[sample] & (apart <= least[sample] + self.spacing)
+        sample, nearest = sample[close], placement.to_scene(nearest[close])
+        return triangle[close], np.zeros(len(sample), dtype=int), nearest, valleys[sample, :2]
 
     def _on_core(
         self,
         placement: Placement,
         pieces: Pieces,
         k: int,
-        triangle: np.ndarray,
+        part: np.ndarray,
         piece: np.ndarray,
         start: Floats,
         near: Floats,
     ) -> ClosestPoints:
-        """Minima over triangles, corners and edges (m,) of a core in distance from pieces (m,)."""
-        core = self.cores[k]
-        corners = placement.to_scene(self._spanned(k, triangle))
-        points, sight = least_on_triangles(pieces, corners, piece, start, near, self.size)
-        origin = np.column_stack([np.full(len(piece), k), triangle, piece]).astype(int)
-        surface = points - core.radius * sight.normals
-        gaps = sight.gaps - core.radius
-        return ClosestPoints(
-            gaps, surface, sight.normals, None, placement.to_body(points), origin, None, pieces
-        )
+        """Minima over parts (m,) of a core in distance from pieces (m,)."""
+        radius, corners = self.grain.cores[k].radius, placement.to_scene(self._parts[k][part])
+        # So that no step leads across a crest.
+        longest = 0.5 * self.bed.feature if isinstance(pieces, SmoothTerrain) else np.inf
 
-    def _spanned(self, k: int, triangle: np.ndarray) -> Floats:
-        """The corners (m, 3, 3) of triangles of a core, in the body frame; those of corners and edges repeat."""
-        core = self.cores[k]
-        corners = core.points[core.triangles[np.maximum(triangle, 0)]]
-        single = (triangle < 0) & (triangle >= -len(core.points))
-        corners[single] = core.points[-1 - triangle[single]][:, None]
-        along = triangle < -len(core.points)
-        corners[along] = self._edges[k][-1 - len(core.points) - triangle[along]][:, [0, 1, 1]]
-        return corners
+        def step(x: Floats, sight: ClosestPoints, rows: np.ndarray) -> Floats:
+            return _shortened(_model_minimum(corners[rows], x, sight) - x, longest)
+
+        points, sight = descended(pieces, start, piece, near, step, lambda x: x, self.size)
+        origin = np.column_stack([np.full(len(piece), k), part, piece]).astype(int)
+        surface, anchors = points - radius * sight.normals, placement.to_body(points)
+        gaps = sight.gaps - radius
+        return ClosestPoints(gaps, surface, sight.normals, None, anchors, origin, None, pieces)
 
     def locally_least(
         self,
@@ -336,32 +264,23 @@ class SpatialProximity:
 
         Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
         """
-        slack = max(slack, 1e-9 * self.size)
+        slack = max(slack, SAME * self.size)
         keep = np.ones(len(minima), dtype=bool)
-        for k in range(len(self.cores)):
+        if len(self.grain.cores) > 1:
+            keep = self.grain.level(placement.to_body(minima.points)) >= -SAME * self.size
+        for k, core in enumerate(self.grain.cores):
             mine = np.flatnonzero(minima.origin[:, 0] == k)
-            # The distance grows from there into all triangles that meet there; normals are those in the body.
-            anchors, normals = minima.anchors[mine], minima.normals[mine] @ placement.rotation
-            keep[mine] = _grows(self.cores[k].search, anchors, normals, slack)
-        if len(self.cores) > 1:
-            keep &= self.grain.level(placement.to_body(minima.points)) >= -1e-9 * self.size
-        if corners:
-            keep |= self._is_corner(placement, minima)
+            normals, part = minima.normals[mine] @ placement.rotation, minima.origin[mine, 1]
+            keep[mine] &= _grows(core.search, minima.anchors[mine], normals, slack)
+            if corners:
+                ends = self._parts[k][part]
+                rise = ((ends[:, 1] - ends[:, 0]) * normals).sum(axis=1)
+                keep[mine] |= (part >= len(core.triangles)) & (np.abs(rise) <= 1e-6 * self.size)
         # Minima of smooth grains are told apart no farther than samples are.
-        return minima.only(keep).distinct(1e-6 * self.size if self.cores else self.spacing)
-
-    def _is_corner(self, placement: Placement, minima: ClosestPoints) -> np.ndarray:
-        """Which minima are corners of the grain, or minima along an edge of it."""
-        result = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
-        for k in range(len(self.cores)):
-            mine = result & (minima.origin[:, 0] == k)
-            corners = placement.to_scene(self._spanned(k, minima.origin[mine, 1]))
-            rise = ((corners[:, 1] - corners[:, 0]) * minima.normals[mine]).sum(axis=1)
-            result[mine] = np.abs(rise) <= 1e-6 * self.size
-        return result
+        return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
 
     def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""
+        """The placement, lowered (or raised) vertically until the grain touches the bed."""
         samples = placement.to_scene(self._samples.points)
         drop = samples[:, 2] - self.bed.height(samples[:, :2])
         placement = placement.raised(-float(drop.min()))
@@ -371,254 +290,194 @@ class SpatialProximity:
                 raise SceneError("the grain finds no bed below it; move it over the bed")
             lift = float((-minima.gaps / np.maximum(minima.normals[:, 2], STEEPEST)).max())
             placement = placement.raised(lift)
-            if abs(lift) <= 4e-15 * self.size:
+            if abs(lift) <= 1e-13 * self.size:
                 break
             minima = self.tracked(placement, minima)
         return placement
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
-        close = self.minima(placement, tolerance)
-        patches: list[Patch] = []
-        loose = np.ones(len(close), dtype=bool)
-        for k, core in enumerate(self.cores):
-            for piece in np.unique(close.origin[:, 2]):
-                mine = (close.origin[:, 0] == k) & (close.origin[:, 2] == piece)
-                if not mine.any():
-                    continue
-                result = _patches(self, placement, core, close.only(mine), tolerance)
-                for patch in result:
-                    slack = max(tolerance, 1e-9 * self.size)
-                    loose[mine] &= ~patch.covers(close.points[mine], slack)
-                patches += result
+        close, slack = self.minima(placement, tolerance), max(tolerance, SAME * self.size)
+        loose, patches = np.ones(len(close), dtype=bool), list[Contacts]()
+        for k, piece in np.unique(close.origin[:, [0, 2]], axis=0):
+            mine = np.flatnonzero((close.origin[:, 0] == k) & (close.origin[:, 2] == piece))
+            if k >= 0:
+                for corners in self._flat(placement, k, close.only(mine), tolerance):
+                    radius, anchors = (
+                        self.grain.cores[k].radius,
+                        placement.to_scene(close.anchors[mine]),
+                    )
+                    nearest = nearest_on_triangles(anchors[:, None], corners)
+                    apart = np.linalg.norm(nearest - anchors[:, None], axis=2)
+                    loose[mine] &= apart.min(axis=1) > slack
+                    patches.append(_patch(corners, radius))
         points = self.locally_least(placement, close.only(loose), slack=tolerance)
         points = points.only(_extreme(points, 1e-7 * self.size))
-        return _contacts(points, patches, tolerance)
+        if not len(points) + len(patches):
+            why = f"the grain does not touch the bed within {tolerance:g}"
+            raise SceneError(f"{why}; settle it on the bed")
+        return Contacts(
+            np.concatenate([points.points, *(patch.points for patch in patches)]),
+            np.concatenate([-points.normals, *(patch.normals for patch in patches)]),
+            np.concatenate([np.zeros(len(points)), *(patch.areas for patch in patches)])
+            if patches
+            else None,
+        )
+
+    def _flat(
+        self, placement: Placement, k: int, close: ClosestPoints, tolerance: float
+    ) -> list[Floats]:
+        """The faces (m, 3, 3) of a core that lie on the piece of bed of its minima `close`, connected ones together."""
+        core, bound, piece = (
+            self.grain.cores[k],
+            self.grain.cores[k].radius + tolerance,
+            close.origin[0, 2],
+        )
+        points = placement.to_scene(core.points)
+        touching = close.pieces.distance_estimate(points)[piece] <= bound
+        triangles = core.triangles[touching[core.triangles].all(axis=1)]
+        areas = vector_areas(points[triangles])
+        # A thin core has the same face on both sides: only that which faces the bed counts.
+        faces = np.linalg.norm(areas, axis=1) > SAME * self.size**2
+        triangles = triangles[faces & ((areas * close.normals[0]).sum(axis=1) < 0.0)]
+        corners = points[triangles]
+        # A curved bed may touch corners alone.
+        between = np.stack(
+            [corners.mean(axis=1), *(0.5 * (corners + np.roll(corners, 1, 1))).swapaxes(0, 1)]
+        )
+        flat = between.reshape(-1, 3)
+        gaps = close.pieces.closest(flat, np.full(len(flat), piece), flat[:, :2]).gaps
+        lies = (gaps.reshape(4, -1) <= bound).all(axis=0)
+        label = connected(len(points), triangles[lies])[triangles[lies, 0]]
+        return [corners[lies][label == item] for item in np.unique(label)]
 
     def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
         """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
         drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
-        minima, reach = self.minima(placement, drop + 1e-9 * self.size), self.size
+        minima, reach = self.minima(placement, drop + SAME * self.size), self.size
         while not len(
             minima
-        ):  # next to a bed that overhangs it the grain is nearer than its way down says
+        ):  # beside a bed that overhangs it the grain is nearer than its way down says
             minima, reach = self.minima(placement, reach), 2.0 * reach
         k = int(np.argmin(minima.gaps))
-        gap, point = float(minima.gaps[k]), minima.points[k]
-        return gap, point, point - gap * minima.normals[k]
+        return float(minima.gaps[k]), minima.points[k], minima.feet[k]
+
+
+def _shortened(steps: Floats, longest: float) -> Floats:
+    """Steps (n, 3) of at most a length."""
+    length = np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
+    return np.asarray(steps * np.minimum(1.0, longest / length))
 
 
 def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
     """Whether from anchors (m, 3) no triangle that meets there falls by more than `slack`."""
     size = float(np.abs(search.corners).max())
-    row, triangle = search.near(anchors, 1e-9 * size)
+    row, triangle = search.near(anchors, SAME * size)
     corners = search.corners[triangle]
     nearest = nearest_on_triangles(anchors[row], corners)
-    beside = np.linalg.norm(nearest - anchors[row], axis=1) <= 1e-9 * size
-    away = corners - anchors[row, None]
-    falls = ((away * normals[row, None]).sum(axis=2) < -slack).any(axis=1)
+    beside = np.linalg.norm(nearest - anchors[row], axis=1) <= SAME * size
+    rises = ((corners - anchors[row, None]) * normals[row, None]).sum(axis=2)
     least = np.ones(len(anchors), dtype=bool)
-    least[row[beside & falls]] = False
+    least[row[beside & (rises < -slack).any(axis=1)]] = False
     return least
 
 
-def least_on_triangles(
-    pieces: Pieces, corners: Floats, which: np.ndarray, start: Floats, near: Floats, size: float
+def descended(
+    pieces: Pieces,
+    points: Floats,
+    which: np.ndarray,
+    near: Floats,
+    step_of: Callable[[Floats, ClosestPoints, np.ndarray], Floats],
+    onto: Callable[[Floats], Floats],
+    size: float,
 ) -> tuple[Floats, ClosestPoints]:
-    """Where on triangles (m, 3 corners, 3) the distance from pieces (m,) is least, and how they are seen there.
+    """Where on a surface the distance from pieces (m,) is least next to points (m, 3), and how they are seen there.
 
-    Each step minimises the quadratic model of the distance over the triangle. Triangles may be segments or
-    points. `start` (m, 3) lies in the triangles, `near` (m, 2) near the nearest points of the bed.
+    `step_of` gives the steps (k, 3) from points, as they are seen, of some rows (k,); `onto` carries points back onto
+    the surface. `near` (m, 2) lies near the nearest points of the bed.
     """
-    points = start.copy()
-    sight = pieces.closest(points, which, near)
-    pending = np.flatnonzero((np.ptp(corners, axis=1) > 0.0).any(axis=1))
+    points, sight = points.copy(), pieces.closest(points, which, near)
+    pending = np.arange(len(points))
     for _ in range(30):
+        here, before = sight.only(pending), points[pending]
+        step = step_of(before, here, pending)
+        for _ in range(5):
+            trial = onto(before + step)
+            seen = pieces.closest(trial, which[pending], here.feet[:, :2])
+            better = seen.gaps <= here.gaps + 1e-14 * size
+            if better.all():
+                break
+            step = np.where(better[:, None], step, 0.25 * step)
+        points[pending[better]] = trial[better]
+        sight = sight.replaced(pending[better], seen, better)
+        pending = pending[better & (np.abs(step).max(axis=1) > LAST_STEP * size)]
         if len(pending) == 0:
             break
-        here = sight.only(pending)
-        before = points[pending]
-        target = _model_minimum(corners[pending], before, here)
-        seen = pieces.closest(target, which[pending], here.feet[:, :2])
-        for _ in range(3):
-            worse = seen.gaps > here.gaps + 1e-15 * size
-            if not worse.any():
-                break
-            target = np.where(worse[:, None], 0.75 * before + 0.25 * target, target)
-            seen = pieces.closest(target, which[pending], here.feet[:, :2])
-        better = seen.gaps <= here.gaps + 1e-15 * size
-        rows = pending[better]
-        points[rows] = target[better]
-        sight = sight.replaced(rows, seen, better)
-        pending = pending[better & (np.abs(target - before).max(axis=1) > STILL * size)]
     return points, sight
 
 
 def _model_minimum(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
-    """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles."""
-    candidates = [_inner(corners, points, sight)]
-    for i in range(3):
-        start, side = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
-        bend = np.einsum("mi,mij,mj->m", side, sight.hessians, side)
-        slope = _slope(start, points, sight, side)
-        curved = bend > 1e-300
-        s = np.where(curved, -slope / np.where(curved, bend, 1.0), np.where(slope < 0.0, 1.0, 0.0))
-        s = np.clip(s, 0.0, 1.0)[:, None]
-        candidates.append((1.0 - s) * start + s * corners[:, (i + 1) % 3])
-    values = np.array([_model(x, points, sight) for x in candidates])
-    best = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
-    return np.asarray(np.stack(candidates)[best, np.arange(len(points))])
-
-
-def _model(x: Floats, points: Floats, sight: ClosestPoints) -> Floats:
-    away = x - points
-    return np.asarray(
-        (away * sight.normals).sum(axis=1)
-        + 0.5 * np.einsum("mi,mij,mj->m", away, sight.hessians, away)
-    )
-
-
-def _slope(x: Floats, points: Floats, sight: ClosestPoints, direction: Floats) -> Floats:
-    """The derivative of the model at x along a direction."""
-    gradient = sight.normals + np.einsum("mij,mj->mi", sight.hessians, x - points)
-    return np.asarray((gradient * direction).sum(axis=1))
-
-
-def _inner(corners: Floats, points: Floats, sight: ClosestPoints) -> Floats:
-    """The stationary point of the model where it is a minimum inside the triangle, else NaN."""
-    origin = corners[:, 0]
-    sides = np.stack([corners[:, 1] - origin, corners[:, 2] - origin], axis=2)
-    bent = np.einsum("mik,mij,mjl->mkl", sides, sight.hessians, sides)
-    slope = np.stack([_slope(origin, points, sight, sides[..., k]) for k in (0, 1)], axis=1)
-    determinant = np.linalg.det(bent)
-    scale = bent[:, 0, 0] * bent[:, 1, 1]
-    convex = (determinant > 1e-12 * np.abs(scale)) & (bent[:, 0, 0] > 0.0)
+    """The least point (m, 3) of n.(x - p) + (x - p).H (x - p)/2 over triangles: inside, or on one of the sides."""
+    # A bed that is curved one way alone has a line of minima: the nearest place of it is taken.
+    largest = np.abs(sight.hessians).max(axis=(1, 2))[:, None, None]
+    sight = replace(sight, hessians=sight.hessians + 1e-6 * largest * np.eye(3))
+    away = corners - points[:, None]
+    slopes = sight.normals[:, None] + np.einsum("mij,mkj->mki", sight.hessians, away)
+    sides = np.roll(corners, -1, axis=1) - corners
+    bends = np.einsum("mki,mij,mkj->mk", sides, sight.hessians, sides)
+    falls = -(slopes * sides).sum(axis=2)
+    curved = bends > 1e-300
+    s = np.where(curved, falls / np.where(curved, bends, 1.0), np.where(falls > 0.0, 1.0, 0.0))
+    on_sides = away + np.clip(s, 0.0, 1.0)[..., None] * sides
+    # The stationary point within, from its first corner along both sides that meet there.
+    frame = np.stack([sides[:, 0], -sides[:, 2]], axis=1)
+    bent = frame @ sight.hessians @ np.swapaxes(frame, 1, 2)
+    convex = np.linalg.det(bent) > 1e-12 * np.abs(bent[:, 0, 0] * bent[:, 1, 1])
+    convex &= bent[:, 0, 0] > 0.0
     safe = np.where(convex[:, None, None], bent, np.eye(2))
-    u = -np.linalg.solve(safe, slope[..., None])[..., 0]
-    inside = convex & (u >= 0.0).all(axis=1) & (u.sum(axis=1) <= 1.0)
-    return np.where(inside[:, None], origin + np.einsum("mik,mk->mi", sides, u), np.nan)
+    u = -np.linalg.solve(safe, (frame @ slopes[:, 0, :, None]))
+    inside = convex & (u >= 0.0).all(axis=(1, 2)) & (u.sum(axis=(1, 2)) <= 1.0)
+    within = away[:, 0] + (np.swapaxes(frame, 1, 2) @ u)[..., 0]
+    candidates = np.concatenate([within[:, None], on_sides], axis=1)
+    values = (candidates * sight.normals[:, None]).sum(axis=2)
+    values += 0.5 * np.einsum("mki,mij,mkj->mk", candidates, sight.hessians, candidates)
+    values[~inside, 0] = np.inf
+    return np.asarray(points + candidates[np.arange(len(points)), np.argmin(values, axis=1)])
 
 
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A flat contact: its corners (k, 3) counter-clockwise, its normal (3,) out of the grain, its area."""
+def _patch(triangles: Floats, radius: float) -> Contacts:
+    """The corners of the convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius.
 
-    corners: Floats
-    normal: Floats
-    area: float
+    Each has half of both triangles that it forms with its neighbours and the hull's centroid, so that the parts of the
+    area have that centroid.
+    """
+    from scipy.spatial import ConvexHull  # which takes time to import
 
-    def shares(self) -> Floats:
-        """The area in k parts that have the corners' hull's centroid: half of both triangles with the centroid."""
-        first, second = (t[0] for t in frame_of(self.normal[None]))
-        flat = self.corners @ np.column_stack([first, second])
-        flat = flat - flat.mean(axis=0)
-        away = flat - _centroid(flat)
-        fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
-        shares = fans + np.roll(fans, 1)
-        return np.asarray(self.area * shares / shares.sum())
-
-    def covers(self, points: Floats, tolerance: float) -> np.ndarray:
-        """Which of the points (n, 3) lie on the patch, to a tolerance."""
-        side = np.roll(self.corners, -1, axis=0) - self.corners
-        inward = unit(np.cross(side, self.normal))
-        away = points[:, None] - self.corners
-        # Seen along the outward normal the corners run clockwise: the sign is that of the first corner's side.
-        turned = np.sign((inward * (self.corners.mean(axis=0) - self.corners)).sum(axis=1))
-        beside = ((away * (inward * turned[:, None])).sum(axis=2) >= -tolerance).all(axis=1)
-        level = np.abs((away[:, 0] * self.normal).sum(axis=1)) <= 2.0 * tolerance
-        return np.asarray(beside & level)
-
-
-def _contacts(minima: ClosestPoints, patches: list[Patch], tolerance: float) -> Contacts:
-    points = [minima.points, *(patch.corners for patch in patches)]
-    normals = [
-        -minima.normals,
-        *(np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches),
-    ]
-    areas = np.concatenate([np.zeros(len(minima)), *(patch.shares() for patch in patches)])
-    if len(areas) == 0:
-        raise SceneError(
-            f"the grain does not touch the bed within {tolerance:g}; settle it on the bed"
-        )
-    return Contacts(np.vstack(points), np.vstack(normals), areas if patches else None)
-
-
-def _patches(
-    proximity: "SpatialProximity",
-    placement: Placement,
-    core: SphereSwept,
-    close: ClosestPoints,
-    tolerance: float,
-) -> list[Patch]:
-    """The parts of a core that lie on one piece of bed: connected triangles all of whose corners touch."""
-    piece = close.origin[0, 2]
-    points = placement.to_scene(core.points)
-    touching = close.pieces.distance_estimate(points)[piece] <= core.radius + tolerance
-    triangles = core.triangles[touching[core.triangles].all(axis=1)]
-    corners = points[triangles]
-    proper = np.linalg.norm(vector_areas(corners), axis=1) > THINNEST * proximity.size**2
-    # A thin core has the same face on both sides: only that which faces the bed counts.
-    inward = close.normals[0]
-    proper &= (vector_areas(corners) * inward).sum(axis=1) < 0.0
-    triangles, corners = triangles[proper], corners[proper]
-    if len(triangles) and not close.pieces.flat[piece]:
-        flat = _lies(close, corners, core.radius + tolerance)
-        triangles, corners = triangles[flat], corners[flat]
-    if not len(triangles):
-        return []
-    label = connected(len(core.points), triangles)[triangles[:, 0]]
-    return [_patch(corners[label == item], core.radius) for item in np.unique(label)]
-
-
-def _lies(close: ClosestPoints, corners: Floats, bound: float) -> np.ndarray:
-    """Which triangles (m, 3, 3) lie on a curved piece of bed also between their corners."""
-    middles = corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))
-    points = np.concatenate(middles, axis=1).reshape(-1, 3)
-    sight = close.pieces.closest(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
-    return np.asarray((sight.gaps.reshape(-1, 4) <= bound).all(axis=1))
-
-
-def _patch(corners: Floats, radius: float) -> Patch:
-    """The convex hull of triangles (m, 3, 3) in one plane, carried outward by the radius."""
-    areas = vector_areas(corners)
-    normal = unit(areas.sum(axis=0)[None])[0]
-    points = corners.reshape(-1, 3)
-    first, second = (t[0] for t in frame_of(normal[None]))
-    order = _hull(points @ np.column_stack([first, second]))
-    return Patch(
-        points[order] + radius * normal, normal, float(np.linalg.norm(areas, axis=1).sum())
-    )
-
-
-def _hull(points: Floats) -> np.ndarray:
-    """The corners of the convex hull of points (n, 2) in counter-clockwise order, none on the side of another."""
-    from scipy.spatial import ConvexHull
-
-    _, first = np.unique(points, axis=0, return_index=True)
-    order = np.asarray(first[ConvexHull(points[first]).vertices])
-    side = np.roll(points[order], -1, axis=0) - points[order]
+    areas = vector_areas(triangles)
+    normal = unit(areas.sum(axis=0))
+    points = np.unique(triangles.reshape(-1, 3), axis=0)
+    flat = points @ np.stack(frame_of(normal[None]), axis=2)[0]
+    order = ConvexHull(flat).vertices
+    side = np.roll(flat[order], -1, axis=0) - flat[order]
+    # None on the side of another.
     turns = planar_cross(np.roll(side, 1, axis=0), side)
-    return order[turns > 1e-9 * float(np.ptp(points, axis=0).max()) ** 2]
-
-
-def _centroid(corners: Floats) -> Floats:
-    """The centroid (2,) of a polygon's corners (n, 2)."""
-    return Moments.within(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)).centroid
+    order = order[turns > SAME * np.ptp(flat, axis=0).max() ** 2]
+    hull = flat[order] - flat[order].mean(axis=0)
+    away = hull - Moments.within(np.stack([hull, np.roll(hull, -1, axis=0)], axis=1)).centroid
+    fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
+    parts = (fans + np.roll(fans, 1)) / (2.0 * fans.sum()) * np.linalg.norm(areas, axis=1).sum()
+    return Contacts(points[order] + radius * normal, np.tile(normal, (len(order), 1)), parts)
 
 
 def _extreme(minima: ClosestPoints, tolerance: float) -> np.ndarray:
     """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
-    label = np.round(minima.normals, 6)
-    for normal in np.unique(label, axis=0):
-        mine = np.flatnonzero((label == normal).all(axis=1))
-        if len(mine) < 3:
-            continue
-        points = minima.points[mine]
-        away = points - points.mean(axis=0)
+    _, label = np.unique(np.round(minima.normals, 6), axis=0, return_inverse=True)
+    for item in np.unique(label):
+        mine = np.flatnonzero(label.ravel() == item)
+        away = minima.points[mine] - minima.points[mine].mean(axis=0)
         direction = np.linalg.svd(away, full_matrices=False)[2][0]
         along = away @ direction
-        if np.abs(away - np.outer(along, direction)).max() <= tolerance:
-            keep[mine] = False
-            keep[mine[[np.argmin(along), np.argmax(along)]]] = True
+        if len(mine) > 2 and np.abs(away - np.outer(along, direction)).max() <= tolerance:
+            keep[mine] = np.isin(along, [along.min(), along.max()])
     return keep

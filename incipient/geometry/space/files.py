@@ -74,21 +74,20 @@ def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, I
     """The surface without the vertices that no triangle uses, refused if it makes no sense."""
     if len(triangles) == 0:
         raise SceneError(f"{path} holds no triangles; export it again")
-    wrong = (triangles < 0) | (triangles >= len(points))
-    if wrong.any():
-        which = int(triangles[wrong][0])
-        why = f"has a triangle of vertex {which} (counted from 0) but {len(points)} vertices"
+    if len(wrong := triangles[(triangles < 0) | (triangles >= len(points))]):
+        why = f"has a triangle of vertex {wrong[0]} (counted from 0) but {len(points)} vertices"
         raise SceneError(f"{path} {why}; export it again")
     used, triangles = np.unique(triangles, return_inverse=True)
-    points, triangles = points[used], triangles.reshape(-1, 3)
-    if not np.isfinite(points).all():
-        raise SceneError(f"{path} has a vertex that is not finite; give finite numbers")
-    if (largest := float(np.abs(points).max())) > LARGEST:
-        raise SceneError(
-            f"{path} has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size"
-        )
-    if (extent := float(np.ptp(points, axis=0).max())) < SMALLEST:
-        raise SceneError(
-            f"{path} measures {extent:g} from end to end; give it at least {SMALLEST:g}"
-        )
-    return points, triangles
+    points = points[used]
+    largest, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
+    for is_so, why in (
+        (not np.isfinite(points).all(), "has a vertex that is not finite; give finite numbers"),
+        (
+            largest > LARGEST,
+            f"has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size",
+        ),
+        (extent < SMALLEST, f"measures {extent:g} from end to end; give it at least {SMALLEST:g}"),
+    ):
+        if is_so:
+            raise SceneError(f"{path} {why}")
+    return points, triangles.reshape(-1, 3)

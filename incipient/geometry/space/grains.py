@@ -26,13 +26,17 @@ from incipient.geometry.shape import (
     checked_balls,
     largest_distance,
     require_exposed,
-    require_positive,
 )
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.files import triangles_in
-from incipient.geometry.space.surfaces import Surface, Triangles, repaired, require_plain
+from incipient.geometry.space.surfaces import (
+    MOST_POINTS,
+    Surface,
+    Triangles,
+    repaired,
+    require_plain,
+)
 
-MAX_EXPONENT = 100.0
 UNION_ERROR = 1e-8  # of the integrals over a union of spheres
 ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis of a cylinder
 Triple = tuple[float, float, float]
@@ -83,13 +87,12 @@ class Solid(Shape):
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
     """The image of the unit sphere under a map of directions (n, 3) to points, as finely as asked."""
-    frequency = max(4, int(np.ceil(0.7 * size / spacing)))
+    frequency, most = max(4, int(np.ceil(0.7 * size / spacing))), int(np.sqrt(0.1 * MOST_POINTS))
     while True:
-        frequency = min(frequency, int(np.sqrt(0.1 * surfaces.MOST_POINTS)))
-        round_one = surfaces.sphere(frequency)
-        surface = Surface(shape(round_one.points), round_one.triangles)
+        ball = surfaces.sphere(min(frequency, most))
+        surface = Surface(shape(ball.points), ball.triangles)
         excess = surface.spacing / spacing
-        if excess <= 1.0 or 10 * (frequency + 1) ** 2 >= surfaces.MOST_POINTS:
+        if excess <= 1.0 or frequency >= most:
             return surface
         frequency = int(np.ceil(frequency * min(excess, 3.0)))
 
@@ -103,14 +106,6 @@ class Superquadric(Solid):
 
     semi_axes: tuple[float, float, float]
     exponents: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        require_positive("semi-axis", *self.semi_axes)
-        for value in self.exponents:
-            if not 2.0 <= value <= MAX_EXPONENT:
-                raise SceneError(
-                    f"exponent {value} is not between 2 and {MAX_EXPONENT:g}; change it"
-                )
 
     @property
     def size(self) -> float:
@@ -172,11 +167,7 @@ class Superquadric(Solid):
 class Ellipsoid(Superquadric):
     """An ellipsoid with semi-axes along the body's directions."""
 
-    exponents: tuple[float, float] = (2.0, 2.0)
-
-    def __post_init__(self) -> None:
-        require_positive("semi-axis", *self.semi_axes)
-        object.__setattr__(self, "exponents", (2.0, 2.0))
+    exponents: tuple[float, float] = field(default=(2.0, 2.0), init=False)
 
 
 @dataclass(frozen=True)
@@ -185,9 +176,6 @@ class Sphere(Solid):
 
     level_is_distance = True
     diameter: float
-
-    def __post_init__(self) -> None:
-        require_positive("diameter", self.diameter)
 
     @property
     def size(self) -> float:
@@ -227,11 +215,9 @@ class Box(RoundedBox, Solid):
     edge_radius: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("side", *self.sides)
         if not 0.0 <= self.edge_radius <= 0.5 * min(self.sides):
-            raise SceneError(
-                f"edge_radius {self.edge_radius} is not between 0 and half the shortest side; change it"
-            )
+            why = f"edge_radius {self.edge_radius} is not between 0 and half the shortest side"
+            raise SceneError(f"{why}; change it")
 
     @property
     def sharp(self) -> bool:
@@ -302,19 +288,9 @@ class Triangulated(Solid):
 
     def __post_init__(self) -> None:
         points, triangles = np.array(self.vertices, dtype=float), np.array(self.triangles)
-        if (
-            points.ndim != 2
-            or points.shape[1] != 3
-            or triangles.ndim != 2
-            or triangles.shape[1] != 3
-        ):
-            raise SceneError(f"{self.name} needs vertices (n, 3) and triangles (m, 3); give them")
-        if not np.isfinite(points).all():
-            raise SceneError(f"{self.name} has a vertex that is not finite; give finite numbers")
         if len(triangles) == 0 or triangles.min() < 0 or triangles.max() >= len(points):
-            raise SceneError(
-                f"{self.name} has no triangles, or one of vertices that do not exist; check it"
-            )
+            why = f"{self.name} has no triangles, or one of vertices that do not exist"
+            raise SceneError(f"{why}; check it")
         extent = float(np.ptp(points, axis=0).max())
         surface = surfaces.merged(points, triangles, 1e-9 * max(extent, 1e-300))
         surfaces.require_closed(surface, self.name)
@@ -335,7 +311,6 @@ class Triangulated(Solid):
         Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
         if the file is missing, cannot be read, or its surface is not closed or runs through itself.
         """
-        require_positive("scale", scale)
         points, triangles = triangles_in(path)
         surface = repaired(Surface(scale * points, triangles))
         solid = cls(surface.points, surface.triangles, str(path))
@@ -403,15 +378,6 @@ class Polyhedron(Triangulated):
 
     def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
         corners = np.array(vertices, dtype=float)
-        if (
-            corners.ndim != 2
-            or corners.shape[1] != 3
-            or len(corners) < 4
-            or not np.isfinite(corners).all()
-        ):
-            raise SceneError(
-                "a polyhedron needs four or more vertices of three finite coordinates; add them"
-            )
         hull = surfaces.hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")
 
@@ -423,10 +389,6 @@ class Cylinder(Solid):
     spans_width = True
     diameter: float
     length: float
-
-    def __post_init__(self) -> None:
-        require_positive("diameter", self.diameter)
-        require_positive("length", self.length)
 
     @property
     def size(self) -> float:
@@ -458,15 +420,11 @@ class Cylinder(Solid):
         """A grid around the tube and along it, its quadrangles cut in two."""
         around = max(8, int(np.ceil(pi * self.diameter / spacing)))
         along = max(2, int(np.ceil(self.length / spacing)))
-        angle = 2.0 * pi * np.arange(around) / around
-        place = 0.5 * self.length * np.linspace(-1.0, 1.0, along + 1)
-        circle = 0.5 * self.diameter * np.column_stack([np.cos(angle), np.sin(angle)])
-        x, z = (np.tile(column, along + 1) for column in circle.T)
-        number = np.arange(around * (along + 1)).reshape(along + 1, around)
-        a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
-        c, d = number[1:], np.roll(number[1:], -1, axis=1)
-        corners = [np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, c, b), (b, c, d))]
-        return Surface(np.column_stack([x, np.repeat(place, around), z]), np.vstack(corners))
+        ends = np.linspace(-0.5, 0.5, along + 1) * self.length
+        places, triangles = surfaces.grid(np.linspace(2.0 * pi, 0.0, around + 1), ends)
+        angle, y, r = places[:, 0], places[:, 1], 0.5 * self.diameter
+        points = np.column_stack([r * np.cos(angle), y, r * np.sin(angle)])
+        return surfaces.merged(points, triangles, 1e-9 * r)
 
 
 @dataclass(frozen=True, init=False)
@@ -490,10 +448,8 @@ class Spheres(Balls, Solid):
         about = Moments(whole.volume, np.zeros(3), whole.about_centroid())
         object.__setattr__(self, "_moments", about)
         points = points - whole.centroid
-        object.__setattr__(
-            self, "centres", tuple((float(x), float(y), float(z)) for x, y, z in points)
-        )
-        object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
+        object.__setattr__(self, "centres", tuple(map(tuple, points.tolist())))
+        object.__setattr__(self, "radii", tuple(sizes.tolist()))
 
     @property
     def moments(self) -> Moments:
@@ -512,9 +468,8 @@ class Spheres(Balls, Solid):
     def surface(self, spacing: float) -> Surface:
         """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""
         frequency = max(4, int(np.ceil(1.3 * max(self.radii) / spacing)))
-        frequency = min(frequency, int(np.sqrt(0.1 * surfaces.MOST_POINTS / len(self.radii))))
-        ball = surfaces.sphere(frequency)
-        pieces = []
+        frequency = min(frequency, int(np.sqrt(0.1 * MOST_POINTS / len(self.radii))))
+        ball, pieces = surfaces.sphere(frequency), []
         for centre, radius in zip(self.centres, self.radii, strict=True):
             points = np.asarray(centre) + radius * ball.points
             shows = (self.level(points) >= -1e-9 * radius)[ball.triangles].any(axis=1)

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows
 from incipient.errors import SceneError
-from incipient.geometry.shape import require_positive
 from incipient.geometry.space.beds import Extent, Sides, SmoothTerrain
 from incipient.geometry.space.files import triangles_in
 from incipient.input_files import reading
@@ -18,6 +18,8 @@ OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may ex
 KEYS = 0.5 * np.array(
     [[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]]
 )  # cubics by four heights
+CUBICS = [polyder(KEYS, order) for order in range(3)]  # and their derivatives
+ORDERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]  # of derivatives in x and y
 IMAGES = (".png", ".tif", ".tiff")
 LARGEST_FILE = 64  # MiB
 # Values that programs write for cells without data: ESRI's, those of 16-bit integers and of single precision
@@ -39,15 +41,10 @@ class HeightMap(SmoothTerrain):
     def __post_init__(self) -> None:
         heights = np.array(self.heights, dtype=float)
         if heights.ndim != 2 or min(heights.shape) < 2:
-            raise SceneError(
-                "a height map needs two or more rows and columns; give a table of heights"
-            )
-        if not np.isfinite(heights).all():
-            row, column = np.argwhere(~np.isfinite(heights))[0]
-            raise SceneError(
-                f"the height in row {row}, column {column} is not finite; fill the gap"
-            )
-        require_positive("cell", *self.cell)
+            why = "a height map needs two or more rows and columns"
+            raise SceneError(f"{why}; give a table of heights")
+        if gap := _gap(heights):
+            raise SceneError(f"the height in row {gap[0]}, column {gap[1]} is not finite; fill it")
         heights.flags.writeable = False
         object.__setattr__(self, "heights", heights)
 
@@ -83,7 +80,6 @@ class HeightMap(SmoothTerrain):
         Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero.
         Raises SceneError if the file is missing or cannot be read, or the surface has a hole as seen from above.
         """
-        require_positive("scale", scale)
         points, triangles = triangles_in(path)
         result = cls.of_triangles(scale * points[triangles], cell, Path(path))
         return replace(result, origin=(*result.origin[:2], 0.0))
@@ -110,13 +106,11 @@ class HeightMap(SmoothTerrain):
                 f"{path} has no upper side: it stands upright; turn it until z is upwards"
             )
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
-        require_positive("cell", dx, dy)
         require_few(path, *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
-        if not np.isfinite(heights).all():
-            row, column = np.argwhere(~np.isfinite(heights))[0]
-            where = f"x = {along[column]:g}, y = {across[row]:g}"
+        if gap := _gap(heights):
+            where = f"x = {along[gap[1]]:g}, y = {across[gap[0]]:g}"
             raise SceneError(
                 f"{path} has a hole as seen from above, at {where}; fill it, or cut the surface to a rectangle"
             )
@@ -147,11 +141,13 @@ class HeightMap(SmoothTerrain):
 
     def crest_level(self, x: Sides, y: Sides) -> float:
         """The highest of the heights within a rectangle, or of all."""
-        rows_, columns = self.heights.shape
-        along = self.origin[0] + self.cell[0] * np.arange(columns)
-        across = self.origin[1] + self.cell[1] * np.arange(rows_)
-        inside = np.ix_((across >= y[0]) & (across <= y[1]), (along >= x[0]) & (along <= x[1]))
-        result = self.heights[inside]
+        inside = []
+        for first, step, count, (low, high) in zip(
+            self.origin[1::-1], self.cell[::-1], self.heights.shape, (y, x), strict=True
+        ):
+            places = first + step * np.arange(count)
+            inside.append((places >= low) & (places <= high))
+        result = self.heights[np.ix_(*inside)]
         return float(self.origin[2] + (result if result.size else self.heights).max())
 
     @property
@@ -171,8 +167,13 @@ class HeightMap(SmoothTerrain):
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2), which jump between cells."""
-        xx, xy, yy = self._derivatives(x, [(2, 0), (1, 1), (0, 2)])
-        return np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+        return self.shape(x)[2]
+
+    def shape(self, x: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Height, gradient and second derivatives, of which each needs the same heights."""
+        z, *first, xx, xy, yy = self._derivatives(x, ORDERS)
+        second = np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+        return self.origin[2] + z, np.column_stack(first), second
 
     def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
         """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
@@ -184,27 +185,27 @@ class HeightMap(SmoothTerrain):
         outside = (at < 0.0) | (at > count - 1)
         i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
         values = self.heights[j[:, :, None], i[:, None, :]]
+        # Along x first, for each order there.
+        along = [
+            (values @ _weights(t[:, 0], order, self.cell[0])[..., None])[..., 0]
+            for order in range(1 + max(order for order, _ in orders))
+        ]
         result = []
-        for along_x, along_y in orders:
-            u, v = (
-                _weights(t[:, 0], along_x, self.cell[0]),
-                _weights(t[:, 1], along_y, self.cell[1]),
-            )
-            total = ((values @ u[..., None])[..., 0] * v).sum(axis=1)
-            level = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
-            result.append(np.where(level, 0.0, total))
+        for order in orders:
+            total = (along[order[0]] * _weights(t[:, 1], order[1], self.cell[1])).sum(axis=1)
+            result.append(np.where((outside & (np.array(order) > 0)).any(axis=1), 0.0, total))
         return result
+
+
+def _gap(heights: Floats) -> tuple[int, int] | None:
+    """Row and column of the first height that is not finite."""
+    gaps = np.argwhere(~np.isfinite(heights))
+    return None if not len(gaps) else (int(gaps[0, 0]), int(gaps[0, 1]))
 
 
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
-    item, zero = np.ones_like(t), np.zeros_like(t)
-    powers = (
-        [item, t, t * t, t**3],
-        [zero, item, 2.0 * t, 3.0 * t * t],
-        [zero, zero, 2.0 * item, 6.0 * t],
-    )
-    return np.asarray(np.column_stack(powers[derivative]) @ KEYS / step**derivative)
+    return np.asarray(polyval(t, CUBICS[derivative]).T / step**derivative)
 
 
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
@@ -306,17 +307,11 @@ def _read_grid(path: Path) -> Raster:
     if missing:
         raise SceneError(f"{path} lacks {missing[0]} in its header; write an ESRI ASCII grid")
     counts = header["nrows"], header["ncols"]
-    if not all(count.is_integer() and count > 1 for count in counts):
-        raise SceneError(
-            f"{path} says that it has {counts[0]:g} rows of {counts[1]:g}; give whole numbers above 1"
-        )
     require_few(path, *counts)
-    shape = int(counts[0]), int(counts[1])
     values = np.array([decimal(item) for item in " ".join(lines).split()])
-    if values.size != shape[0] * shape[1]:
-        raise SceneError(
-            f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header"
-        )
+    if values.size != counts[0] * counts[1]:
+        why = f"{path} has {values.size} heights instead of {counts[0]:g} x {counts[1]:g}"
+        raise SceneError(f"{why}; check its header")
     if (values == header.get("nodata_value", np.nan)).any():
         raise SceneError(f"{path} has cells without data; fill them")
     cell = header["cellsize"]
@@ -324,4 +319,4 @@ def _read_grid(path: Path) -> Raster:
         header.get(f"{a}llcenter", header.get(f"{a}llcorner", -0.5 * cell) + 0.5 * cell)
         for a in "xy"
     ]
-    return values.reshape(shape)[::-1], (cell, cell), (corner[0], corner[1])
+    return values.reshape(int(counts[0]), -1)[::-1], (cell, cell), (corner[0], corner[1])

@@ -28,6 +28,7 @@ ALIGNED = 0.5  # cosine between a triangle's normal and that of all around it fr
 
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
+EDGELESS = np.empty((0, 2), dtype=int)
 SizeOf = Callable[[Floats], Floats]
 
 
@@ -79,8 +80,8 @@ class Topology:
 def lowest_around(values: Floats, edges: np.ndarray, count: int) -> Floats:
     """The least (count,) of the values (k,) of the edges at each point."""
     least = np.full(count, np.inf)
-    for end in (0, 1):
-        np.minimum.at(least, edges[:, end], values)
+    for ends in edges.T:
+        np.minimum.at(least, ends, values)
     return least
 
 
@@ -132,9 +133,29 @@ class SurfaceMesh:
         return self.topology.triangles
 
     @property
-    def normals(self) -> Floats:
-        """Normals (m, 3) of the triangles, as long as their areas."""
-        return vector_areas(self.points[self.triangles])
+    def corners(self) -> Floats:
+        """The triangles' corners, (m, 3 corners, 3)."""
+        return self.points[self.triangles]
+
+    @cached_property
+    def kept(self) -> np.ndarray:
+        """Which edges (k,) are sharp or the surface's own."""
+        kept = self.topology.open.copy()
+        kept[self.topology.number(self.sharp)] = True
+        return kept
+
+    @cached_property
+    def on_curve(self) -> np.ndarray:
+        """Which points (n,) lie on kept edges."""
+        return np.isin(np.arange(len(self.points)), self.topology.edges[self.kept])
+
+    @cached_property
+    def lengths(self) -> Floats:
+        """The lengths (k,) of edges in units of the size wanted there, in six digits."""
+        edges = self.topology.edges
+        first, second = self.points[edges].transpose(1, 0, 2)
+        wanted = self.sizes[edges].mean(axis=1)
+        return np.asarray(np.round(np.linalg.norm(first - second, axis=1) / wanted, 6))
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,10 +168,9 @@ class Remesher:
 
     def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
         """Points (n, 3) carried onto the surface, those on sharp edges onto these; rounded to the frame's grid."""
+        on_curve = on_curve & (self.curves is not None)
         result = np.empty_like(points)
-        if self.curves is None:
-            on_curve = np.zeros(len(points), dtype=bool)
-        else:
+        if self.curves is not None:
             result[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
         result[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
         return np.asarray(np.round(result / GRID) * GRID)
@@ -163,15 +183,12 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     """
     mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)
-    points = task.projected(mesh.points, mesh.held, _on_curves(mesh, _kept(mesh)))
+    points = task.projected(mesh.points, mesh.held, mesh.on_curve)
     mesh = replace(mesh, points=points, sizes=size(points))
     calm, before = 0, -1
     for _ in range(ROUNDS):
-        mesh = _split(task, mesh)
-        mesh = _collapsed(task, mesh)
-        for _ in range(3):
-            mesh = _swapped(mesh)
-        mesh = _smoothed(task, mesh)
+        mesh = _collapsed(task, _split(task, mesh))
+        mesh = _smoothed(task, _swapped(_swapped(_swapped(mesh))))
         count = len(mesh.triangles)
         calm = calm + 1 if abs(count - before) <= 0.01 * count else 0
         before = count
@@ -184,20 +201,23 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
 
 def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
     """The draft with its sharp edges found, and these as segments."""
-    surface = draft.surface
+    surface, count = draft.surface, len(draft.surface.points)
     topology = Topology(surface.triangles)
-    sharp = np.empty((0, 2), dtype=int)
-    if draft.sharp:
-        sharp = topology.edges[_bent(draft, topology, size) & ~topology.open]
+    sharp = (
+        topology.edges[_bent(draft, topology, size) & ~topology.open] if draft.sharp else EDGELESS
+    )
     kept = np.vstack([sharp, topology.edges[topology.open]])
-    count = len(surface.points)
     meeting = np.bincount(kept.ravel(), minlength=count)
     fixed = (meeting > 0) & (meeting != 2) | (draft.held.sum(axis=1) > 1)
-    if draft.sharp:
-        fixed |= (meeting == 2) & _turning(surface.points, kept, count)
-    curves = Triangles(surface.points[kept[:, [0, 1, 1]]]) if draft.sharp and len(kept) else None
-    sizes = np.ones(count)
-    return SurfaceMesh(surface.points, sizes, topology, draft.held, fixed, sharp), curves
+    curves = None
+    if draft.sharp and len(kept):
+        curves = Triangles(surface.points[kept[:, [0, 1, 1]]])
+        along = unit(surface.points[kept[:, 1]] - surface.points[kept[:, 0]])
+        total = summed(kept.T.ravel(), np.vstack([along, -along]), count)
+        # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
+        fixed |= (meeting == 2) & (np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
+    mesh = SurfaceMesh(surface.points, np.ones(count), topology, draft.held, fixed, sharp)
+    return mesh, curves
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
@@ -213,176 +233,117 @@ def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
     return np.asarray((cosine < BENT) | (large & (cosine < FACETED)))
 
 
-def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
-    """Where (count,) two kept edges meet at an angle."""
-    along = unit(points[kept[:, 1]] - points[kept[:, 0]])
-    total = summed(kept.T.ravel(), np.vstack([along, -along]), count)
-    # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
-    return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
-
-
-def _kept(mesh: SurfaceMesh) -> np.ndarray:
-    """Which edges (k,) are sharp or the surface's own."""
-    kept = mesh.topology.open.copy()
-    if len(mesh.sharp):
-        kept[mesh.topology.number(mesh.sharp)] = True
-    return kept
-
-
-def _on_curves(mesh: SurfaceMesh, kept: np.ndarray) -> np.ndarray:
-    """Which points (n,) lie on kept edges (k,)."""
-    on_it = np.zeros(len(mesh.points), dtype=bool)
-    on_it[mesh.topology.edges[kept].ravel()] = True
-    return on_it
-
-
-def _lengths(mesh: SurfaceMesh, edges: np.ndarray) -> Floats:
-    """The lengths (k,) of edges in units of the size wanted there, in six digits."""
-    first, second = mesh.points[edges].transpose(1, 0, 2)
-    return np.asarray(
-        np.round(np.linalg.norm(first - second, axis=1) / mesh.sizes[edges].mean(axis=1), 6)
-    )
-
-
 def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too long get a point in their middle; triangles are cut at such points."""
-    topology = mesh.topology
-    edges, kept = topology.edges, _kept(mesh)
-    long = _lengths(mesh, edges) > LONG
+    topology, long = mesh.topology, mesh.lengths > LONG
     if not long.any():
         return mesh
-    count, added = len(mesh.points), int(long.sum())
-    middle = np.full(len(edges), -1)
-    middle[long] = count + np.arange(added)
-    ends = edges[long]
-    held = mesh.held[ends].all(axis=1)
+    middle = np.full(len(long), -1)
+    middle[long] = len(mesh.points) + np.arange(long.sum())
+    ends = topology.edges[long]
     # Held coordinates are shared only by the ends of the surface's own edges.
-    held &= topology.open[long][:, None]
-    places = task.projected(mesh.points[ends].mean(axis=1), held, kept[long])
-    sharp = mesh.sharp
-    if len(sharp):
-        number = middle[topology.number(sharp)]
-        cut = number >= 0
-        halves = [np.column_stack([sharp[cut, end], number[cut]]) for end in (0, 1)]
-        sharp = np.vstack([sharp[~cut], *halves])
+    held = mesh.held[ends].all(axis=1) & topology.open[long][:, None]
+    places = task.projected(mesh.points[ends].mean(axis=1), held, mesh.kept[long])
+    number = middle[topology.number(mesh.sharp)]
+    cut = number >= 0
+    halves = [np.column_stack([mesh.sharp[cut, end], number[cut]]) for end in (0, 1)]
     points = np.vstack([mesh.points, places])
     return SurfaceMesh(
         points,
         np.concatenate([mesh.sizes, task.size(places)]),
         Topology(_divided(points, mesh.triangles, middle[topology.of_sides])),
         np.vstack([mesh.held, held]),
-        np.concatenate([mesh.fixed, np.zeros(added, dtype=bool)]),
-        sharp,
+        np.append(mesh.fixed, np.zeros(len(places), dtype=bool)),
+        np.vstack([mesh.sharp[~cut], *halves]),
     )
 
 
 def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.ndarray:
     """Triangles cut at the points in the middle of their sides (m, 3), -1 where there is none."""
-    cut = middles >= 0
+    cut, parts = middles >= 0, []
     number = cut.sum(axis=1)
-    parts = [triangles[number == 0]]
     # Turned so that the first side, or all but the last one, is cut.
-    item, first = number == 1, np.argmax(cut, axis=1)
-    a, b, c, p = _turned(triangles, middles, item, first)[:4]
-    parts += [np.column_stack([a, p, c]), np.column_stack([p, b, c])]
-    two, whole = number == 2, np.argmin(cut, axis=1)
-    a, b, c, p, q = _turned(triangles, middles, two, (whole + 1) % 3)[:5]
-    parts.append(np.column_stack([p, b, q]))
-    across, other = (
-        np.linalg.norm(points[start] - points[end], axis=1) for start, end in ((a, q), (p, c))
-    )
+    first = np.where(number == 1, np.argmax(cut, axis=1), np.argmin(cut, axis=1) + 1)
+    turn = (np.where((number == 1) | (number == 2), first, 0)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles, turn, axis=1).T
+    p, q, r = np.take_along_axis(middles, turn, axis=1).T
+    across, other = (np.linalg.norm(points[u] - points[v], axis=1) for u, v in ((a, q), (p, c)))
     shorter = across < (1.0 + 1e-6) * other
-    parts += [np.column_stack([a, p, q])[shorter], np.column_stack([a, q, c])[shorter]]
-    parts += [np.column_stack([a, p, c])[~shorter], np.column_stack([p, q, c])[~shorter]]
-    three = number == 3
-    (a, b, c), (p, q, r) = triangles[three].T, middles[three].T
-    parts += [np.column_stack(t) for t in ((a, p, r), (p, b, q), (r, q, c), (p, q, r))]
+    for which, cells in (
+        (number == 0, [(a, b, c)]),
+        (number == 1, [(a, p, c), (p, b, c)]),
+        (number == 2, [(p, b, q)]),
+        ((number == 2) & shorter, [(a, p, q), (a, q, c)]),
+        ((number == 2) & ~shorter, [(a, p, c), (p, q, c)]),
+        (number == 3, [(a, p, r), (p, b, q), (r, q, c), (p, q, r)]),
+    ):
+        parts += [np.column_stack(cell)[which] for cell in cells]
     return np.vstack(parts)
-
-
-def _turned(
-    triangles: np.ndarray, middles: np.ndarray, which: np.ndarray, first: np.ndarray
-) -> list[np.ndarray]:
-    """Corners and middles of some triangles, six columns, each counted from its own first side."""
-    rows, start = np.flatnonzero(which), first[which]
-    columns = [(start + k) % 3 for k in range(3)]
-    return [table[rows, column] for table in (triangles, middles) for column in columns]
 
 
 def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too short become points, as long as no triangle turns over and none grows too long."""
     for _ in range(6):
-        lengths = _lengths(mesh, mesh.topology.edges)
-        short = np.flatnonzero(lengths < SHORT)
-        if not len(short):
-            return mesh
-        kept = _kept(mesh)
-        candidates = short[_collapsible(mesh, short, kept)]
-        if not len(candidates):
-            return mesh
-        mesh, done = _collapse_some(task, mesh, kept, candidates, lengths[candidates])
-        if not done:
-            return mesh
+        candidates = _collapsible(mesh, np.flatnonzero(mesh.lengths < SHORT))
+        before, mesh = mesh, _collapse_some(task, mesh, candidates) if len(candidates) else mesh
+        if mesh is before:
+            break
     return mesh
 
 
-def _collapsible(mesh: SurfaceMesh, which: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Which of some edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
-    edges, count = mesh.topology.edges, len(mesh.points)
-    on_curve = _on_curves(mesh, kept)
-    a, b = edges[which].T
-    allowed = ~(mesh.fixed[a] & mesh.fixed[b])
-    allowed &= kept[which] | ~(on_curve[a] & on_curve[b])
-    return allowed & (_common(edges, which, count) == np.where(mesh.topology.open[which], 1, 2))
-
-
-def _common(edges: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """How many points are neighbours of both ends of each of some edges, (k,)."""
+def _collapsible(mesh: SurfaceMesh, which: np.ndarray) -> np.ndarray:
+    """The edges among some (k,) that may vanish without changing the topology of the surface and of its kept edges."""
     from scipy.sparse import coo_matrix
 
-    at_ends = np.zeros(count, dtype=bool)
-    at_ends[edges[which]] = True
-    near = edges[at_ends[edges].any(axis=1)]
-    both = np.vstack([near, near[:, ::-1]])
-    adjacency = coo_matrix(
-        (np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)
-    ).tocsr()
-    a, b = edges[which].T
-    return np.asarray(adjacency[a].multiply(adjacency[b]).sum(axis=1)).ravel()
-
-
-def _collapse_some(
-    task: Remesher, mesh: SurfaceMesh, kept: np.ndarray, candidates: np.ndarray, lengths: Floats
-) -> tuple[SurfaceMesh, bool]:
-    """Collapse the candidates (k,), of lengths (k,), that are shortest around; whether any was."""
     edges, count = mesh.topology.edges, len(mesh.points)
-    rank = np.empty(len(candidates))
-    rank[np.argsort(lengths, kind="stable")] = np.arange(len(candidates))
+    a, b = edges[which].T
+    allowed = ~(mesh.fixed[a] & mesh.fixed[b])
+    allowed &= mesh.kept[which] | ~(mesh.on_curve[a] & mesh.on_curve[b])
+    near = edges[np.isin(edges, edges[which]).any(axis=1)]
+    i, j = np.vstack([near, near[:, ::-1]]).T
+    beside = coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)).tocsr()
+    # Neighbours of both ends; more of them than triangles would be folded onto each other.
+    common = np.asarray(beside[a].multiply(beside[b]).sum(axis=1)).ravel()
+    return which[allowed & (common == np.where(mesh.topology.open[which], 1, 2))]
+
+
+def _collapse_some(task: Remesher, mesh: SurfaceMesh, candidates: np.ndarray) -> SurfaceMesh:
+    """The mesh without those candidates (k,) that are shortest around; the same one if none may vanish."""
+    edges, count = mesh.topology.edges, len(mesh.points)
+    rank = _ranks(mesh.lengths[candidates])
     # No two whose ends are neighbours: then no triangle is touched by both.
     own = lowest_around(rank, edges[candidates], count)
-    around = own.copy()
-    for end in (0, 1):
-        lowest = own[edges[:, 1 - end]]
-        beside = np.isfinite(lowest)
-        np.minimum.at(around, edges[beside, end], lowest[beside])
+    around = np.minimum(own, lowest_around(own[edges[:, 0]], edges[:, 1:], count))
+    around = np.minimum(around, lowest_around(own[edges[:, 1]], edges[:, :1], count))
     chosen = candidates[rank <= around[edges[candidates]].min(axis=1)]
     a, b = edges[chosen].T
-    on_curve = _on_curves(mesh, kept)
-    rigid = 2 * mesh.fixed.astype(int) + on_curve
+    rigid = 2 * mesh.fixed.astype(int) + mesh.on_curve
     stays, goes = np.where(rigid[b] > rigid[a], b, a), np.where(rigid[b] > rigid[a], a, b)
-    middle = mesh.points[edges[chosen]].mean(axis=1)
     same = rigid[a] == rigid[b]
-    target = mesh.points[stays].copy()
-    target[same] = task.projected(middle[same], mesh.held[stays[same]], on_curve[stays[same]])
-    bad = _spoilt(mesh, stays, goes, target)
-    stays, goes, target = stays[~bad], goes[~bad], target[~bad]
+    target, held = mesh.points[stays], mesh.held[stays[same]]
+    middle = mesh.points[edges[chosen[same]]].mean(axis=1)
+    target[same] = task.projected(middle, held, mesh.on_curve[stays[same]])
+    good = ~_spoilt(mesh, stays, goes, target)
+    stays, goes, target = stays[good], goes[good], target[good]
     if not len(goes):
-        return mesh, False
-    number = np.arange(count)
-    number[goes] = stays
-    points, sizes = mesh.points.copy(), mesh.sizes.copy()
-    points[stays], sizes[stays] = target, task.size(target)
-    return _renumbered(replace(mesh, points=points, sizes=sizes), number), True
+        return mesh
+    number, points, sizes = np.arange(count), mesh.points.copy(), mesh.sizes.copy()
+    number[goes], points[stays], sizes[stays] = stays, target, task.size(target)
+    triangles, sharp = number[mesh.triangles], number[mesh.sharp]
+    a, b, c = triangles.T
+    used, triangles = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)
+    sharp = np.searchsorted(used, sharp[sharp[:, 0] != sharp[:, 1]]).reshape(-1, 2)
+    topology = Topology(triangles.reshape(-1, 3))
+    return SurfaceMesh(
+        points[used], sizes[used], topology, mesh.held[used], mesh.fixed[used], sharp
+    )
+
+
+def _ranks(values: Floats) -> Floats:
+    """The place (k,) of each value in ascending order."""
+    ranks = np.empty(len(values))
+    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return ranks
 
 
 def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
@@ -390,95 +351,66 @@ def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floa
 
     A triangle that was folded itself may turn to where those around it face together, or folds would stay for good.
     """
-    owner = np.full(len(mesh.points), -1)
+    owner, moved = np.full(len(mesh.points), -1), mesh.points.copy()
     owner[stays] = owner[goes] = np.arange(len(stays))
-    moved = mesh.points.copy()
     moved[stays] = moved[goes] = target
     touched = owner[mesh.triangles]
     of = touched.max(axis=1)
     around = of >= 0
-    facing = summed(of[around], vector_areas(mesh.points[mesh.triangles[around]]), len(stays))
+    facing = summed(of[around], vector_areas(mesh.corners[around]), len(stays))
     remains = around & ((touched >= 0).sum(axis=1) == 1)
     triangles, of = mesh.triangles[remains], of[remains]
     corners, was = moved[triangles], mesh.points[triangles]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    longest, before = _longest(corners), _longest(was)
     too_long = longest > LONG * mesh.sizes[triangles].mean(axis=1) * (1.0 + 1e-6)
-    longer = longest > (1.0 + 1e-6) * np.linalg.norm(was - np.roll(was, 1, axis=1), axis=2).max(
-        axis=1
-    )
     turned = _overturned(was, corners, TURNED)
     turned &= (unit(vector_areas(corners)) * unit(facing)[of]).sum(axis=1) < ALIGNED
     bad = np.zeros(len(stays), dtype=bool)
-    bad[of[turned | (too_long & longer)]] = True
+    bad[of[turned | (too_long & (longest > (1.0 + 1e-6) * before))]] = True
     return bad
+
+
+def _longest(corners: Floats) -> Floats:
+    """The longest side (m,) of triangles (m, 3 corners, 3)."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
 
 
 def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
     """Which triangles (m, 3 corners, 3) turn so far that the cosine is less; those that have no area yet may."""
     old, new = vector_areas(before), vector_areas(after)
-    longest = np.linalg.norm(before - np.roll(before, 1, axis=1), axis=2).max(axis=1)
-    proper = np.linalg.norm(old, axis=1) > FLAT * longest**2
+    proper = np.linalg.norm(old, axis=1) > FLAT * _longest(before) ** 2
     return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
-
-
-def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
-    """The mesh with its points renumbered, without what has collapsed."""
-    triangles, sharp = number[mesh.triangles], number[mesh.sharp]
-    a, b, c = triangles.T
-    triangles = triangles[(a != b) & (b != c) & (c != a)]
-    sharp = sharp[sharp[:, 0] != sharp[:, 1]]
-    used, numbered = np.unique(triangles, return_inverse=True)
-    return SurfaceMesh(
-        mesh.points[used],
-        mesh.sizes[used],
-        Topology(numbered.reshape(-1, 3)),
-        mesh.held[used],
-        mesh.fixed[used],
-        np.searchsorted(used, sharp).reshape(-1, 2),
-    )
 
 
 def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges turned within the two triangles beside them where that makes these rounder."""
-    topology = mesh.topology
-    free = np.flatnonzero(~_kept(mesh))
-    if not len(free):
-        return mesh
+    topology, free = mesh.topology, np.flatnonzero(~mesh.kept)
     (a, b), (c, d) = topology.edges[free].T, topology.opposite[free].T
-    own = _roundness(mesh.points, *mesh.triangles.T)
-    now = own[topology.beside[free]].min(axis=1)
+    now = _roundness(mesh.points, *mesh.triangles.T)[topology.beside[free]].min(axis=1)
     then = np.minimum(_roundness(mesh.points, a, d, c), _roundness(mesh.points, d, b, c))
     gain = np.round(then - now, 6)
-    rounder = np.flatnonzero(gain > 1e-3)
-    free, now, gain = free[rounder], now[rounder], gain[rounder]
-    a, b, c, d = (ends[rounder] for ends in (a, b, c, d))
+    rounder = gain > 1e-3
+    free, now, gain, a, b, c, d = (table[rounder] for table in (free, now, gain, a, b, c, d))
     first, second = topology.beside[free].T
     # Seen from outside the first triangle has its edge from a to b or from b to a.
     corners = mesh.triangles[first]
     ordered = ((corners == a[:, None]) & (np.roll(corners, -1, axis=1) == b[:, None])).any(axis=1)
     a, b = np.where(ordered, a, b), np.where(ordered, b, a)
-    old = unit(
-        vector_areas(mesh.points[corners]) + vector_areas(mesh.points[mesh.triangles[second]])
-    )
-    new = [unit(vector_areas(mesh.points[np.column_stack(t)])) for t in ((a, d, c), (d, b, c))]
-    least = np.minimum(*((old * n).sum(axis=1) for n in new))
+    new = np.stack([np.column_stack([a, d, c]), np.column_stack([d, b, c])])
+    areas = vector_areas(mesh.corners)
+    old = unit(areas[first] + areas[second])
+    least = np.minimum(*((old * unit(vector_areas(mesh.points[t]))).sum(axis=1) for t in new))
     level = (least > 0.7) | (least > 0.0) & (now < 0.1)
     wanted = np.flatnonzero(level & (topology.number(np.column_stack([c, d])) < 0))
-    if not len(wanted):
-        return mesh
-    first, second, gain = first[wanted], second[wanted], gain[wanted]
-    a, b, c, d = (ends[wanted] for ends in (a, b, c, d))
-    rank = np.empty(len(wanted))
-    rank[np.argsort(-gain, kind="stable")] = np.arange(len(wanted))
-    best = lowest_around(rank, np.column_stack([first, second]), len(mesh.triangles))
-    chosen = np.flatnonzero((rank <= best[first]) & (rank <= best[second]))
+    pairs = topology.beside[free[wanted]]
+    rank = _ranks(-gain[wanted])
+    chosen = (rank[:, None] <= lowest_around(rank, pairs, len(mesh.triangles))[pairs]).all(axis=1)
+    wanted = wanted[chosen]
     # Two swaps at one point could both make the same edge.
-    pair = np.sort(np.column_stack([c, d]), axis=1)
-    _, once = np.unique(pair[chosen], axis=0, return_index=True)
-    chosen = chosen[once]
+    ends = np.sort(np.column_stack([c, d])[wanted], axis=1)
+    wanted = wanted[np.unique(ends, axis=0, return_index=True)[1]]
     triangles = mesh.triangles.copy()
-    triangles[first[chosen]] = np.column_stack([a, d, c])[chosen]
-    triangles[second[chosen]] = np.column_stack([d, b, c])[chosen]
+    triangles[topology.beside[free[wanted]].T] = new[:, wanted]
     return replace(mesh, topology=Topology(triangles))
 
 
@@ -496,46 +428,38 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
 
 def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Points moved along the surface towards the middle of what is around them, finer parts weighing more."""
-    kept, count = _kept(mesh), len(mesh.points)
-    corners = mesh.points[mesh.triangles]
-    middle = corners.mean(axis=1)
-    areas = mesh.normals
-    weight = np.linalg.norm(areas, axis=1) / mesh.sizes[mesh.triangles].mean(axis=1) ** 3
-    of = mesh.triangles.T.ravel()
-    total = summed(of, np.tile(weight, 3), count)
-    pull = summed(of, np.tile(weight[:, None] * middle, (3, 1)), count)
-    normal = summed(of, np.tile(areas, (3, 1)), count)
-    move = pull / np.maximum(total, 1e-300)[:, None] - mesh.points
-    normal = unit(normal)
+    of, wanted = mesh.triangles.T.ravel(), mesh.sizes[mesh.triangles].mean(axis=1)
+    areas = vector_areas(mesh.corners)
+    weight = np.linalg.norm(areas, axis=1) / wanted**3
+    move = _towards(mesh, of, np.tile(weight, 3), np.tile(mesh.corners.mean(axis=1), (3, 1)))
+    normal = unit(summed(of, np.tile(areas, (3, 1)), len(mesh.points)))
     move -= (move * normal).sum(axis=1)[:, None] * normal
-    lines, on_curve = mesh.topology.edges[kept], _on_curves(mesh, kept)
-    if len(lines):
-        move[on_curve] = _along_curves(mesh, lines)[on_curve]
-    move[mesh.fixed] = 0.0
+    # Points of kept edges move along these, the nearer neighbour weighing more.
+    lines = mesh.topology.edges[mesh.kept]
+    ends = mesh.points[lines]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    weight = length / mesh.sizes[lines].mean(axis=1) ** 2
+    middle = np.tile(ends.mean(axis=1), (2, 1))
+    along = _towards(mesh, lines.T.ravel(), np.tile(weight, 2), middle)
+    move = np.where(mesh.on_curve[:, None], along, move)
     move[mesh.held] = 0.0
-    free = ~mesh.fixed
-    target = mesh.points.copy()
-    target[free] = task.projected(
-        mesh.points[free] + 0.7 * move[free], mesh.held[free], on_curve[free]
-    )
+    free, target = ~mesh.fixed, mesh.points.copy()
+    moved = mesh.points[free] + 0.7 * move[free]
+    target[free] = task.projected(moved, mesh.held[free], mesh.on_curve[free])
     points = _without_folds(mesh, target)
     return replace(mesh, points=points, sizes=task.size(points))
 
 
-def _along_curves(mesh: SurfaceMesh, lines: np.ndarray) -> Floats:
-    """How points (n, 3) on kept edges move to the middle of both neighbours, the nearer one weighing more."""
-    ends = mesh.points[lines]
-    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    weight = length / mesh.sizes[lines].mean(axis=1) ** 2
-    count, of = len(mesh.points), lines.T.ravel()
-    total = summed(of, np.tile(weight, 2), count)
-    pull = summed(of, np.tile(weight[:, None] * ends.mean(axis=1), (2, 1)), count)
+def _towards(mesh: SurfaceMesh, of: np.ndarray, weights: Floats, places: Floats) -> Floats:
+    """The ways (n, 3) from the points to the weighted mean of places (k, 3), each of a point (k,)."""
+    total = summed(of, weights, len(mesh.points))
+    pull = summed(of, weights[:, None] * places, len(mesh.points))
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
 
 
 def _without_folds(mesh: SurfaceMesh, target: Floats) -> Floats:
     """The points moved, but those of triangles that would turn over."""
-    was = mesh.points[mesh.triangles]
+    was = mesh.corners
     for _ in range(5):
         folded = _overturned(was, target[mesh.triangles], 0.5)
         if not folded.any():

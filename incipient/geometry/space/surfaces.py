@@ -178,24 +178,20 @@ def require_closed(surface: Surface, name: str) -> None:
     separate parts, or if neighbouring triangles disagree on what is outside.
     """
     directed = sides(surface.triangles)
-    _, inverse, counts = np.unique(
+    _, number, counts = np.unique(
         np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
-    if open_edges:
-        raise SceneError(
-            f"{name} is not watertight: it has {open_edges} open edges; close its holes"
-        )
-    if crowded:
-        raise SceneError(
-            f"{name} has {crowded} edges with more than two triangles; separate its sheets"
-        )
-    forward = np.bincount(inverse.ravel(), weights=directed[:, 0] < directed[:, 1])
-    if (forward != 1).any():
-        raise SceneError(f"{name} has triangles that face different ways; orient them outwards")
+    ahead = np.bincount(number.ravel(), weights=directed[:, 0] < directed[:, 1])
     parts = len(np.unique(connected(len(surface.points), surface.triangles)[surface.triangles]))
-    if parts > 1:
-        raise SceneError(f"{name} has {parts} separate parts; a grain is one body, join them")
+    open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
+    for is_so, why in (
+        (open_edges, f"is not watertight: it has {open_edges} open edges; close its holes"),
+        (crowded, f"has {crowded} edges with more than two triangles; separate its sheets"),
+        ((ahead != 1).any(), "has triangles that face different ways; orient them outwards"),
+        (parts > 1, f"has {parts} separate parts; a grain is one body, join them"),
+    ):
+        if is_so:
+            raise SceneError(f"{name} {why}")
 
 
 def connected(count: int, links: Indices) -> Indices:
@@ -213,7 +209,15 @@ def repaired(surface: Surface) -> Surface:
     extent = float(np.ptp(surface.points, axis=0).max())
     surface = merged(surface.points, surface.triangles, DIGITS * max(extent, 1e-300))
     _, once = np.unique(np.sort(surface.triangles, axis=1), axis=0, return_index=True)
-    return Surface(surface.points, _in_one_sense(surface.triangles[np.sort(once)]))
+    triangles = surface.triangles[np.sort(once)]
+    directed = sides(triangles)
+    if len(np.unique(directed, axis=0)) < len(directed):  # neighbours go along a side the same way
+        import pyvista  # which takes time to import
+
+        mesh = pyvista.PolyData(surface.points, np.insert(triangles, 0, 3, axis=1))
+        mesh = mesh.compute_normals(consistent_normals=True, split_vertices=False)
+        triangles = mesh.faces.reshape(-1, 4)[:, 1:]
+    return Surface(surface.points, triangles)
 
 
 def require_plain(surface: Surface, name: str) -> None:
@@ -221,28 +225,6 @@ def require_plain(surface: Surface, name: str) -> None:
     count = len(crossed(surface))
     if count:
         raise SceneError(f"{name} runs through itself in {count} triangles; remesh it")
-
-
-def _in_one_sense(triangles: Indices) -> Indices:
-    """The triangles turned so that neighbours have the sense of the first of their part."""
-    directed = sides(triangles)
-    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
-    forward = directed[:, 0] < directed[:, 1]
-    order = np.argsort(edge.ravel(), kind="stable")
-    paired = np.flatnonzero(np.diff(edge.ravel()[order]) == 0)
-    a, b = order[paired], order[paired + 1]
-    # Neighbours in one sense go along their common side in opposite directions.
-    against, count = forward[a] == forward[b], len(triangles)
-    first, second = a % count, b % count
-    part = connected(count, np.column_stack([first, second]))
-    starts = np.unique(part, return_index=True)[1][part]
-    # Number k is triangle k as given, k + count the same turned; those of one sense are linked.
-    links = np.stack(
-        [[first, second + count * against], [first + count, second + count * ~against]]
-    )
-    sense = connected(2 * count, np.concatenate(links, axis=1).T)
-    turned = sense[:count] != sense[starts]
-    return np.where(turned[:, None], triangles[:, ::-1], triangles)
 
 
 def crossed(surface: Surface) -> np.ndarray:
@@ -265,22 +247,17 @@ def crossed(surface: Surface) -> np.ndarray:
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
-    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3) (Moeller, Trumbore 1997)."""
-    along = ends[:, 1] - ends[:, 0]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    across = np.cross(along, second)
-    determinant = (first * across).sum(axis=1)
-    scale = np.linalg.norm(along, axis=1) * np.linalg.norm(np.cross(first, second), axis=1)
-    proper = np.abs(determinant) > BESIDE * scale
-    inverse = 1.0 / np.where(proper, determinant, 1.0)
-    away = ends[:, 0] - corners[:, 0]
-    turned = np.cross(away, first)
-    u, v = inverse * (away * across).sum(axis=1), inverse * (along * turned).sum(axis=1)
-    t = inverse * (second * turned).sum(axis=1)
-    inside = (
-        (np.minimum(u, v) > BESIDE) & (u + v < 1.0 - BESIDE) & (t > BESIDE) & (t < 1.0 - BESIDE)
-    )
-    return np.asarray(proper & inside)
+    """Which segments (n, 2 ends, 3) run through the triangles (n, 3 corners, 3)."""
+    along, first = ends[:, 1] - ends[:, 0], corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
+    # start + t along = corner + u first + v second
+    matrix = np.stack([-along, first, second], axis=2)
+    scale = np.linalg.norm(along, axis=1) * np.linalg.norm(cross(first, second), axis=1)
+    proper = np.abs(np.linalg.det(matrix)) > BESIDE * scale
+    matrix = np.where(proper[:, None, None], matrix, np.eye(3))
+    t, u, v = np.linalg.solve(matrix, (ends[:, 0] - corners[:, 0])[..., None])[..., 0].T
+    least = np.min([t, u, v, 1.0 - t, 1.0 - u - v], axis=0)
+    return np.asarray(proper & (least > BESIDE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,10 +369,6 @@ class NearestOf:
         away, which = self.tree.query(x, [*range(1, 1 + count)])
         return np.asarray((away - np.append(radii, 0.0)[which]).T)
 
-    def within(self, x: Floats, distances: Floats) -> list[np.ndarray]:
-        """Numbers of the points within distances (n,) of each of others (n, d)."""
-        return [np.array(item, dtype=int) for item in self.tree.query_ball_point(x, distances)]
-
     def most_within(self, reach: float) -> int:
         """How many of the points lie within a distance of any one of them, itself included; at least 1."""
         if not self.tree.n:
@@ -460,11 +433,10 @@ def level_surface(
 
 def halved(surface: Surface) -> Surface:
     """The part of a surface with y >= 0, cut in 2-D y = 0, on which the new edge's vertices lie exactly."""
-    points = surface.points.copy()
-    sides = np.linalg.norm(points[surface.edges[:, 0]] - points[surface.edges[:, 1]], axis=1)
+    points, ends = surface.points.copy(), surface.edges
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
     shortest = np.full(len(points), np.inf)
-    for end in (0, 1):
-        np.minimum.at(shortest, surface.edges[:, end], sides)
+    np.minimum.at(shortest, ends.T.ravel(), np.tile(lengths, 2))
     points[np.abs(points[:, 1]) < SNAPPED * shortest, 1] = 0.0
     from trimesh.intersections import slice_faces_plane  # which takes time to import
 

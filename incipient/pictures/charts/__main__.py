@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from ...errors import IncipientError
-from .sweep import draw
+from ...installed import require_limits
 
 parser = argparse.ArgumentParser()
 parser.add_argument("file", type=Path)
@@ -16,6 +16,9 @@ for name in ("--quantity", "--against", "--by"):
     parser.add_argument(name)
 options = parser.parse_args()
 try:
+    require_limits()  # before libraries are imported
+    from .sweep import draw
+
     draw(
         options.file,
         lambda path: print(path, flush=True),

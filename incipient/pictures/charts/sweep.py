@@ -21,7 +21,6 @@ from ...sweep.store import Store
 from ...sweep.table import columns, rows
 from .. import style
 from ..style import Looks
-from . import many_cases
 from .sweep_axes import (
     COLOURS,
     MARKERS,
@@ -45,7 +44,7 @@ def draw(
     against: str | None = None,
     by: str | None = None,
 ) -> list[Path]:
-    """Draw the pictures of a sweep next to its file, under its name; those of very many cases in bins. Not collective.
+    """Draw the pictures of a sweep next to its file, under its name. Not collective.
 
     Args:
         quantity: column to draw; default: the critical Shields number, else the safety factor.
@@ -56,10 +55,8 @@ def draw(
         OutputError: nothing has been computed yet, or a picture cannot be written.
         SceneError: there is no such column.
     """
-    with Store(file) as store, style.applied():
+    with Store(file) as store:
         keys = store.keys()
-        if store.is_large:
-            return _saved(many_cases.figures(store, quantity, against, by), file, announce)
     found = [row for row in rows(file) if row["status"] == "done"]
     if not found:
         raise OutputError(f"{file}: no case has been computed; continue with incipient sweep")

@@ -1,0 +1,456 @@
+"""The conic programs of contact forces in balance, by one interior-point method for one row and for millions.
+
+max s such that G f + s flow + weight = 0 with f in the product of friction cones K: a method on the homogeneous
+self-dual embedding
+
+    a x = b tau,   a^T y + z = c tau,   b.y - c.x = kappa,   x, z in K,   tau, kappa >= 0,
+
+with the scaling of Nesterov and Todd (1997) and the predictor and corrector of Mehrotra (1992), as in Vandenberghe,
+The CVXOPT linear and quadratic cone program solvers (2010). Whether a program has a solution, none or no largest one
+follows from tau and kappa. The scaled rows are orthonormalised, so that Newton's matrix is never squared. The first
+`linear` entries of a vector are non-negative, the others triples in the unit cone |(y, z)| <= x.
+
+These functions are kernels, which numba compiles (`kernels.Kernel`).
+"""
+
+import math
+
+import numpy as np
+
+from incipient.arrays import Floats, Integers
+from incipient.contact.kernels import Kernel, add, dot, largest, length
+
+TOLERANCE = 1e-9  # dimensionless imbalance, or distance outside a cone, that counts as none
+ENDLESS = (
+    1e6  # a larger dimensionless factor is infinite if the contacts balance the flow's load alone
+)
+ITERATIONS = 60
+STEP = 0.998  # of the longest step inside the cones
+CLOSED = 1e-13  # duality gap at which a program is solved
+ANSWERED = 1e-8  # relative error of the dual value up to which it is an answer
+CERTIFIED = 1e-11  # what a certificate of no, or no largest, solution may miss
+# Projections between cones and equilibrium before the conic program; the margin aimed at.
+PROJECTIONS, INSIDE = 12, 0.02
+ROUND_OFF = 1e-15  # of a certificate's equations
+RANK = (
+    1e-7  # of the largest row: a shorter row depends on the others, and balances up to its length
+)
+OPTIMAL, INFEASIBLE, UNBOUNDED, UNANSWERED = 0, 1, 2, 3  # of a program
+UNHELD, HELD, FAILED = 0, 1, 2  # the weight in a row; or some program of the row is not answered
+
+
+def interval_rows(
+    columns: Floats, flow: Floats, weight: Floats, linear: int
+) -> tuple[Floats, Floats, Integers, Floats]:
+    """Intervals of balanced factors of n problems, by `_interval`: low, high, state of the weight, (n,), and forces.
+
+    columns: (n, m, h) wrenches of unit forces in the cones; flow, weight: (n, m) of length one, or zero
+    """
+    count, _, width = columns.shape
+    low, high, weight_state = np.empty(count), np.empty(count), np.empty(count, np.int64)
+    forces = np.zeros((count, width))
+    for i in range(count):
+        low[i], high[i], weight_state[i] = _interval(
+            columns[i].copy(), flow[i].copy(), weight[i].copy(), linear, forces[i]
+        )
+    return low, high, weight_state, forces
+
+
+def _interval(
+    q: Floats, flow: Floats, weight: Floats, linear: int, forces: Floats
+) -> tuple[float, float, int]:
+    """The smallest and largest factor of the flow that is balanced, NaN if none, and the state of the weight.
+
+    Forces (h,) that balance the load at the largest factor, or the weight if there is no flow, are filled in, in units
+    of the weight, or of the flow without a weight.
+    """
+    has_flow = largest(flow) > 0.0
+    rank, short = _orthonormalise(q, flow, weight)
+    # Forces on contacts near one another balance loads up to that length, which is left out.
+    fits = TOLERANCE + short
+    flow_missed, weight_missed = length(flow[rank:]), length(weight[rank:])
+    q, f, w = q[:rank], flow[:rank], weight[:rank]
+    state = _state(_margin(q, w, linear, forces)) if weight_missed <= fits else UNHELD
+    low, high = np.nan, np.nan
+    if not has_flow:
+        high = np.inf
+    elif state == UNHELD and flow_missed > fits:  # forces and flow are independent
+        factor = -dot(flow[rank:], weight[rank:]) / flow_missed**2
+        add(weight, factor, flow)
+        if factor > 0.0 and length(weight[rank:]) <= fits * (1.0 + factor):
+            balanced = _state(_margin(q, w, linear, forces))
+            if balanced == HELD:
+                low, high = factor, factor
+            elif balanced == FAILED:
+                state = FAILED
+    elif state != FAILED and max(flow_missed, weight_missed) <= fits:
+        state, low, high = _ends(q, f, w, linear, state, forces)
+    if state == HELD:
+        return 0.0, high if high > 0.0 else 0.0, HELD
+    return low, high if low >= 0.0 else np.nan, state
+
+
+def _state(margin: float) -> int:
+    """Whether a load is held of which forces have a margin inside their cones, NaN if that is not known."""
+    if np.isnan(margin):
+        return FAILED
+    return HELD if margin >= -TOLERANCE else UNHELD
+
+
+def _ends(
+    q: Floats, f: Floats, w: Floats, linear: int, state: int, forces: Floats
+) -> tuple[int, float, float]:
+    """The state of the weight, and the smallest and largest factor for flow and weight that rows q can balance."""
+    f_size, w_size = length(f), length(w)
+    if w_size == 0.0:
+        flow_state = _state(_margin(q, f, linear, forces))
+        forces[:] = 0.0
+        if flow_state == FAILED:
+            return FAILED, np.nan, np.nan
+        return state, 0.0, np.inf if flow_state == HELD else 0.0
+    table, target, answer = np.empty((len(q), q.shape[1] + 1)), -w / w_size, forces.copy()
+    table[:, 0], table[:, 1:] = f / f_size, q
+    unit = w_size / f_size
+    status, value = _conic(table, target, -1.0, linear + 1, forces)
+    if status == INFEASIBLE:
+        forces[:] = answer
+        return state, np.nan, np.nan
+    high = np.inf if status == UNBOUNDED else max(-value, 0.0) * unit
+    if high > ENDLESS and (status == UNBOUNDED or _margin(q, f, linear, answer) >= -TOLERANCE):
+        high = np.inf
+    else:
+        _balance(q, f * high + w, forces, w_size)
+    low = 0.0
+    if state == UNHELD and status != UNANSWERED:
+        status, low = _conic(table, target, 1.0, linear + 1, answer)
+    return (FAILED if status == UNANSWERED else state), max(low, 0.0) * unit, high
+
+
+def _balance(q: Floats, wrench: Floats, forces: Floats, unit: float) -> None:
+    """Scale forces (h,) by a unit and move them by the least that makes them balance a wrench."""
+    for j in range(len(forces)):
+        forces[j] *= unit
+    for i in range(len(q)):
+        add(forces, -wrench[i] - dot(q[i], forces), q[i])
+
+
+def _margin(q: Floats, wrench: Floats, linear: int, forces: Floats) -> float:
+    """How far inside the cones forces (h,) can be that balance a wrench, relative to it; they are filled in.
+
+    The shortest forces if they are inside, otherwise those most inside: max m such that q f + wrench = 0 and
+    f - m e is in the cones, e the axes of all cones. NaN if that program is not answered.
+    """
+    size = length(wrench)
+    forces[:] = 0.0
+    if size == 0.0:
+        return 0.0
+    for i in range(len(q)):
+        add(forces, -wrench[i], q[i])
+    inside = _cone_margin(forces, linear)
+    if inside >= 0.0:
+        return inside / size
+    axes, width = np.zeros(len(forces)), len(forces)
+    axes[:linear], axes[linear::3] = 1.0, 1.0
+    for _ in range(PROJECTIONS):
+        _push_inside(forces, linear, INSIDE * size)
+        _balance(q, wrench, forces, 1.0)
+        inside = _cone_margin(forces, linear)
+        if inside >= 0.0:
+            return inside / size
+    push = q @ axes
+    most = length(push)
+    if most <= RANK * width:  # the axes balance one another: such forces can be added
+        add(forces, -inside, axes)
+        return 0.0
+    table, answer = np.empty((len(q), width + 1)), np.empty(width)
+    table[:, 0], table[:, 1:] = -push / most, q
+    status, value = _conic(table, -wrench / size, 1.0, linear + 1, answer)
+    if status != OPTIMAL:
+        return np.nan
+    forces[:] = answer
+    add(forces, -value / most, axes)
+    _balance(q, wrench, forces, size)
+    return -value / most
+
+
+def _push_inside(forces: Floats, linear: int, margin: float) -> None:
+    """Move forces (h,) to the nearest that are inside their cones by a margin."""
+    for j in range(linear):
+        forces[j] = max(forces[j], margin)
+    for j in range(linear, len(forces), 3):
+        normal = forces[j] - margin
+        shear = max(math.hypot(forces[j + 1], forces[j + 2]), 1e-300)
+        if shear > normal:
+            size = max(0.5 * (normal + shear), 0.0)
+            forces[j] = size + margin
+            forces[j + 1] *= size / shear
+            forces[j + 2] *= size / shear
+
+
+def _orthonormalise(rows: Floats, flow: Floats, weight: Floats) -> tuple[int, float]:
+    """The rank r of rows (m, h), of which the first r become orthonormal, and the length of the longest other.
+
+    The same steps are taken on two columns (m,).
+    """
+    count, size = len(rows), 0.0
+    for rank in range(count):
+        best, most = rank, -1.0
+        for i in range(rank, count):
+            long = length(rows[i])
+            if long > most:
+                best, most = i, long
+        size = max(size, most)
+        if most <= RANK * size:
+            return rank, most
+        for j in range(rows.shape[1]):
+            rows[rank, j], rows[best, j] = rows[best, j], rows[rank, j]
+            rows[rank, j] /= most
+        flow[rank], flow[best] = flow[best], flow[rank]
+        weight[rank], weight[best] = weight[best], weight[rank]
+        flow[rank], weight[rank] = flow[rank] / most, weight[rank] / most
+        for _ in range(2):
+            for i in range(rank + 1, count):
+                part = dot(rows[rank], rows[i])
+                add(rows[i], -part, rows[rank])
+                flow[i] -= part * flow[rank]
+                weight[i] -= part * weight[rank]
+    return count, 0.0
+
+
+def _conic(a: Floats, b: Floats, cost: float, linear: int, answer: Floats) -> tuple[int, float]:
+    """Minimise cost x[0] subject to a x = b with x in the cones: status and value; x[1:] is filled in.
+
+    The value is that of the dual program, which is known to round-off; if there is no least one, `answer` is left.
+    UNANSWERED: the iteration ended before the dual program was solved.
+    """
+    m, n = a.shape
+    degree, q, lower = 1.0 + linear + (n - linear) // 3, np.empty((m, n)), np.empty((m, m))
+    v, u = np.zeros((10, n)), np.zeros((5, m))
+    v[:2, :linear] = 1.0
+    v[:2, linear::3] = 1.0
+    x, z, dx, dz, missed, _, size, turn, _, _ = v
+    y, dy, rho, _, _ = u
+    tau, kappa, nearest, closest, value = 1.0, 1.0, np.inf, np.inf, 0.0
+    for _iteration in range(ITERATIONS):
+        for j in range(n):
+            missed[j] = -z[j]
+        missed[0] += cost * tau
+        for i in range(m):
+            rho[i] = b[i] * tau - dot(a[i], x)
+            add(missed, -y[i], a[i])
+        cx, by, gap = cost * x[0], dot(b, y), dot(x, z) + tau * kappa
+        lacking, wrong = largest(rho), largest(missed)
+        if tau <= -cx * CERTIFIED and lacking <= ROUND_OFF - cx * CERTIFIED:
+            return UNBOUNDED, -np.inf
+        if tau <= by * CERTIFIED and wrong <= ROUND_OFF + by * CERTIFIED:
+            return INFEASIBLE, np.inf
+        error = (wrong + gap / tau) / (tau + abs(by))
+        if error + lacking / tau < nearest:
+            nearest = error + lacking / tau
+            for j in range(1, n):
+                answer[j - 1] = x[j] / tau
+        if error < closest:
+            closest, value = error, by / tau
+        if error <= CLOSED or error > 1e3 * closest < 1e-6:
+            break
+        if not _scaling(x, z, linear, size, turn):
+            break
+        c = _newton_system(v, u, q, lower, a, b, cost, linear)
+        point = tau, kappa, by - cx - kappa, gap / degree
+        step, dtau, dkappa = _direction(v, u, q, lower, c, linear, point)
+        add(x, step, dx)
+        add(z, step, dz)
+        add(y, step, dy)
+        tau, kappa = tau + step * dtau, kappa + step * dkappa
+    return (OPTIMAL if closest <= ANSWERED else UNANSWERED), value
+
+
+def _newton_system(
+    v: Floats,
+    u: Floats,
+    q: Floats,
+    lower: Floats,
+    a: Floats,
+    b: Floats,
+    cost: float,
+    linear: int,
+) -> float:
+    """Scale and orthonormalise the rows, and right sides with them; returns the scaled cost of x[0].
+
+    v (10, n): x, z, their steps, dual residual, lambda, size and turn of the scaling, and two others; u (5, m): y, its
+    step, primal residual, and two others; q (m, n), lower (m, m): filled in.
+    """
+    _, z, _, _, missed, lam, size, turn, _, p = v
+    _, _, rho, beta, pull = u
+    c = cost * size[0]
+    _scale(size, turn, linear, z, 1.0, lam)
+    _scale(size, turn, linear, missed, 1.0, missed)
+    for i in range(len(a)):
+        _scale(size, turn, linear, a[i], 1.0, q[i])
+    _factorise(q, lower)
+    beta[:], p[:] = b, 0.0
+    _forward(lower, beta)
+    _forward(lower, rho)
+    p[0] = -c
+    for i in range(len(a)):
+        pull[i] = beta[i] + q[i, 0] * c
+        add(p, pull[i], q[i])
+    return c
+
+
+def _direction(
+    v: Floats,
+    u: Floats,
+    q: Floats,
+    lower: Floats,
+    c: float,
+    linear: int,
+    point: tuple[float, float, float, float],
+) -> tuple[float, float, float]:
+    """Fill in the steps by predictor and corrector; returns their length, and the steps of tau and kappa.
+
+    point: tau, kappa, the residual of the third equation, and the gap over the degree of the cones.
+    """
+    _, _, dx, dz, missed, lam, size, turn, goal, p = v
+    _, dy, rho, beta, pull = u
+    tau, kappa, rest, centred = point
+    dx[:], dz[:], dtau, dkappa, eta, target, step = 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0
+    slope = dot(p, p) + kappa / tau
+    for _pass in range(2):
+        _correct(lam, dx, dz, linear, target, goal)
+        change = target - tau * kappa - dtau * dkappa
+        for j in range(len(dz)):
+            dz[j] = goal[j] - eta * missed[j]
+            dx[j] = dz[j]
+        for i in range(len(q)):
+            dy[i] = eta * rho[i] - dot(q[i], dz)
+            add(dx, dy[i], q[i])
+        dtau = (c * dx[0] - dot(beta, dy) + change / tau - eta * rest) / slope
+        dkappa = (change - kappa * dtau) / tau
+        add(dx, dtau, p)
+        add(dy, dtau, pull)
+        for j in range(len(dz)):
+            dz[j] = goal[j] - dx[j]
+        step = min(_longest(lam, dx, linear), _longest(lam, dz, linear))
+        step = min(step, -tau / min(dtau, -0.5 * tau), -kappa / min(dkappa, -0.5 * kappa))
+        if eta == 1.0:
+            eta = 1.0 - (1.0 - min(step, 1.0)) ** 3
+            target = (1.0 - eta) * centred
+    _backward(lower, dy)
+    _scale(size, turn, linear, dx, 1.0, dx)
+    _scale(size, turn, linear, dz, -1.0, dz)
+    return min(1.0, STEP * step), dtau, dkappa
+
+
+def _scaling(x: Floats, z: Floats, linear: int, size: Floats, turn: Floats) -> bool:
+    """Fill in T = size (2 turn turn^T - J) of each cone with T z = T^-1 x; False if x or z is on an edge."""
+    for i in range(linear):
+        if x[i] <= 0.0 or z[i] <= 0.0:
+            return False
+        size[i] = math.sqrt(x[i] / z[i])
+    for i in range(linear, len(x), 3):
+        of_x, of_z = _determinant(x, i), _determinant(z, i)
+        if not (of_x > 0.0 and of_z > 0.0):
+            return False
+        of_x, of_z = math.sqrt(of_x), math.sqrt(of_z)
+        along = (x[i] * z[i] + x[i + 1] * z[i + 1] + x[i + 2] * z[i + 2]) / (of_x * of_z)
+        both = math.sqrt(2.0 * (1.0 + along))
+        first = (x[i] / of_x + z[i] / of_z) / both
+        over = 1.0 / math.sqrt(2.0 * (first + 1.0))
+        size[i], turn[i] = math.sqrt(of_x / of_z), (first + 1.0) * over
+        for j in (i + 1, i + 2):
+            turn[j] = (x[j] / of_x - z[j] / of_z) / both * over
+    return True
+
+
+def _scale(
+    size: Floats, turn: Floats, linear: int, vector: Floats, sign: float, out: Floats
+) -> None:
+    """Fill in T vector, or with a negative sign T^-1 vector."""
+    for i in range(linear):
+        out[i] = vector[i] * size[i] if sign > 0.0 else vector[i] / size[i]
+    for i in range(linear, len(vector), 3):
+        factor = size[i] if sign > 0.0 else 1.0 / size[i]
+        normal, first, second = vector[i], vector[i + 1], vector[i + 2]
+        along = 2.0 * (turn[i] * normal + sign * (turn[i + 1] * first + turn[i + 2] * second))
+        out[i] = factor * (along * turn[i] - normal)
+        out[i + 1] = factor * (along * sign * turn[i + 1] + first)
+        out[i + 2] = factor * (along * sign * turn[i + 2] + second)
+
+
+def _correct(lam: Floats, p: Floats, q: Floats, linear: int, target: float, out: Floats) -> None:
+    """Fill in the u with lam o u = target e - lam o lam - p o q, o being the product of the cones."""
+    for i in range(linear):
+        out[i] = (target - p[i] * q[i]) / lam[i] - lam[i]
+    for i in range(linear, len(lam), 3):
+        a, b, c = lam[i], lam[i + 1], lam[i + 2]
+        normal = target - p[i] * q[i] - p[i + 1] * q[i + 1] - p[i + 2] * q[i + 2]
+        first = -p[i] * q[i + 1] - q[i] * p[i + 1]
+        second = -p[i] * q[i + 2] - q[i] * p[i + 2]
+        along = (a * normal - b * first - c * second) / max(_determinant(lam, i), 1e-300)
+        out[i] = along - a
+        out[i + 1] = (first - along * b) / a - b
+        out[i + 2] = (second - along * c) / a - c
+
+
+def _longest(x: Floats, step: Floats, linear: int) -> float:
+    """The longest step, at most two, with which a vector stays in the cones."""
+    most = 2.0
+    for i in range(linear):
+        if step[i] < 0.0:
+            most = min(most, -x[i] / step[i])
+    for i in range(linear, len(x), 3):
+        a, c = _determinant(step, i), max(_determinant(x, i), 0.0)
+        b = x[i] * step[i] - x[i + 1] * step[i + 1] - x[i + 2] * step[i + 2]
+        root = math.sqrt(max(b * b - a * c, 0.0)) - b
+        if root > 0.0 and (a < 0.0 or b < 0.0):
+            most = min(most, c / root)
+    return most
+
+
+def _cone_margin(x: Floats, linear: int) -> float:
+    """The least distance of the entries and triples of a vector from the edge of their cones."""
+    least = np.inf
+    for i in range(linear):
+        least = min(least, x[i])
+    for i in range(linear, len(x), 3):
+        least = min(least, x[i] - math.hypot(x[i + 1], x[i + 2]))
+    return least
+
+
+def _determinant(x: Floats, i: int) -> float:
+    """x^2 - y^2 - z^2 of a triple without cancellation."""
+    shear = math.hypot(x[i + 1], x[i + 2])
+    return (x[i] - shear) * (x[i] + shear)
+
+
+def _factorise(rows: Floats, lower: Floats) -> None:
+    """Make rows (m, n) orthonormal and fill in the triangle (m, m) that takes them back: modified Gram-Schmidt."""
+    for i in range(len(rows)):
+        lower[i], after, before = 0.0, length(rows[i]), np.inf
+        while after < 0.5 * before:  # what cancelled is taken away once more
+            before = after
+            for j in range(i):
+                part = dot(rows[j], rows[i])
+                lower[i, j] += part
+                add(rows[i], -part, rows[j])
+            after = length(rows[i])
+        lower[i, i] = after
+        rows[i] /= after
+
+
+def _forward(lower: Floats, v: Floats) -> None:
+    for i in range(len(v)):
+        for j in range(i):
+            v[i] -= lower[i, j] * v[j]
+        v[i] /= lower[i, i]
+
+
+def _backward(lower: Floats, v: Floats) -> None:
+    for i in range(len(v) - 1, -1, -1):
+        for j in range(i + 1, len(v)):
+            v[i] -= lower[j, i] * v[j]
+        v[i] /= lower[i, i]
+
+
+INTERVALS = Kernel(interval_rows)

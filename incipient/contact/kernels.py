@@ -1,0 +1,85 @@
+"""Functions of loops over numbers, interpreted at first and compiled by numba if they are called often."""
+
+import math
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+from incipient.arrays import Floats
+
+# Rows with three equations (2-D), about 2 ms each, before a kernel is compiled: numba takes 0.5 s and 100 MiB to load.
+INTERPRETED = 240
+AT_ONCE = (
+    20  # rows in one call that are always compiled, so that tables do not depend on earlier calls
+)
+
+
+class Kernel:
+    """A function that is compiled by numba if it is called often; compiled code is kept in `__pycache__`.
+
+    Args:
+        function: its first argument ends in a matrix for each row.
+        interpreted: rows with three equations before it is compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any], interpreted: float = INTERPRETED) -> None:
+        self.function, self.left = function, interpreted
+        self.compiled: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any, rows: int = 1) -> Any:
+        """Call it for so many rows, whose work goes as the cube of the number of equations."""
+        work = rows * (arguments[0].shape[-2] / 3) ** 3
+        self.left -= work
+        if (self.left < 0 or work >= AT_ONCE) and self.compiled is None:
+            self.compiled = _compiled(self.function) or self.function
+        return (self.compiled or self.function)(*arguments)
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any] | None:
+    """The function and all that it calls, compiled at its first call; None without numba."""
+    try:
+        from numba import njit  # takes a third of a second
+    except ImportError:
+        return None
+    scope: dict[str, Any] = {}
+    for value in list(function.__globals__.values()):
+        if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
+            scope |= value.__globals__
+    scope |= function.__globals__
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True}
+    for name, value in list(scope.items()):
+        if isinstance(value, FunctionType) and value.__module__.startswith(__package__):
+            scope[name] = njit(**options)(FunctionType(value.__code__, scope, name))
+    entry = FunctionType(function.__code__, scope, function.__name__)
+    entry.__module__ = function.__module__
+    try:
+        return njit(cache=True, **options)(entry)
+    except RuntimeError:  # there is no directory that numba can write to
+        return njit(**options)(entry)
+
+
+def dot(a: Floats, b: Floats) -> float:
+    """The scalar product."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+def add(total: Floats, factor: float, vector: Floats) -> None:
+    """Add a multiple of a vector in place."""
+    for i in range(len(total)):
+        total[i] += factor * vector[i]
+
+
+def length(vector: Floats) -> float:
+    """Euclidean length."""
+    return math.sqrt(dot(vector, vector))
+
+
+def largest(vector: Floats) -> float:
+    """Magnitude of the largest entry."""
+    most = 0.0
+    for i in range(len(vector)):
+        most = max(most, abs(vector[i]))
+    return most

@@ -1,0 +1,68 @@
+"""The cells of the mesh in the colour of the speed; of a 3-D run those that the vertical plane of the grain cuts."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from .flow import from_zero
+from .record import StoredRun
+from .section import BESIDE, level_of, pyvista_off_screen, views_of
+from .style import INK, View, panels
+
+_COLOURS = "YlGnBu"
+_TETRAHEDRON = 10  # VTK's number of the straight one
+
+
+def picture(run: StoredRun) -> Figure:
+    """Cells around the grain, or all without one, in the colour of their mean speed."""
+    view = views_of(run)[-1] if run.in_space else _view(run)
+    polygons, speeds = (_cut if run.in_space else _curved)(run)
+    seen = [np.ptp(np.clip(p, view[::2], view[1::2]), axis=0).all() for p in polygons]
+    norm = from_zero(speeds[np.array(seen)])
+    figure, (axes,) = panels([view], run.headline, "z" if run.in_space else "y")
+    shown = PolyCollection(polygons, array=speeds, norm=norm, cmap=_COLOURS)
+    shown.set(edgecolor=INK, linewidth=0.35, rasterized=True)
+    axes.add_collection(shown, autolim=False)
+    where = f" that the plane y = {level_of(run):.4g} cuts" if run.in_space else ""
+    axes.set_title(f"Cells{where}, in the colour of their mean speed")
+    figure.colorbar(ScalarMappable(norm, _COLOURS), ax=axes).set_label("speed [scene units]")
+    return figure
+
+
+def _curved(run: StoredRun) -> tuple[list[np.ndarray], np.ndarray]:
+    """Outlines (n, 2) of the cells of a plane mesh along the parabolas of their sides, and mean speeds."""
+    s = np.arange(6)[:, None, None, None] / 6
+    corners, sides = run.mesh.cells[:, :3], run.mesh.cells[:, 3:]
+    start, middle, end = (
+        run.mesh.points[part] for part in (corners, sides, np.roll(corners, -1, axis=1))
+    )
+    along = (1 - s) * (1 - 2 * s) * start + 4 * s * (1 - s) * middle + s * (2 * s - 1) * end
+    polygons = along.transpose(1, 2, 0, 3).reshape(len(corners), -1, 2)
+    speeds = np.linalg.norm(run.field("velocity"), axis=1)[run.mesh.cells].mean(axis=1)
+    return list(polygons), speeds
+
+
+def _cut(run: StoredRun) -> tuple[list[np.ndarray], np.ndarray]:
+    """Polygons (n, 2) in which a vertical plane cuts tetrahedra, their sides taken as straight, and mean speeds."""
+    pyvista = pyvista_off_screen()
+    grid = pyvista.UnstructuredGrid({_TETRAHEDRON: run.fields.cells[:, :4]}, run.fields.points)
+    grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    inwards = BESIDE * (high - low)
+    level = float(np.clip(level_of(run), low + inwards, high - inwards))
+    cut = grid.slice(normal="y", origin=(0.0, level, 0.0), generate_triangles=False)
+    faces = cut.irregular_faces
+    places = cut.points[:, [0, 2]]
+    return [places[face] for face in faces], np.array([cut["speed"][f].mean() for f in faces])
+
+
+def _view(run: StoredRun) -> View:
+    """The surroundings of the grain, or the whole domain without one."""
+    if run.surface is None:
+        return run.box
+    x0, x1, y0, y1 = run.box
+    size, (x, y) = run.value("grain", "size", 1.0), run.space("grain", "centre")[:2]
+    return max(x0, x - 2 * size), min(x1, x + 2 * size), max(y0, y - size), min(y1, y + size)

@@ -1,0 +1,229 @@
+"""What the pictures show of a verdict: the load, the contact forces in their cones, how the grain begins to move."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..contact import Contacts, Load, incipient_motion
+from ..errors import ConvergenceError, OutputError, SceneError
+
+_NO_FORCE = 1e-8  # of the largest contact force
+_ON_EDGE = 1e-6  # of the force along the surface that friction allows
+_PAPER = "; by the paper's criteria"
+# How a case is drawn, in the plane and in space; lengths in grain sizes.
+STRONGEST = 0.8  # arrow of the largest force
+SHORTEST_CONE, BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
+MOVED = 0.09  # how far the grain is shown to have moved
+SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMotion:
+    """Incipient accelerations: of the centre of mass (3,), and angular (3,)."""
+
+    acceleration: np.ndarray
+    angular: np.ndarray
+
+    def at(self, arms: np.ndarray) -> np.ndarray:
+        """Accelerations (n, 3) at arms (n, 3) from the centre of mass."""
+        return self.acceleration + np.cross(self.angular, arms)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A case and what both judges say of it.
+
+    forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
+    share:       part of the flow's load that these forces answer: 1, or the safety factor where no forces balance
+                 the load and the motion is not known; nan where there are none
+    motion:      None at rest and where it is not known
+    significant: the paper's significant reaction surface, indices of contacts
+    left:        force and couple (3,) that reaction and friction leave over by the paper's criteria
+    sentences:   the exact judge's, the paper's with the agreement
+    """
+
+    load: Load
+    contacts: Contacts
+    friction: float
+    forces: np.ndarray
+    states: tuple[str, ...]
+    share: float
+    motion: DrawnMotion | None
+    mode: str
+    safety_factor: float
+    outcome: str
+    significant: tuple[int, ...]
+    left: tuple[np.ndarray, np.ndarray]
+    sentences: tuple[str, str]
+
+    @property
+    def planar(self) -> bool:
+        """Whether everything lies in the plane of the first two directions."""
+        vectors = (
+            self.contacts.points,
+            self.contacts.normals,
+            self.load.flow_force,
+            self.load.weight,
+        )
+        return not any(v[..., 2].any() for v in vectors) and not self.load.flow_couple[:2].any()
+
+    @property
+    def patches(self) -> list[list[int]]:
+        """Indices of contacts that have an area and the same normal: the corners of one patch."""
+        if self.contacts.areas is None:
+            return []
+        found: dict[tuple[float, ...], list[int]] = {}
+        for index in np.flatnonzero(self.contacts.areas > 0):
+            found.setdefault(tuple(np.round(self.contacts.normals[index], 6)), []).append(
+                int(index)
+            )
+        return list(found.values())
+
+    @property
+    def arms(self) -> np.ndarray:
+        """The arms from the centre of mass to the contacts, (n, 3)."""
+        return self.contacts.points - self.load.centre
+
+    @property
+    def cone_angle(self) -> float:
+        """Half the opening of the friction cones, radians."""
+        return math.atan(self.friction)
+
+    @property
+    def acting(self) -> dict[str, np.ndarray]:
+        """Forces on the grain other than the bed's (3,); without weight the flow's alone."""
+        load = self.load
+        more = {"weight": load.weight, "resultant": load.force} if load.weight.any() else {}
+        return {"flow": load.flow_force} | more
+
+    @property
+    def largest(self) -> float:
+        """The largest of all forces, to which arrows are scaled; one without any."""
+        return (
+            max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values()))
+            or 1.0
+        )
+
+    @property
+    def occasion(self) -> str:
+        """Which load the contact forces answer."""
+        if not math.isfinite(self.share):
+            return "no contact forces balance the load"
+        if self.share != 1.0:
+            return f"contact force that balances {self.share:.4g} times the flow's load"
+        when = " as it begins to move" if self.motion else ", a set that balances the load"
+        return f"contact force on the grain{when}"
+
+
+def judged(verdict: dict[str, Any], where: Path) -> Judged:
+    """A stored verdict, with the contact forces at the load as it is, computed where they are not stored.
+
+    Raises:
+        OutputError: naming the file `where` when the verdict lacks something or cannot be understood.
+    """
+    try:
+        return _judged(verdict)
+    except KeyError as error:
+        raise OutputError(
+            f"{where}: its verdict holds no {error.args[0]}; make it again"
+        ) from error
+    except (AttributeError, TypeError, ValueError, SceneError) as error:
+        raise OutputError(
+            f"{where}: its verdict cannot be understood: {error}; make it again"
+        ) from error
+
+
+def _judged(verdict: dict[str, Any]) -> Judged:
+    paper, exact = verdict["judges"]["criteria"], verdict["judges"]["equilibrium"]
+    load = Load(
+        **{name: paper["load"][name] for name in ("flow_force", "flow_couple", "weight", "centre")}
+    )
+    contacts = Contacts(*(paper["contacts"][name] for name in ("points", "normals", "areas")))
+    friction, motion = float(paper["friction"]), exact["motion"]
+    forces, states, share = _forces(exact, load, contacts, friction)
+    first, _, second = verdict["sentence"].partition(_PAPER)
+    stored = verdict["safety_factor"]
+    return Judged(
+        load=load,
+        contacts=contacts,
+        friction=friction,
+        forces=forces,
+        states=states,
+        share=share,
+        motion=None if motion is None or motion["mode"] == "REST" else _motion(motion),
+        mode=verdict["mode"] if "rocking" in verdict else exact["mode"],
+        safety_factor=math.inf if stored is None else float(stored),
+        outcome=f"{paper['row']}: {quoted(paper['wording'])}",
+        significant=tuple(paper["significant"]),
+        left=(np.array(paper["force"]), np.array(paper["torque"])),
+        sentences=(sentence(first), sentence(_PAPER[2:] + second) if second else ""),
+    )
+
+
+def _motion(stored: dict[str, Any]) -> DrawnMotion:
+    return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
+
+
+def _forces(
+    exact: dict[str, Any], load: Load, contacts: Contacts, friction: float
+) -> tuple[np.ndarray, tuple[str, ...], float]:
+    """Contact forces, states, and the share of the flow's load that they answer."""
+    motion, safety = exact["motion"], exact["safety"]
+    if motion is not None:
+        return np.array(motion["contact_forces"]), tuple(motion["contact_states"]), 1.0
+    held = _balancing(load, contacts, friction) if safety["held"] else None
+    if held is not None:
+        return held, _states(held, contacts, friction), 1.0
+    share = math.nan if safety["factor"] is None else float(safety["factor"])
+    return np.array(safety["contact_forces"]), tuple(safety["contact_states"]), share
+
+
+def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | None:
+    """The smallest contact forces (n, 3) that balance the load: those of a grain that rests, whatever its mass."""
+    reach = float(np.linalg.norm(contacts.points - load.centre, axis=1).max())
+    try:
+        rest = incipient_motion(load, contacts, friction, 1.0, reach**2 * np.eye(3))
+    except ConvergenceError:
+        return None
+    return None if rest.moves else rest.first.contact_forces
+
+
+def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
+    """Where forces (n, 3) are in their cones."""
+    normal, tangential = pressed(forces, contacts.normals)
+    sizes = np.linalg.norm(forces, axis=1)
+    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(
+        object
+    )
+    states[sizes <= _NO_FORCE * sizes.max()] = "UNLOADED"
+    return tuple(states.tolist())
+
+
+def pressed(forces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sizes (n,) of the parts of contact forces (n, 3) along the inward normals and along the surface."""
+    normal = -(forces * normals).sum(axis=1)
+    return normal, np.linalg.norm(forces + normal[:, None] * normals, axis=1)
+
+
+def sentence(words: str) -> str:
+    """Words with a capital, a full stop, and the paper's signs as they are printed."""
+    words = quoted(words.strip().rstrip("."))
+    return f"{words[:1].upper()}{words[1:]}."
+
+
+def quoted(words: str) -> str:
+    """Words with the paper's quotation marks and symbols as they are printed."""
+    for typed, printed in (
+        ("``", "“"),
+        ("''", "”"),
+        ("-F_tau", "−F_τ"),
+        ("F_tau", "F_τ"),
+        ("+-", "±"),
+    ):
+        words = words.replace(typed, printed)
+    return words

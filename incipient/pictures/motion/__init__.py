@@ -1,1 +1,0 @@
-"""Pictures of what moves: paths of grains, films of a run, a film around a grain."""

@@ -1,0 +1,337 @@
+"""Pictures of verdicts: of a run, of a case judged by itself, and of a grain at its threshold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ..contact import Contacts, Load, incipient_motion
+from ..critical.outcome import with_error
+from ..errors import ConvergenceError, OutputError, SceneError
+from ..evaluation.contact_verdict import mass_and_inertia
+from ..geometry.placement import Placement
+from ..scene import Body, Scene, load
+from ..simulation.judge_case import Case
+from . import style
+from .flow import draw_streamlines
+from .judged import Judged, judged, sentence
+from .outlines import (
+    bed_line,
+    grain_outline,
+    placed_surface,
+    sketched_outline,
+    sketched_solid,
+)
+from .plane import (
+    Marks,
+    draw_bed,
+    draw_case,
+    draw_grain,
+    draw_load,
+    draw_strips,
+    mark_contacts,
+    show_place,
+)
+from .record import StoredRun, parsed_json
+from .sheet import (
+    Group,
+    contact_rows,
+    explain,
+    judge_rows,
+    load_rows,
+    number,
+    panel,
+    sheet,
+    write_numbers,
+)
+from .solid import show_judged
+from .style import FLOW, INK, MOTION
+
+_UNIT = "[scene units]"
+_COEFFICIENTS = ("drag", "lift", "moment")
+_BEYOND = 1e-4  # how much more than the critical load shows the motion
+_SLOWEST = 1e-3  # of the fastest flow: a trial that is shown
+_PANEL = 1.5  # height of the trials [inches]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A grain at its place, on a bed or without one."""
+
+    grain: Any
+    placement: Placement
+    bed: Any = None
+
+
+def of_run(run: StoredRun) -> Figure:
+    """The grain on its bed with contacts, forces and torque; the verdict in words; the numbers behind it."""
+    stored, scene = run.result.get("verdict"), Scene(**run.scene)
+    assert run.place is not None
+    shape = Shape(scene.grain, run.place, scene.bed_shape)
+    if stored is None:
+        return _unjudged(run, shape)
+    case = judged(stored, run.directory / "result.json")
+    figure, axes = sheet(*case.sentences, run.headline)
+    explain(axes, _show(axes, case, shape))
+    if not run.in_space:
+        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+    groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
+    write_numbers(axes, [*groups, *judge_rows(case), *_flow_rows(run)])
+    return figure
+
+
+def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
+    """A judged case, with strips of bed or a sketched grain where no more is known; what the marks mean."""
+    if not case.planar or (shape is not None and shape.placement.gdim == 3):
+        bed = None if shape is None else shape.bed
+        surface = (
+            sketched_solid(case) if shape is None else placed_surface(shape.grain, shape.placement)
+        )
+        return show_judged(axes, case, *surface, bed)
+    outline = (
+        sketched_outline(case) if shape is None else grain_outline(shape.grain, shape.placement)
+    )
+    seen = np.vstack([outline, case.contacts.points[:, :2]])
+    size = float(np.ptp(seen, axis=0).max())
+    x0, x1, _, _ = show_place(axes, seen, size)
+    if shape is None or shape.bed is None:
+        draw_strips(axes, case, size)
+    else:
+        draw_bed(axes, bed_line(shape.bed, x0, x1))
+    draw_grain(axes, outline, known=shape is not None)
+    return draw_case(axes, case, outline, size)
+
+
+def _unjudged(run: StoredRun, shape: Shape) -> Figure:
+    """The load on a grain without a verdict, and its contacts if there are any; of a grain in 3-D in numbers alone."""
+    figure, axes = sheet(
+        "The forces on the grain; the scene asks for no verdict.", "", run.headline
+    )
+    forces, torque = run.acting(), run.space("couple", "flow")
+    write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
+    if run.in_space:
+        axes.set_axis_off()
+        return figure
+    outline, size = grain_outline(shape.grain, shape.placement), shape.grain.size
+    x0, x1, *_ = view = show_place(axes, outline, size)
+    if shape.bed is not None:
+        draw_bed(axes, bed_line(shape.bed, x0, x1))
+    draw_streamlines(run, axes, view, "#9db8cf")
+    draw_grain(axes, outline)
+    largest = max(float(np.linalg.norm(force)) for force in forces.values())
+    draw_load(axes, np.array(shape.placement.centre), size, forces, torque, largest)
+    if run.contacts:
+        points, normals = (np.array(column) for column in zip(*run.contacts, strict=True))
+        mark_contacts(axes, points, normals, (), [INK] * len(points), size)
+        mark = Line2D([], [], color=INK, ls="--", lw=1.1, marker="o")
+        explain(axes, [(mark, "contact, with its normal")])
+    return figure
+
+
+def _flow_rows(run: StoredRun) -> list[Group]:
+    """Coefficients and what belongs to the flow, as far as result and scene hold them."""
+    closed = bool(run.value("gap", "closed"))
+    values = {
+        f"{key.capitalize()} coefficient": run.value("coefficients", key) for key in _COEFFICIENTS
+    }
+    values["Reynolds number"] = run.setting("fluid", "reynolds")
+    gap = "Closed where narrower than" if closed else "Gap that stands for contact"
+    values[gap] = run.value("gap", "width")
+    values["Cells across the gap"] = None if closed else run.value("gap", "cells")
+    values["First motion at time"] = run.value("verdict", "first_motion")
+    rows = [
+        (name, f"{value:.4g}", INK)
+        for name, value in values.items()
+        if isinstance(value, int | float)
+    ]
+    return [[("Flow", "", INK), *rows]] if rows else []
+
+
+def draw_judgement(directory: Path) -> list[Path]:
+    """Draw judgement.png from the judgement.json of a directory; raises OutputError. Not collective."""
+    source = directory / "judgement.json"
+    stored = parsed_json(source)
+    if "verdict" not in stored:
+        raise OutputError(f"{source}: holds no verdict; judge the case again")
+    case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
+    with style.applied():
+        chances = stored.get("probabilities")
+        more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
+        subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
+        figure, axes = sheet(case.sentences[0], " ".join(more), subject)
+        explain(axes, _show(axes, case, shape))
+        if case.planar:
+            axes.set(xlabel="x", ylabel="y")
+        there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
+        write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
+        path = source.with_suffix(".png")
+        style.save(figure, path)
+    return [path]
+
+
+def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
+    """The grain of a judgement at its place; None where its case gives no shape."""
+    try:
+        case = None if stored.get("case") is None else Case(**stored["case"])
+    except (SceneError, TypeError) as error:
+        raise OutputError(
+            f"{source}: its case cannot be understood: {error}; judge it again"
+        ) from error
+    if case is None or case.body is None:
+        return None
+    return Shape(case.body.grain(), case.placement)
+
+
+def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
+    if chances is None:
+        return []
+    rows: Group = [("Probability", f"{chances['samples']} samples", INK)]
+    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
+    for mode, chance in likely[:4]:
+        rows.append((mode, chance["words"].replace("+-", "±").replace("%", " %"), INK))
+    return [rows]
+
+
+def draw_threshold(directory: Path) -> list[Path]:
+    """Draw threshold.png from the threshold.json and scene.toml of a directory. Not collective.
+
+    Raises:
+        OutputError: when one of them is missing or damaged, or the picture cannot be written.
+    """
+    source, path = directory / "threshold.json", directory / "threshold.png"
+    stored, again = parsed_json(source), "find the threshold again"
+    scene_file = directory / "scene.toml"
+    if not scene_file.exists():
+        raise OutputError(f"{scene_file}: no such file; {again}")
+    scene = load(scene_file)
+    if scene.grain is None or scene.bed_shape is None:
+        raise OutputError(f"{scene_file}: has no grain on a bed; {again}")
+    with style.applied():
+        try:
+            figure = _threshold(stored, scene, source)
+        except KeyError as error:
+            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
+        except (TypeError, ValueError) as error:
+            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
+        style.save(figure, path)
+    return [path]
+
+
+def _threshold(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
+    """The grain as it begins to move at the critical flow, and the trials by which this was computed."""
+    case = judged(with_motion(stored, scene.body, scene.placement), source)
+    figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title)
+    assert scene.placement is not None
+    explain(axes, _show(axes, case, Shape(scene.grain, scene.placement, scene.bed_shape)))
+    there = load_rows(case.acting, case.load.flow_couple, _UNIT, scene.gdim == 2)
+    if not stored["factor"]:
+        write_numbers(axes, [there, *judge_rows(case)])
+        return figure
+    _show_trials(panel(axes, _PANEL), stored)
+    groups = [_critical_rows(stored, case.friction), there, contact_rows(case)]
+    write_numbers(axes, groups, below=_PANEL + 0.62)
+    return figure
+
+
+def with_motion(
+    stored: dict[str, Any], body: Body | None, placement: Placement | None
+) -> dict[str, Any]:
+    """The verdict at the threshold with the motion in which the grain leaves it, if there is a threshold."""
+    verdict = stored["verdict"]
+    inert = None if not stored["factor"] or body is None else mass_and_inertia(body, placement)
+    motion = None if inert is None else _onset(stored, *inert)
+    if motion is None:
+        return verdict
+    exact = {**verdict["judges"]["equilibrium"], "motion": motion, "mode": stored["mode"]}
+    return {**verdict, "judges": {**verdict["judges"], "equilibrium": exact}}
+
+
+def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str, Any] | None:
+    """The incipient motion where the flow is a little stronger than critical."""
+    acting, at = stored["load"], stored["contacts"]
+    friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
+    force, torque = (
+        (1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple")
+    )
+    stronger = Load(force, torque, np.array(acting["weight"]), np.array(acting["centre"]))
+    contacts = Contacts(at["points"], at["normals"], at["areas"])
+    try:
+        return incipient_motion(stronger, contacts, friction, mass, inertia).to_dict()
+    except ConvergenceError:
+        return None
+
+
+def critical_sentence(stored: dict[str, Any]) -> str:
+    """How fast the flow must be for the grain to move, or why there is no such speed."""
+    factor, status, mode = stored["factor"], stored["verdict"]["safety_status"], stored["mode"]
+    if factor is None and stored["held_to"] is None:
+        return "There is no threshold: no strength of this flow moves the grain."
+    if factor is None:
+        return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
+    if factor == 0.0 and status == "NO_RESERVE":
+        return f"There is no threshold: however weak this flow is, the grain begins {mode}."
+    if factor == 0.0 and status == "HELD_BY_FLOW":
+        return "There is no threshold: without flow the grain moves, while some flow would hold it."
+    if factor == 0.0:
+        return f"There is no threshold: without any flow the grain begins {mode}."
+    times = _value_with_error(stored, "factor")
+    return f"The grain begins {mode} where the flow is {times} times that of the scene."
+
+
+def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
+    rows: Group = [("Threshold", stored["mode"], INK)]
+    for name, key in (
+        ("Flow over that of the scene", "factor"),
+        ("Shields number, largest diameter", "shields"),
+        ("Reynolds number of the scene", "reynolds"),
+        ("Shear Reynolds number", "shear_reynolds"),
+    ):
+        rows.append((name, _value_with_error(stored, key), INK))
+    return [*rows, ("Coefficient of static friction", number(friction), INK)]
+
+
+def _value_with_error(stored: dict[str, Any], key: str) -> str:
+    """A number of the threshold with its error, none where there is no threshold."""
+    if stored[key] is None:
+        return "none"
+    return with_error(stored[key], stored["errors"][key]).replace("+-", "±")
+
+
+def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
+    """The safety factor against the strength of the flow, both on logarithmic scales."""
+    every, critical = stored["trials"], float(stored["factor"])
+    fastest = max((trial["factor"] for trial in every), default=1.0)
+    # The flow that stands for that of Stokes is too slow to be shown beside the others.
+    trials = np.array(
+        sorted(
+            (trial["factor"], trial["safety_factor"])
+            for trial in every
+            if trial["safety_factor"] and trial["factor"] > _SLOWEST * fastest
+        )
+    ).reshape(-1, 2)
+    line = np.unique(np.vstack([trials, [critical, 1.0]]), axis=0)
+    axes.axhline(1.0, color=INK, lw=0.8)
+    axes.plot(*line.T, color=FLOW, lw=1.0, alpha=0.6)
+    axes.plot(*trials.T, "o", color=FLOW, ms=4)
+    axes.plot(critical, 1.0, "*", color=MOTION, ms=11, mec="white", mew=0.6, zorder=5)
+    axes.set(xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(lambda value, _: f"{value:g}" if _leads(value) else "")
+    axes.tick_params(which="both", labelsize=7)
+    axes.set_xlabel("flow over that of the scene", fontsize=7.5, labelpad=1)
+    flows = f"{len(every)} flow{'s' if len(every) > 1 else ''}"
+    axes.set_title(f"Safety factor, {flows} solved", fontsize=8.5)
+    axes.grid(color="#e2e2e2", lw=0.5)
+
+
+def _leads(value: float) -> bool:
+    """Whether a number begins with 2 or 5."""
+    return round(value / 10.0 ** math.floor(math.log10(value) + 1e-9)) in (2, 5)

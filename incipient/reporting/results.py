@@ -1,0 +1,196 @@
+"""What the templates of a page need of a result besides the result itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..effects import known
+from ..pictures.judged import Judged, judged, pressed, sentence
+from ..pictures.record import parsed_json
+from ..pictures.style import STATES
+from ..pictures.verdict import critical_sentence, with_motion
+from ..planning.effects import percent
+from ..results.left_out import Omission
+from ..results.safetybar import SafetyBar
+from ..results.si import FLOW
+from ..results.trajectory import trajectory_sentence
+from ..scene import load
+from .page import Bounded
+
+Context = dict[str, Any]
+
+CAPTIONS = {
+    "verdict": "The verdict: forces on the grain and at its contacts",
+    "flow": "Speed and streamlines",
+    "pressure": "Pressure",
+    "elevation": "The free surface from above",
+    "vorticity": "Vorticity",
+    "traction": "Traction of the fluid on the grain",
+    "profiles": "Velocity on the centrelines",
+    "trajectory": "Path of the grain",
+    "walls": "y+ and friction along the walls",
+    "mesh": "The mesh",
+}
+FORCES = {
+    "flow": "the flow, without buoyancy",
+    "computed": "the same as computed, without corrections",
+    "surface_integral": "the same as an integral over the surface, a check",
+    "buoyancy": "buoyancy",
+    "weight": "weight",
+    "total": "in all",
+}
+# What makes an error smaller, by the name of its term.
+REMEDIES = {
+    "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
+    "time step": "a smaller time.step, or a smaller time.tolerance",
+    "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
+    "gap": "a smaller contact.gap",
+    "pocket": "nothing: in 2-D the leakage past contacts is not known",
+    "domain": "larger domain.length and domain.height",
+    "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
+    "level ground": "a larger numerics.meshed_bed",
+    "not steady": "another numerics.mesh_size: the wake is unsteady",
+    "interaction": "a smaller contact.gap, larger domain.length and domain.height",
+    "search": "nothing: steady flows near the threshold were not found",
+}
+
+
+def context_of(record: Path) -> Context:
+    """Everything that the template of a record needs.
+
+    Raises:
+        OutputError: the record or its verdict is damaged.
+        KeyError, TypeError, ValueError: it lacks something.
+    """
+    stored = parsed_json(record)
+    shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
+    shared |= {"sentence": sentence, "pressed": pressed, "states": STATES, "percent": percent}
+    shared |= {"corrected": _corrected, "remedies": REMEDIES, "si_of_flow": FLOW}
+    special = _SPECIAL.get(record.name)
+    return shared if special is None else shared | special(stored, record)
+
+
+def _of_run(stored: Context, record: Path) -> Context:
+    case = None if stored["verdict"] is None else judged(stored["verdict"], record)
+    found = (effect.findings(stored) for effect in known.EFFECTS)
+    bars = stored["error_bars"], stored["without_error_bars"]
+    return {
+        "planar": stored["scene"]["domain"].get("width") is None,
+        "case": case,
+        "statements": _statements(stored, case),
+        "certainty": certainty(*bars) if case else "",
+        "notes": _notes(stored),
+        "captions": CAPTIONS,
+        "forces": FORCES,
+        "quantities": partial(_quantities, stored),
+        "findings": [finding for finding in found if finding is not None],
+        "omissions": [Omission(**omission) for omission in stored["omitted"]],
+    }
+
+
+def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
+    """The verdict in sentences, the exact judge's first; without one the path of the grain."""
+    if case is not None:
+        note = stored["verdict"].get("note")
+        return (*case.sentences, sentence(note) if note else "")
+    if (path := stored["trajectory"]) is None:
+        return ("There is no verdict: the scene asks for none.",)
+    missing = path["ended"]["without_verdict"]
+    why = sentence(f"there is no verdict: {missing}") if missing else ""
+    return (trajectory_sentence(path), why)
+
+
+def _notes(stored: Context) -> list[str]:
+    """What is to be known before anything else."""
+    notes = []
+    if stored["status"] != "complete":
+        why = stored["error"] or "its numbers are preliminary"
+        notes.append(sentence(f"the run is {stored['status']}: {why}"))
+    if stored["gap"] is not None and not stored["gap"]["resolved"]:
+        remedy = "give a smaller numerics.mesh_size"
+        notes.append(f"The gap between grain and bed is not resolved: {remedy}.")
+    return notes
+
+
+def _quantities(stored: Context, heading: str) -> list[tuple[str, Any]]:
+    """Labels and values, with error bars, of the quantities under a heading that the run has."""
+    rows: list[tuple[str, Any]] = []
+    for quantity in known.quantities():
+        if quantity.heading == heading and (value := quantity.value(stored)) is not None:
+            bar = quantity.bar(stored)
+            rows.append((quantity.label, value if bar is None else Bounded(value, *bar)))
+    return rows
+
+
+def _of_threshold(stored: Context, record: Path) -> Context:
+    scene = load(record.parent / "scene.toml")
+    return {
+        "title": scene.title,
+        "planar": scene.gdim == 2,
+        "case": judged(with_motion(stored, scene.body, scene.placement), record),
+        "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
+        "certainty": _certainty_of_threshold(stored),
+    }
+
+
+def _of_judgement(stored: Context, record: Path) -> Context:
+    case = judged(stored["verdict"], record)
+    return {"case": case, "statements": _statements(stored, case)}
+
+
+_SPECIAL: dict[str, Callable[[Context, Path], Context]] = {
+    "result.json": _of_run,
+    "threshold.json": _of_threshold,
+    "judgement.json": _of_judgement,
+}
+
+
+def certainty(stored: Context | None, without: str) -> str:
+    """How sure a verdict is, in words, by the error bars of a result."""
+    if stored is None:
+        return sentence(f"not known: {without or 'error bars were not asked for'}")
+    bar = stored["safety_factor"]
+    return sentence(safety_bar(bar).sentence()) if bar is not None else ""
+
+
+def safety_bar(stored: Context) -> SafetyBar:
+    """The range of safety factors as a result holds it, where null is infinite."""
+
+    def ends(found: list[float | None] | None) -> tuple[float, float] | None:
+        return None if found is None else (_finite(found[0]), _finite(found[1]))
+
+    numbers = {name: _finite(stored[name]) for name in ("value", "low", "high")}
+    ranges = {name: ends(stored[name]) for name in ("some", "every")}
+    words_of = {name: tuple(stored[name]) for name in ("modes", "unknown")}
+    return SafetyBar(**{**stored, **numbers, **ranges, **words_of})
+
+
+def _finite(value: float | None) -> float:
+    return math.inf if value is None else float(value)
+
+
+def _certainty_of_threshold(stored: Context) -> str:
+    if stored["error_bars"] is None:
+        why = stored["without_error_bars"]
+        return sentence(f"not known: {why}") if why else ""
+    factor = stored["error_bars"]["factor"]
+    if factor["error"] is None:
+        return "The error of the critical flow is without bound."
+    terms = {name: _finite(error) for name, error in factor["terms"].items()}
+    high = "without bound" if factor["high"] is None else f"{factor['high']:.4g}"
+    said = f"Between {factor['low']:.4g} and {high} times the flow of the scene"
+    largest = max(terms, key=terms.__getitem__, default="")
+    return f"{said}; the {largest} causes most of the error." if largest else f"{said}."
+
+
+def _corrected(term: Context) -> str:
+    """By what the loads are corrected for a term, in words; nothing where they are not."""
+    if (found := term.get("correction")) is None:
+        return ""
+    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["couple"])}
+    said = " and ".join(f"the {name} by {size:.2g}" for name, size in sizes.items() if size)
+    return f"; it corrects {said}, and this is what remains"

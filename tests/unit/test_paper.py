@@ -1,0 +1,710 @@
+"""The paper's criteria of incipient motion: against exact statics, and stated where they disagree with it.
+
+Equation numbers are label keys of the paper's source (docs/paper.md). In 2-D: x downstream, y up, torques
+counter-clockwise about the third axis; in 3-D z up; normals point out of the grain.
+"""
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_safety_factor import DOWN, DOWN_3D, pocket
+from test_safety_factor import load as plane_load
+
+from incipient.contact import Classification, Contacts, Load, Mode, touching
+from incipient.contact.paper import classify, equations
+from incipient.contact.paper.away import Axis, away, kinds_of_axes, levers, nearest_axis
+from incipient.contact.paper.equations import can_vanish, distribute, equal_fractions, measures
+from incipient.contact.paper.outcomes import Category, Criterion, category, simultaneous
+from incipient.errors import SceneError
+from incipient.geometry import Disc, HalfDiscs, rest
+
+ABOUT_Z, CENTRE, TOLERANCE = np.array([0.0, 0.0, 1.0]), np.zeros(3), 1e-9
+# The base of a box, half base 1, its centre of mass half a length above; a contact downstream; two that lean apart.
+BASE = Contacts([[-1.0, -0.5, 0.0], [1.0, -0.5, 0.0]], [DOWN, DOWN])
+DOWNSTREAM = Contacts([[0.5, -0.5, 0.0]], [DOWN])
+APART = Contacts([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0]], [[-0.6, -0.8, 0.0], [0.6, -0.8, 0.0]])
+
+
+def load(force=(0.0, 0.0), torque=0.0, weight=(0.0, 0.0), centre=(0.0, 0.0)):
+    return plane_load(force, torque, weight, centre)
+
+
+def block(height, slope):
+    """Load and contacts of a block of unit weight on an incline, coordinates along it, no flow."""
+    contacts = Contacts([[-1.0, 0, 0], [1.0, 0, 0]], [DOWN, DOWN], [1.0, 1.0])
+    return load(weight=(np.sin(slope), -np.cos(slope)), centre=(0.0, height)), contacts
+
+
+def disc(force, torque, weight=1.0):
+    """Load and contact of a disc of radius 1/2 on a plane under a shear force, a torque and its weight."""
+    return load((force, 0.0), torque, (0.0, -weight), (0.0, 0.5)), Contacts([[0, 0, 0]], [DOWN])
+
+
+def ring(count, angle):
+    """Contacts of a sphere of radius 1/2 about the origin, `count` of them at `angle` from straight down."""
+    turn = 2.0 * np.pi * np.arange(count) / count
+    flat = np.sin(angle) * np.array([np.cos(turn), np.sin(turn)])
+    normals = np.column_stack([*flat, np.full(count, -np.cos(angle))])
+    return Contacts(0.5 * normals, normals)
+
+
+class TestBlockOnAnIncline:
+    """Statics: the block slides if tan(slope) > friction, tips over if tan(slope) > half base / height."""
+
+    @pytest.mark.parametrize("slope", np.radians([1.0, 30.0, 44.0]))
+    @pytest.mark.parametrize("friction", [0.0, 0.5, 0.9])
+    def test_slides_if_steeper_than_friction(self, slope, friction):
+        found = classify(*block(0.5, slope), friction)
+        assert found.mode is (
+            Mode.SLIDING if np.tan(slope) > friction else Mode.NO_INCIPIENT_MOTION
+        )
+        # (3): the unbalanced part of the weight down the slope, sin - friction cos.
+        down = max(np.sin(slope) - friction * np.cos(slope), 0.0)
+        assert found.force == pytest.approx([down, 0.0, 0.0], abs=1e-12)
+        assert (found.criterion, found.obstructed_by) == (Criterion.TRANSLATION_ONLY, ())
+
+    def test_reaction_and_friction_are_those_of_statics(self):
+        # N = cos, T = sin for a weight of one; half at each end of the base.
+        slope = np.radians(20.0)
+        found = classify(*block(0.5, slope), 0.5)
+        assert found.reaction == pytest.approx(np.tile([0.0, 0.5 * np.cos(slope), 0.0], (2, 1)))
+        along = np.tile([-0.5 * np.sin(slope), 0.0, 0.0], (2, 1))
+        assert found.friction_force == pytest.approx(along)
+        assert found.C_friction == pytest.approx([1.0, 1.0])
+        assert found.minimum_2 == pytest.approx(-np.cos(slope))
+        # Equal halves leave the torque of friction about the centre, height sin, but the end downhill can carry
+        # more: moving the reaction by height tan(slope), within the base, balances it. So: no motion.
+        assert found.fraction == pytest.approx([0.5, 0.5])
+        assert found.torque == pytest.approx([0.0, 0.0, -0.5 * np.sin(slope)])
+        assert found.held_by_sharing and found.mode is Mode.NO_INCIPIENT_MOTION
+
+    @pytest.mark.parametrize(("height", "topples"), [(2.7, False), (2.8, True)])
+    def test_slender_block_topples(self, height, topples):
+        # tan(20 degrees) = 1 / 2.7475: the line of the weight leaves the base above that height.
+        found = classify(*block(height, np.radians(20.0)), 0.5)
+        assert found.mode is (Mode.PIVOTTING if topples else Mode.NO_INCIPIENT_MOTION)
+
+
+class TestBoxIn3D:
+    @staticmethod
+    def base(height=0.5):
+        corners = [[x, y, -height] for x in (-1.0, 1.0) for y in (-2.0, 2.0)]
+        return Contacts(corners, [DOWN_3D] * 4, [2.0] * 4)
+
+    @pytest.mark.parametrize("direction", np.radians([0.0, 77.0, 200.0]))
+    @pytest.mark.parametrize(
+        ("push", "mode"), [(0.39, Mode.NO_INCIPIENT_MOTION), (0.41, Mode.SLIDING)]
+    )
+    def test_slides_in_any_direction_at_the_friction_angle(self, direction, push, mode):
+        ahead = np.array([np.cos(direction), np.sin(direction), 0.0])
+        found = classify(Load(push * ahead, CENTRE, DOWN_3D, CENTRE), self.base(), 0.4)
+        # (3): what is left is the push beyond friction N = 0.4, and the scale of a plane is one.
+        assert found.mode is mode
+        assert found.force == pytest.approx(max(push - 0.4, 0.0) * ahead, abs=1e-12)
+        assert found.distributions.of_force.c_2 == pytest.approx(1.0)
+
+    @pytest.mark.parametrize(("height", "topples"), [(3.3, False), (3.4, True)])
+    def test_topples_over_the_nearer_edge(self, height, topples):
+        # Pushed along x with 0.3 at the height of the centre: over the edge at half = 1 once 0.3 h > 1.
+        acting = Load([0.3, 0.0, 0.0], CENTRE, DOWN_3D, CENTRE)
+        found = classify(acting, self.base(height), 0.4)
+        assert found.mode is (Mode.PIVOTTING if topples else Mode.NO_INCIPIENT_MOTION)
+        assert found.category is (Category.ROTATION_ONLY if topples else None)
+
+    def test_spin_presses_nothing(self):
+        # A torque along the normals: minimum (7) is zero. Each corner is pressed by the load of the paper.
+        found = classify(Load(CENTRE, [0.0, 0.0, 0.2], DOWN_3D, CENTRE), self.base(), 0.4)
+        assert (found.minima.sign_7, found.away_from_surface, found.moves) == (0, False, True)
+
+
+class TestDiscOnAPlane:
+    """One contact below the centre: (7) is zero, F_tau = (tau / R, 0), and (24), (25) can be written down."""
+
+    @pytest.mark.parametrize("friction", [0.1, 0.5, 2.0])
+    @pytest.mark.parametrize(("force", "torque"), [(0.3, -0.1), (0.0, -0.2), (1.0, 0.5)])
+    def test_resultants(self, force, torque, friction):
+        found = classify(*disc(force, torque), friction)
+        # With R = 1/2 and N = 1: T = force + torque / R presses along the plane, friction answers C T.
+        tangential = force + torque / 0.5
+        mobilised = min(1.0, friction / abs(tangential))
+        assert found.F_tau == pytest.approx(np.array([[torque / 0.5, 0.0, 0.0]]))
+        assert found.quantity_22 == pytest.approx([-1.0])
+        assert found.C_friction == pytest.approx([mobilised])
+        assert found.force == pytest.approx([force - mobilised * tangential, 0.0, 0.0])
+        assert found.torque == pytest.approx([0.0, 0.0, torque - 0.5 * mobilised * tangential])
+        assert found.minima.sign_7 == 0
+
+    @pytest.mark.parametrize(
+        ("force", "torque", "friction", "mode", "left"),
+        [
+            # Shear turns it clockwise, and the torque about the contact is not balanced: it rolls; the paper
+            # calls that sliding and pivotting. Pure torque: it rolls too, row 1a with F = -F_tau and tau = 0.
+            (0.3, -0.1, 0.5, Mode.SLIDING_AND_PIVOTTING, 0.2),
+            (0.0, -0.1, 0.5, Mode.SLIDING, 0.2),
+            # By (3) friction holds the force, whose torque turns the disc: row 5.
+            (0.3, 0.0, 0.5, Mode.PIVOTTING, 0.0),
+            # Torque = R force: statics holds it; the paper lets the contact answer force and F_tau, twice that.
+            (0.3, 0.15, 1.0, Mode.SLIDING_AND_PIVOTTING, -0.3),
+            (0.0, 0.0, 0.0, Mode.NO_INCIPIENT_MOTION, 0.0),
+        ],
+    )
+    def test_modes(self, force, torque, friction, mode, left):
+        found = classify(*disc(force, torque), friction)
+        assert (found.mode, found.obstructed_by) == (mode, ())
+        assert found.force == pytest.approx([left, 0.0, 0.0], abs=1e-15)
+        about = np.array([[0.0, 0.0, torque - 0.5 * force]])
+        assert found.torque_about_contact == pytest.approx(about)
+
+
+class TestLifting:
+    """Buoyancy or lift above the weight: minimum (2) is positive, nothing answers."""
+
+    def test_without_torque(self):
+        found = classify(load((0.2, 0.0), weight=(0.0, 0.5)), pocket(0.5), 0.5)
+        assert found.mode is Mode.LIFTING
+        # The contact least lifted: n_in . F at the two normals is 0.5 cos(0.5) +- 0.2 sin(0.5).
+        assert found.minimum_2 == pytest.approx(0.5 * np.cos(0.5) - 0.2 * np.sin(0.5))
+        assert found.force == pytest.approx([0.2, 0.5, 0.0])
+        assert not found.torque.any() and not found.reaction.any()
+
+    def test_disc_with_torque_turns_freely(self):
+        # A disc's normals pass through its centre: its torque presses on nothing, minimum (7) = 0.
+        found = classify(load((0.0, 0.5), 0.2), pocket(0.5), 0.5)
+        assert found.mode is Mode.LIFTING_WITH_AWAY_ROTATION
+        assert found.torque == pytest.approx([0.0, 0.0, 0.2])
+
+    @pytest.mark.parametrize(("torque", "row"), [(0.1, "3"), (-0.1, "4")])
+    def test_torque_decides_between_rows_3_and_4(self, torque, row):
+        # Counter-clockwise takes the contact downstream away from the bed, clockwise presses.
+        found = classify(load((0.0, 1.0), torque), DOWNSTREAM, 0.5)
+        assert (found.mode.row, found.away_from_surface) == (row, torque > 0.0)
+
+    @pytest.mark.parametrize("factor", [0.999, 1.001])
+    def test_threshold(self, factor):
+        found = classify(load((0.0, factor), weight=(0.0, -1.0)), pocket(0.0), 0.5)
+        assert found.mode is (Mode.LIFTING if factor > 1.0 else Mode.NO_INCIPIENT_MOTION)
+
+
+class TestPocket:
+    """A disc between two others; centres joined at an angle to the vertical."""
+
+    @pytest.mark.parametrize(("push", "contact"), [(0.4, 1), (-0.4, 0)])
+    def test_significant_surface_is_downstream(self, push, contact):
+        grain, bed = Disc(1.0), HalfDiscs(0.5, 1.0)
+        placement = rest(grain, bed, 0.5)
+        contacts = touching(grain, placement, bed, 1e-6)
+        acting = load((push, 0.0), weight=(0.0, -1.0), centre=placement.centre)
+        found = classify(acting, contacts, 0.3)
+        assert found.significant == (contact,)
+        assert np.sign(contacts.points[contact, 0] - 0.5) == np.sign(push)
+        # Equal touching radii: the normals are 30 degrees from the vertical.
+        toward = -(np.cos(np.pi / 6) + 0.4 * np.sin(np.pi / 6))
+        assert found.minimum_2 == pytest.approx(toward, abs=1e-9)
+
+    @pytest.mark.parametrize(("friction", "mode"), [(0.0, Mode.SLIDING), (1.0, Mode.PIVOTTING)])
+    @pytest.mark.parametrize(("push", "obstacles"), [(0.57, (0,)), (0.58, ())])
+    def test_statics_needs_the_pivot_angle(self, push, obstacles, friction, mode):
+        # Statics lets the disc climb the downstream neighbour once push / weight > tan(30 degrees) = 0.57735. By
+        # the paper it moves for any push; below the angle `obstructed_by` names the upstream contact in its way.
+        found = classify(load((push, 0.0), weight=(0.0, -1.0)), pocket(np.pi / 6), friction)
+        assert (found.mode, found.obstructed_by) == (mode, obstacles)
+
+    def test_equal_sharing_under_its_weight_needs_friction(self):
+        # Statics holds the disc without friction. Half of (31) at each contact carries only cos^2 of the weight;
+        # the general distribution, c_2 = 1 / cos^2, holds it.
+        case = load(weight=(0.0, -1.0)), pocket(np.pi / 6)
+        found = classify(*case, 0.0)
+        assert (found.significant, found.obstructed_by) == ((0, 1), (0, 1))
+        assert found.force == pytest.approx([0.0, np.cos(np.pi / 6) ** 2 - 1.0, 0.0])
+        assert classify(*case, 0.6).mode is Mode.NO_INCIPIENT_MOTION
+        assert found.distributions.of_force.c_2 == pytest.approx(4.0 / 3.0)
+        assert found.distributions.force_left == pytest.approx(np.zeros(3), abs=1e-15)
+
+    def test_downstream_contact_in_3d(self):
+        contacts = ring(3, np.arctan(np.sqrt(0.5)))
+        for turn, at in ((0.1, (0,)), (2.0, (1,)), (np.pi / 3, (0, 1))):
+            push = 0.1 * np.array([np.cos(turn), np.sin(turn), 0.0])
+            assert classify(Load(push, CENTRE, DOWN_3D, CENTRE), contacts, 0.3).significant == at
+
+
+class TestHowThePrintIsRead:
+    """One test for each reading in docs/paper.md that concerns contact."""
+
+    def test_equivalent_force_leaves_out_the_spin(self):
+        # (6): r ^ F_tau is tau without its part along r, and that part stays in the resultant (25).
+        contacts = Contacts([[0.0, 0.0, -1.0]], [DOWN_3D])
+        found = classify(Load(CENTRE, [0.1, 0.2, 0.3], DOWN_3D, CENTRE), contacts, 5.0)
+        assert np.cross(contacts.points[0], found.F_tau[0]) == pytest.approx([0.1, 0.2, 0.0])
+        assert found.C_friction == pytest.approx([1.0])
+        assert found.torque == pytest.approx([0.0, 0.0, 0.3])
+
+    @pytest.mark.parametrize(("torque", "axis"), [(0.3, Axis.AWAY), (-0.3, Axis.PRESSED)])
+    def test_seven_keeps_its_sign(self, torque, axis):
+        # Contact at r = (1, -2), normal down: F_tau = torque (2, 1) / 5, n . F_tau = -torque / 5, and
+        # -|r|^2 (n . F_tau) |n . F_tau| = torque |torque| / 5: positive where the torque lifts the contact.
+        found = classify(load(torque=torque), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
+        assert found.minimum_7 == pytest.approx(torque * abs(torque) / 5.0)
+        assert (found.away_from_surface, found.away.axis) == (torque > 0.0, axis)
+        # (23) is read alike and is (7) where no force acts.
+        assert found.quantity_23 == pytest.approx([found.minimum_7])
+
+    @pytest.mark.parametrize("friction", [0.1, 10.0])
+    def test_torque_has_its_arm(self, friction):
+        # (25) with (x* - c) ^: in units of length ten times as large all lengths and torques are ten times as
+        # small. Without the arm, friction would be added to the torque as it is.
+        one, ten = (
+            classify(
+                load((0.3, -1.0), -0.1 / unit),
+                Contacts([[0.2 / unit, -0.5 / unit, 0.0]], [DOWN]),
+                friction,
+            )
+            for unit in (1.0, 10.0)
+        )
+        assert ten.force == pytest.approx(one.force)
+        assert ten.torque == pytest.approx(one.torque / 10.0)
+
+    def test_torque_is_about_a_stated_point(self):
+        # The torque of (21) moves with the point by d ^ F: about another point the same load gives another verdict.
+        contacts = Contacts([[0.0, -0.5, 0.0]], [DOWN])
+        about_centre = classify(load((0.3, -1.0), -0.1), contacts, 0.5)
+        force, shift = np.array([0.3, -1.0, 0.0]), np.array([0.2, 0.0, 0.0])
+        moved = [0.0, 0.0, -0.1] - np.cross(shift, force)
+        elsewhere = classify(Load(force, moved, CENTRE, shift), contacts, 0.5)
+        assert elsewhere.torque_about_contact == pytest.approx(about_centre.torque_about_contact)
+        assert elsewhere.minima.sign_7 != about_centre.minima.sign_7
+
+    def test_away_rotation_only_without_a_force_along(self):
+        # Row 5b asks for F = 0 and minimum (7) > 0, under a heading that says minimum (7) < 0.
+        assert simultaneous(-1, 1, moves=False, turns=True) is Mode.AWAY_ROTATION
+        found = classify(load(torque=0.3), Contacts([[1.0, -2.0, 0.0]], [DOWN]), 0.5)
+        assert (found.criterion, found.mode) == (Criterion.ROTATION_ONLY, Mode.AWAY_ROTATION)
+        assert not found.force.any()
+        assert found.torque == pytest.approx([0.0, 0.0, 0.3])
+
+    def test_minimisers_share_equally(self):
+        # The base of a box under a downward load: minimum (2) is the same at both ends.
+        found = classify(load((0.1, -1.0), -0.2), BASE, 0.3)
+        assert found.significant == (0, 1)
+        assert found.fraction == pytest.approx([0.5, 0.5])
+        assert found.reaction[:, 1] == pytest.approx(-0.5 * found.F_flow_g_and_tau[:, 1])
+        points = np.array([[0.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0]])
+        assert equal_fractions(points, np.array([DOWN] * 3)) == pytest.approx([0.25, 0.25, 0.5])
+
+    def test_any_torque_on_a_pressed_contact_moves_the_grain(self):
+        # A box of half base 1 at rest under its weight and a torque of a thousandth: statics shifts the reaction
+        # by a thousandth of the half base. By (24) the contact answers F_tau too, F = -F_tau, the mean of
+        # torque (0.5, +-1) / 1.25 over the two ends. About whichever end it turned, the other would enter the bed.
+        found = classify(load((0.0, 0.0), -1e-3, (0.0, -1.0)), BASE, 0.5)
+        assert (found.mode, found.obstructed_by) == (Mode.SLIDING, (0, 1))
+        assert found.force == pytest.approx([1e-3 * 0.5 / 1.25, 0.0, 0.0])
+
+
+ROWS = {
+    key: simultaneous(*key[:2], bool(key[2]), bool(key[3]))
+    for key in product((-1, 0, 1), (-1, 0, 1), (0, 1), (0, 1))
+}
+
+
+class TestTable:
+    def test_every_combination_has_its_row(self):
+        # Keys: signs of minima (2) and (7), then F != 0 by (24), tau != 0 by (25).
+        rows = {key: mode.row for key, mode in ROWS.items()}
+        assert {row for key, row in rows.items() if key[2:] == (0, 0)} == {"7"}
+        for key, row in rows.items():
+            if key[2:] == (1, 0):
+                assert row == ("1b" if key[0] > 0 else "1a")
+        expected = {(-1, 1, 1, 1): "2", (1, 1, 1, 1): "3", (1, -1, 1, 1): "4", (1, -1, 0, 1): "4"}
+        expected |= {(-1, -1, 0, 1): "5a", (-1, 1, 0, 1): "5b", (-1, -1, 1, 1): "6"}
+        # Where a minimum is zero the table is silent: see outcomes.simultaneous.
+        expected |= {(-1, 0, 1, 1): "6", (1, 0, 1, 1): "3", (0, -1, 1, 1): "6"}
+        assert {key: rows[key] for key in expected} == expected
+
+    def test_rows_belong_to_items_of_the_list(self):
+        assert [mode.row for mode in Mode] == ["1a", "1b", "2", "3", "4", "5a", "5b", "6", "7"]
+        assert [mode for mode in Mode if not mode.moves] == [Mode.NO_INCIPIENT_MOTION]
+        assert [item.item for item in Category] == ["1", "2", "3", "4", "5", "6(a)", "6(b)"]
+        for mode in Mode:
+            item = category(mode, common_position=True)
+            assert item.item[0] == mode.row[0] if mode.moves else item is None
+        # Minima (2) > 0 and (7) < 0: the only rows that lead to item 4; pivotting alone is 5a.
+        four = {key for key, mode in ROWS.items() if mode.row == "4"}
+        assert four == {(1, -1, 0, 1), (1, -1, 1, 1)}
+
+    @pytest.mark.parametrize("torque", [[0.0, 0.3, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.2]])
+    def test_sphere_under_a_pure_torque_rotates_away_from_the_surface(self, torque):
+        # F_tau is tangential at the contact: (7) = 0, no reaction, no friction, hence no counter torque by (8).
+        contacts = Contacts([[0.0, 0.0, -0.5]], [DOWN_3D])
+        found = classify(Load(CENTRE, torque, CENTRE, CENTRE), contacts, 0.5)
+        assert (found.minimum_7, found.mode.row, found.torque.tolist()) == (0.0, "5b", torque)
+        assert not found.reaction.any() and not found.friction_force.any()
+
+    @pytest.mark.parametrize(
+        ("torque", "force", "friction", "row"),
+        [
+            (0.2, (0.0, -1.0), 0.5, "2"),
+            (-0.2, (0.0, -1.0), 0.5, "6"),
+            (-0.2, (0.0, 0.0), 0.0, "5a"),
+            (-0.2, (0.0, 0.0), 1.0, "1b"),
+            (0.0, (0.0, 0.0), 0.5, "7"),
+        ],
+    )
+    def test_rows_reached_with_one_contact_downstream(self, torque, force, friction, row):
+        found = classify(load(force, torque), DOWNSTREAM, friction)
+        assert found.mode.row == row
+        if row == "1b":
+            # (8) with C = 1 gives tau = 0; what is left is -F_tau = 0.2 (0.5, 0.5) / 0.5, upward.
+            assert found.force == pytest.approx([0.2, 0.2, 0.0])
+            assert found.torque == pytest.approx(np.zeros(3), abs=1e-15)
+
+
+class TestLocation:
+    """x* when force and torque act together."""
+
+    def test_force_first_unless_it_lifts(self):
+        pressed = classify(load((0.3, -1.0), 0.2), APART, 0.1)
+        assert (pressed.located_by, pressed.significant) == ("force", (1,))
+        assert pressed.minima.surface_7 == (0,)
+        # Pivotting and sliding about different contacts: the paper's open mode.
+        assert (pressed.mode, pressed.common_position) == (Mode.SLIDING_AND_PIVOTTING, False)
+        assert pressed.category is Category.PIVOTTING_WITH_SLIDING_APART
+        assert category(pressed.mode, True) is Category.PIVOTTING_WITH_SLIDING
+        lifted = classify(load((0.3, 1.0), 0.2), APART, 0.5)
+        assert (lifted.located_by, lifted.significant) == ("torque", (0,))
+
+    def test_either_can_be_asked_for(self):
+        found = classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="torque")
+        assert (found.located_by, found.significant) == ("torque", (0,))
+        with pytest.raises(SceneError, match="located_by"):
+            classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="chance")
+
+
+class TestFriction:
+    def test_coulomb(self):
+        normals = np.array([DOWN, DOWN, DOWN, [0.0, 1.0, 0.0]])
+        force = np.array([[0.2, -1.0, 0], [0.9, -1.0, 0], [0.0, -1.0, 0], [0.9, -1.0, 0]])
+        mobilised = equations.C_friction(force, normals, 0.5)
+        assert mobilised == pytest.approx([1.0, 0.5 / 0.9, 1.0, 0.0])
+        reaction, along = (
+            equations.reaction(force, normals),
+            equations.friction(force, normals, 0.5),
+        )
+        assert reaction[:, 1] == pytest.approx([1.0, 1.0, 1.0, 0.0])
+        assert along[:, 0] == pytest.approx([-0.2, -0.5, 0.0, 0.0])
+
+    @pytest.mark.parametrize(
+        ("contacts", "friction", "match"),
+        [
+            (pocket(0.3), -0.1, "friction"),
+            (pocket(0.3), float("nan"), "friction"),
+            (pocket(0.3), float("inf"), "friction"),
+            (Contacts([[0.0] * 3, [1.0, 0.0, 0.0]], [DOWN] * 2), 0.5, "contact 0 lies at the cen"),
+            (Contacts([[0.0, -0.5, 0.0]], [[0.0, 1.0, 0.0]]), 0.5, "point into the grain"),
+        ],
+    )
+    def test_refused(self, contacts, friction, match):
+        with pytest.raises(SceneError, match=match):
+            classify(load((0.0, -1.0)), contacts, friction)
+
+    def test_sharing_that_lets_torques_vanish(self):
+        square = np.array([[1.0, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
+        for shift, vanishes in (([0.9, 0.9, 0.0], 1), ([1.1, 0.0, 0.0], 0), ([0.0, 0.0, 0.1], 0)):
+            assert can_vanish(square + np.array(shift), 1e-9) == vanishes
+
+
+class TestDistribution:
+    """Reaction and friction over a general contact surface, with the paper's scales c_1 and c_2."""
+
+    @staticmethod
+    def distributed(force, contacts, friction=0.0):
+        pressing = np.broadcast_to(np.array(force, dtype=float), contacts.points.shape)
+        return distribute(pressing, contacts, contacts.points, friction, 1e-12)
+
+    @pytest.mark.parametrize("areas", [None, [0.2, 0.7, 0.1]])
+    @pytest.mark.parametrize("friction", [0.1, 0.4])
+    def test_ordinary_law_on_a_plane(self, areas, friction):
+        contacts = Contacts([[0, 0, -1], [1, 0, -1], [0, 1, -1]], [DOWN_3D] * 3, areas)
+        found = self.distributed([0.3, 0.0, -2.0], contacts, friction)
+        assert found.c_2 == pytest.approx(1.0)
+        assert found.pertinent_area == pytest.approx(3.0 if areas is None else 1.0)
+        # Coulomb: N = 2, friction the smaller of 0.3 and friction N.
+        assert found.force == pytest.approx([-min(0.3, 2.0 * friction), 0.0, 2.0])
+        assert found.unbalanced == pytest.approx(np.zeros(3), abs=1e-15)
+        parts = np.full(3, 1.0 / 3.0) if areas is None else np.array(areas)
+        assert found.reaction[:, 2] == pytest.approx(2.0 * parts)
+
+    def test_torque_of_a_patch_is_that_of_its_centroid(self):
+        # Areas 2 and 1 at -1 and 2: the centroid lies below the centre. A force that lifts is not answered.
+        contacts = Contacts([[-1, 0, -1], [2, 0, -1]], [DOWN_3D] * 2, [2.0, 1.0])
+        found = self.distributed([0.0, 0.0, -3.0], contacts)
+        assert found.torque == pytest.approx(np.zeros(3), abs=1e-15)
+        lifted = self.distributed([0.0, 0.0, 1.0], contacts)
+        assert (lifted.c_1, lifted.c_2, lifted.pertinent_area) == (0.0, 0.0, 0.0)
+        assert not lifted.force.any()
+
+    @pytest.mark.parametrize("count", [2, 7])
+    @pytest.mark.parametrize("angle", np.radians([10.0, 44.0]))
+    def test_sphere_in_a_ring_of_contacts(self, count, angle):
+        # All n . F = W cos(angle), and the sum of n . n* over the ring is count cos^2: c_2 = 1 / cos^2, with
+        # which the weight is balanced. (31) with c_2 = 1 would leave the fraction sin^2 of it.
+        found = self.distributed([0.0, 0.0, -1.0], ring(count, angle))
+        assert found.c_1 == pytest.approx(1.0 / (count * np.cos(angle) ** 2))
+        assert found.c_2 == pytest.approx(1.0 / np.cos(angle) ** 2)
+        assert found.force == pytest.approx([0.0, 0.0, 1.0])
+        assert found.torque == pytest.approx(np.zeros(3), abs=1e-15)
+
+    def test_spherical_cup(self):
+        # A sphere in a cup that fits it, up to the angle a: c_2 = area / int cos^2 dA = 3 (1 - cos a) / (1 - cos^3 a).
+        edge = np.radians(60.0)
+        angles = (np.arange(400) + 0.5) * edge / 400
+        normals = np.vstack([ring(8, angle).normals for angle in angles])
+        cup = Contacts(0.5 * normals, normals, np.repeat(np.sin(angles) / 8.0, 8))
+        found = self.distributed([0.0, 0.0, -1.0], cup)
+        # n* is the innermost ring, half a step from straight down.
+        expected = 3.0 * (1.0 - np.cos(edge)) / (1.0 - np.cos(edge) ** 3)
+        assert found.c_2 == pytest.approx(expected, rel=1e-4)
+        assert found.force == pytest.approx([0.0, 0.0, 1.0], rel=1e-4)
+
+    def test_one_scale_balances_one_component(self):
+        # The paper's disturbing question. Normals 30 degrees to the left and 50 to the right of down, under
+        # the weight 1: n . F = cos 30 and cos 50, n . n' = cos 80. The scale balances the first.
+        a, b = np.radians(30.0), np.radians(50.0)
+        normals = [[-np.sin(a), 0.0, -np.cos(a)], [np.sin(b), 0.0, -np.cos(b)]]
+        found = self.distributed([0.0, 0.0, -1.0], Contacts(normals, normals))
+        c_1 = np.cos(a) / (np.cos(a) + np.cos(b) * np.cos(a + b))
+        assert found.surface == (0,)
+        assert found.c_1 == pytest.approx(c_1)
+        other = np.cos(b) - c_1 * (np.cos(a) * np.cos(a + b) + np.cos(b))
+        assert found.unbalanced == pytest.approx([0.0, other])
+        assert abs(other) > 0.01
+
+    def test_where_no_single_scale_exists(self):
+        # Five contacts face x* across a cleft: n . n* = cos 160, n . F = cos 85 against cos 75, and
+        # cos 75 + 5 cos 85 cos 160 < 0. Their reactions press x* harder than its own relieves it.
+        a, b = np.radians(75.0), np.radians(85.0)
+        across = [[np.sin(b), 0.0, -np.cos(b)]] * 5
+        normals = np.array([[-np.sin(a), 0.0, -np.cos(a)], *across])
+        points = normals + np.array([[0, 0, 0], *[[0, y, 0] for y in range(5)]])
+        found = self.distributed([0.0, 0.0, -1.0], Contacts(points, normals))
+        assert np.isnan(found.c_1) and np.isnan(found.c_2)
+
+    def test_measure(self):
+        # Points weigh one a place; areas count where all have one.
+        points, normals = [[0, 0, -1], [0, 0, -1], [1, 0, -1]], [DOWN_3D] * 3
+        for areas, expected in (
+            (None, [0.5, 0.5, 1.0]),
+            ([0.2, 0.3, 0.1], [0.2, 0.3, 0.1]),
+            ([0.2, 0.0, 0.1], [0.5, 0.5, 1.0]),
+        ):
+            assert measures(Contacts(points, normals, areas)) == pytest.approx(expected)
+
+    def test_in_the_classification(self):
+        # Below (8): the force of uncoupling is the distribution of the torque; with a force (24) and (25) are that
+        # of both.
+        alone = classify(load(torque=-0.2), DOWNSTREAM, 0.3)
+        assert alone.distributions.of_torque.c_2 == pytest.approx(1.0)
+        assert alone.distributions.of_torque.force == pytest.approx(alone.force)
+        both = classify(load((0.3, -1.0), -0.1), Contacts([[0.2, -0.5, 0.0]], [DOWN]), 0.1)
+        assert both.distributions.of_both.pressing == pytest.approx(both.F_flow_g_and_tau)
+        for found in (alone, both):
+            assert found.distributions.torque_left == pytest.approx(found.torque)
+        assert both.distributions.force_left == pytest.approx(both.force)
+
+
+class TestAway:
+    """Rotations away from the surface: which axes the contact normals exclude (the paper's Fig. 4)."""
+
+    def test_regions_of_figure_4(self):
+        # Normals through both ends of a base divide the plane; the sense decides between the outer parts.
+        points = np.array([[-2.0, 3.0], [0.0, 0.3], [2.0, -1.0], [-1.0, 7.0], [1.0, 0.0]])
+        points = np.pad(points, ((0, 0), (0, 1)))
+        left, between, right, above, below = (
+            Axis.AWAY,  # counter-clockwise about a point to the left: both ends rise
+            Axis.ENCIRCLED,
+            Axis.PRESSED,
+            Axis.INTERSECTED,  # about a point above the left end, that end slides and the other rises
+            Axis.PRESSED,
+        )
+        found = kinds_of_axes(points, ABOUT_Z, BASE, TOLERANCE)
+        assert found == [left, between, right, above, below]
+        found = kinds_of_axes(points, -ABOUT_Z, BASE, TOLERANCE)
+        assert found == [right, between, left, below, above]
+        # A pocket's normals cross in the centre of the disc: above and below it both senses are excluded.
+        points = np.array([[0.0, 1, 0], [0, -1, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 0]])
+        found = kinds_of_axes(points, ABOUT_Z, pocket(np.pi / 4), TOLERANCE)
+        assert found == [Axis.ENCIRCLED, Axis.ENCIRCLED, Axis.AWAY, Axis.PRESSED, Axis.INTERSECTED]
+
+    def test_lever_is_the_rate_at_which_a_contact_is_pressed(self):
+        rng = np.random.default_rng(1)
+        points, normals = rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
+        contacts = Contacts(points, normals / np.linalg.norm(normals, axis=1)[:, None])
+        axis, through = np.array([0.0, 0.6, 0.8]), rng.normal(size=(1, 3))
+        rates = (np.cross(axis, points - through) * contacts.normals).sum(axis=1)
+        assert levers(through, axis, contacts)[0] == pytest.approx(rates)
+
+    @pytest.mark.parametrize(("direction", "x"), [(ABOUT_Z, -1.0), (-ABOUT_Z, 1.0)])
+    def test_box_turns_about_a_point_beside_its_end(self, direction, x):
+        found = away(BASE, CENTRE, direction, TOLERANCE)
+        assert (found.axis, found.distance) == (Axis.ENCIRCLED, pytest.approx(1.0))
+        assert found.levers == pytest.approx([-x, x])
+        assert found.nearest == pytest.approx([x, 0.0, 0.0], abs=1e-8)
+
+    @pytest.mark.parametrize(
+        ("contacts", "direction", "expected"),
+        [
+            # A box in 3-D, torque about y: beside the edge x = 1, where a turn about +y presses.
+            (TestBoxIn3D.base(), [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]),
+            # The contact below rises if the axis is left of it, x < -1, and the contact on the left leaves its
+            # wall if the axis is above it, y > 2: the corner of both.
+            (
+                Contacts([[-1.0, -3.0, 0.0], [-3.0, 2.0, 0.0]], [DOWN, [-1.0, 0.0, 0.0]]),
+                ABOUT_Z,
+                [-1.0, 2.0, 0.0],
+            ),
+            (DOWNSTREAM, ABOUT_Z, [0.0, 0.0, 0.0]),
+            # A disc's normals all meet its centre, on the edge of what is allowed.
+            (Contacts([[0.0, -0.5, 0.0]], [DOWN]), ABOUT_Z, [0.0, 0.0, 0.0]),
+            # Normals from all around, and a spin about a normal, which always rubs: none.
+            (ring(3, np.pi / 2), ABOUT_Z, None),
+            (Contacts([[0.0, 0.0, -0.5]], [DOWN_3D]), ABOUT_Z, None),
+            (
+                Contacts([[x, -0.5, 0.0] for x in np.linspace(-1.0, 1.0, 200)], [DOWN] * 200),
+                ABOUT_Z,
+                [-1.0, 0.0, 0.0],
+            ),
+        ],
+    )
+    def test_nearest_axis(self, contacts, direction, expected):
+        found = away(contacts, CENTRE, np.array(direction), TOLERANCE)
+        if expected is None:
+            assert found.nearest is None and found.distance == np.inf
+        else:
+            assert found.nearest == pytest.approx(np.array(expected), abs=1e-8)
+
+    @settings(max_examples=60, deadline=None)
+    @given(seed=st.integers(0, 10**6), count=st.integers(1, 6))
+    def test_nothing_nearer_is_allowed(self, seed, count):
+        # Against a search on a grid of points around the centre.
+        rng = np.random.default_rng(seed)
+        angles = rng.uniform(np.pi, 2.0 * np.pi, count)
+        leaning = angles + rng.uniform(-0.5, 0.5, count)
+        points, normals = (
+            np.column_stack([np.cos(a), np.sin(a), np.zeros(count)]) for a in (angles, leaning)
+        )
+        contacts = Contacts(points, normals)
+        found = nearest_axis(contacts, CENTRE, ABOUT_Z, TOLERANCE)
+        x, y = np.meshgrid(np.linspace(-3, 3, 41), np.linspace(-3, 3, 41))
+        grid = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        free = grid[(levers(grid, ABOUT_Z, contacts) < -1e-6).all(axis=1)]
+        if found is None:
+            assert len(free) == 0
+            return
+        assert (levers(found[None], ABOUT_Z, contacts) <= 1e-8).all()
+        assert len(free) == 0 or np.linalg.norm(free, axis=1).min() >= np.linalg.norm(found) - 1e-7
+
+
+def test_everything_is_in_the_dictionary_for_json():
+    stored = json.loads(json.dumps(classify(*disc(0.3, -0.1), 0.5).to_dict()))
+    assert (stored["mode"], stored["row"]) == ("SLIDING_AND_PIVOTTING", "6")
+    assert stored["moves"] is True and stored["category"] == "PIVOTTING_WITH_SLIDING"
+    assert set(Classification.__dataclass_fields__) <= set(stored)
+    assert stored["minima"]["surface_2"] == [0]
+    stored = classify(load((0.3, 0.0), 0.1, (0.0, -1.0)), BASE, 0.5).to_dict()
+    assert stored["away"]["axis"] == "ENCIRCLED"
+    assert stored["distributions"]["of_force"]["c_2"] == pytest.approx(1.0)
+    assert classify(load((0.3, 0.0), 0.0, (0.0, -1.0)), BASE, 0.5).away is None
+
+
+@st.composite
+def cases(draw):
+    """A load and one to six contacts on the lower half of a rounded grain, in 2-D or 3-D, from a seed."""
+    rng, gdim = np.random.default_rng(draw(st.integers(0, 10**6))), draw(st.sampled_from([2, 3]))
+    count, down = draw(st.integers(1, 6)), np.eye(3)[gdim - 1]
+    flat = np.array([1.0, 1.0, float(gdim == 3)])
+    normals = (rng.normal(size=(count, 3)) - down) * flat
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals[:, gdim - 1] = -np.abs(normals[:, gdim - 1])
+    points = normals * rng.uniform(0.4, 0.6, (count, 1)) + 0.05 * rng.normal(size=(count, 3)) * flat
+    torque = draw(st.sampled_from([0.0, 0.2])) * rng.normal(size=3)
+    torque *= 1.0 if gdim == 3 else ABOUT_Z
+    areas = rng.uniform(0.1, 1.0, count) if draw(st.booleans()) else None
+    weight = -draw(st.sampled_from([0.0, 1.0])) * down
+    acting = Load(rng.normal(size=3) * flat, torque, weight, np.zeros(3))
+    return acting, Contacts(points, normals, areas), float(rng.uniform(0.0, 1.5))
+
+
+class TestFrameIndifference:
+    @settings(max_examples=150, deadline=None)
+    @given(
+        case=cases(),
+        seed=st.integers(0, 1000),
+        length=st.sampled_from([1e-3, 1.0, 40.0]),
+        strength=st.sampled_from([1e-6, 300.0]),
+    )
+    def test_turned_moved_and_in_other_units(self, case, seed, length, strength):
+        acting, contacts, friction = case
+        rng = np.random.default_rng(seed)
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn = turn * np.linalg.det(turn)
+        shift, order = rng.normal(size=3), rng.permutation(len(contacts))
+        before = classify(acting, contacts, friction)
+        moved = Load(
+            strength * turn @ acting.flow_force,
+            strength * length * turn @ acting.flow_couple,
+            strength * turn @ acting.weight,
+            length * turn @ shift,
+        )
+        points = length * (contacts.points + shift) @ turn.T
+        areas = None if contacts.areas is None else length**2 * contacts.areas[order]
+        turned = Contacts(points[order], contacts.normals[order] @ turn.T, areas)
+        after = classify(moved, turned, friction)
+        assert (after.mode, after.category) == (before.mode, before.category)
+        assert {int(order[k]) for k in after.significant} == set(before.significant)
+        assert {int(order[k]) for k in after.obstructed_by} == set(before.obstructed_by)
+        near = 1e-9 * strength * before.force_scale
+        assert after.force == pytest.approx(strength * turn @ before.force, abs=near)
+        torque = strength * length * turn @ before.torque
+        assert after.torque == pytest.approx(torque, abs=near * length)
+        for name in ("of_force", "of_torque", "of_both"):
+            one, other = getattr(before.distributions, name), getattr(after.distributions, name)
+            assert other.c_2 == pytest.approx(one.c_2, rel=1e-6, nan_ok=True)
+            size = strength * np.linalg.norm(one.force)
+            assert np.linalg.norm(other.force) == pytest.approx(size, 1e-6, near, nan_ok=True)
+        assert (after.away is None) == (before.away is None)
+        if before.away is not None:
+            assert after.away.axis is before.away.axis
+            far = length * before.away.distance
+            assert after.away.distance == pytest.approx(far, rel=1e-5, abs=1e-7 * length)
+
+    @settings(max_examples=100, deadline=None)
+    @given(case=cases(), times=st.integers(2, 4))
+    def test_splitting_a_contact(self, case, times):
+        acting, contacts, friction = case
+        before = classify(acting, contacts, friction)
+        again, areas = [0] * times + list(range(1, len(contacts))), contacts.areas
+        if areas is not None:
+            areas = areas[again]
+            areas[:times] /= times
+        split = Contacts(contacts.points[again], contacts.normals[again], areas)
+        after = classify(acting, split, friction)
+        assert after.mode is before.mode
+        assert after.force == pytest.approx(before.force, abs=1e-12)
+        c_2 = before.distributions.of_both.c_2
+        assert after.distributions.of_both.c_2 == pytest.approx(c_2, rel=1e-9, nan_ok=True)
+
+    @settings(max_examples=150, deadline=None)
+    @given(case=cases())
+    def test_newton_and_coulomb_hold(self, case):
+        # The resultants are the load and the contact forces together; each contact force is in its cone.
+        acting, contacts, friction = case
+        found = classify(acting, contacts, friction)
+        at, answer = list(found.significant), found.reaction + found.friction_force
+        moments = np.cross(contacts.points[at] - acting.centre, answer).sum(axis=0)
+        assert found.force == pytest.approx(acting.force + answer.sum(axis=0), abs=1e-12)
+        assert found.torque == pytest.approx(acting.flow_couple + moments, abs=1e-12)
+        inward = -(answer * contacts.normals[at]).sum(axis=1)
+        along = np.linalg.norm(answer + inward[:, None] * contacts.normals[at], axis=1)
+        assert (inward >= -1e-12).all() and (along <= friction * inward + 1e-9).all()
