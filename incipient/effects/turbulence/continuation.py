@@ -23,9 +23,6 @@ from .fields import TurbulenceFields
 # Courant numbers of the first step, the smallest and the largest; factors from step to step at the most.
 FIRST, SMALLEST, LARGEST = 5.0, 1e-2, 1e8
 SHRINKS, GROWS = 0.1, 2.0
-# Wanted change of a logarithm, and of a velocity over the largest speed, at a node in a step: by k-omega SST the
-# backward-facing step converges in 40 iterations, with twice as large ones it diverges (docs/tried.md).
-WANTED = 0.5, 0.05
 # Iterations at the most; and those without a smaller change than before, after which there is no steady flow. As many
 # last ones give the mean of the loads and its spread.
 MOST_ITERATIONS, STAGNANT = 150, 40
@@ -94,7 +91,7 @@ def _step(system: CoupledFlow, fluid: Fluid, turbulence: TurbulenceFields) -> tu
         else:
             change = relative_change(fluid, of_flow), turbulence.usual_change(of_logarithms)
         if np.isfinite(sum(change)):
-            at_nodes = system.changes_of_cells(of_flow, of_logarithms, WANTED)
+            at_nodes = system.changes_of_cells(of_flow, of_logarithms, turbulence.wanted)
             system.carry_out(*bounded(fluid, of_flow, of_logarithms))
             factor = np.clip(1.0 / np.maximum(at_nodes, 1.0 / GROWS), SHRINKS, GROWS)
             system.courant[:] = np.clip(factor * system.courant, SMALLEST, LARGEST)

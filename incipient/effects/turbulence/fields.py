@@ -54,6 +54,8 @@ class TurbulenceFields(ABC):
 
     Attributes:
         second: name of the second quantity.
+        wanted: changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration to a steady
+            flow.
         stretched: whether cells in the plane are so along boundary layers.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
@@ -61,6 +63,7 @@ class TurbulenceFields(ABC):
     """
 
     second: str
+    wanted: tuple[float, float]
     stretched = False
     closure: Any
     form: Any

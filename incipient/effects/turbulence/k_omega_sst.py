@@ -57,6 +57,8 @@ class KOmegaSST(TurbulenceFields):
     """
 
     second = "omega"
+    # The backward-facing step converges in 40 iterations, with twice as large ones it diverges (docs/tried.md).
+    wanted = 0.5, 0.05
 
     def __init__(
         self,
