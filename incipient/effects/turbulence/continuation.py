@@ -47,13 +47,13 @@ class Continued:
 def continued(
     fluid: Fluid,
     turbulence: TurbulenceFields,
-    tolerance: float,
+    tolerances: tuple[float, float],
     loads: Callable[[], Floats] | None = None,
     watch: Callable[[int, float], None] = lambda number, change: None,
 ) -> Continued:
     """Find the steady flow with its turbulence from their present states. Collective.
 
-    It has converged when flow and logarithms of the turbulence change by less than `tolerance` in an iteration.
+    It has converged when flow and logarithms of the turbulence change by less than their `tolerances` in an iteration.
     `loads` returns those on the grain, or on the bed (m,), in units of a force.
 
     Raises:
@@ -69,7 +69,7 @@ def continued(
             changes.append(_step(system, fluid, turbulence))
             watch(len(changes), max(changes[-1]))
             turbulence.look()
-            if max(changes[-1]) <= tolerance:
+            if all(a <= b for a, b in zip(changes[-1], tolerances, strict=True)):
                 return Continued(True, tuple(changes))
             if loads is not None:
                 seen.append(loads())

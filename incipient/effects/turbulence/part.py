@@ -110,7 +110,8 @@ class TurbulentFlow(RunPart):
             ConvergenceError: there is none that could be found.
         """
         fluid, loads = self._fluid, self._loads(run)
-        tolerance = of_turbulent(self._scene.numerics.tolerance, self._scene.resolves_walls)
+        scene = self._scene
+        tolerances = of_turbulent(scene.numerics.tolerance, scene.resolves_walls, scene.gdim == 3)
         self._take(fluid, factor)
         for from_inflow in (False, True) if onwards else (True,):
             if from_inflow:
@@ -119,7 +120,7 @@ class TurbulentFlow(RunPart):
                 found = self.continued = continued(
                     fluid,
                     self.fields,
-                    tolerance,
+                    tolerances,
                     loads,
                     lambda number, change: run.voice.iterate(1.0, number, change),
                 )
