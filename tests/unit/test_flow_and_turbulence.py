@@ -7,6 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from incipient.effects.turbulence import linear
+from incipient.effects.turbulence.coupled_flow import half_where_reversed
 from incipient.effects.turbulence.linear import ROUGH, BlockByBlock
 from incipient.fluid.solvers import direct
 from incipient.fluid.solvers.compressed import CompressedFactors
@@ -106,3 +107,19 @@ def test_what_factors_cannot_solve_is_not_finite(solver, blocks):
         block.assemble()
     _, x = solved(solver)
     assert np.isinf(x).all()
+
+
+def test_turns_that_newtons_method_takes_end():
+    """Newton's whole corrections of arctan(x) = 0 from 1.5 go to and fro and grow."""
+    x, last = np.array([1.5]), 0.0
+    for _ in range(30):
+        last = half_where_reversed(-np.arctan(x) * (1.0 + x**2), last)
+        x = x + last
+    assert abs(x[0]) < 1e-6
+
+
+def test_changes_that_go_on_or_shrink_are_whole():
+    last = np.array([1.0, 1.0, 1.0, 0.0])
+    assert half_where_reversed(np.array([0.8, -0.4, -0.6, -2.0]), last).tolist() == [
+        *(0.8, -0.4, -0.3, -2.0)
+    ]

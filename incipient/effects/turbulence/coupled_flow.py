@@ -66,6 +66,7 @@ class CoupledFlow:
         self._solver = self._holding(
             self._factors() if fluid.domain.gdim == 2 else BlockByBlock(fluid, self._nest)
         )
+        self._last: Floats | float = 0.0
         self._right, self._correction = (
             self._holding(one) for one in self._solver.matrix.createVecs()
         )
@@ -172,9 +173,10 @@ class CoupledFlow:
 
     def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
         """Add corrections (owned unknowns,) to both states."""
+        self._last = half_where_reversed(of_logarithms, self._last)
         for state, values in (
             (self._fluid.state, of_flow),
-            (self._turbulence.state, of_logarithms),
+            (self._turbulence.state, self._last),
         ):
             state.x.array[: len(values)] += values
             state.x.scatter_forward()
@@ -210,6 +212,16 @@ def relative_change(fluid: Fluid, change: Floats) -> float:
     """Size of a change of the flow (owned unknowns, or all local ones), relative to it. Collective."""
     whole = fluid.squared_velocities(fluid.state.x.array)
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
+
+
+def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
+    """Changes (n,), half as large where they would take back more than half of the last ones.
+
+    Newton's method else takes turns between both sides of a limiter: past a sphere in its pocket at u* d/nu = 75 ln k
+    of a node changed by 0.27 to and fro.
+    """
+    reversed_ = (changes * last < 0.0) & (np.abs(changes) > 0.5 * np.abs(last))
+    return np.where(reversed_, 0.5, 1.0) * changes
 
 
 def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
