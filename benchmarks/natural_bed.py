@@ -202,9 +202,7 @@ def gathered() -> list[dict[str, Any]]:
         number, level, model, check = str(row["source"]).split("|")
         shear = float(level)
         if row.get("load_spread"):
-            print(
-                f"{row['source']}: not quite steady, loads still change by {row['load_spread']:.2g} of them"
-            )
+            print(f"{row['source']}: not converged, loads within {row['load_spread']:.2g} of them")
         values = {name: f"{float(row.get(name, 0.0)):.5g}" for name in COMPONENTS}
         told = {"pocket": int(number), "shear_reynolds": shear, "model": model, "check": check}
         height = protrusion_of(int(number))

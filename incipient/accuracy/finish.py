@@ -16,7 +16,7 @@ from ..simulation.assemble import completed, outcome
 from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
-from ..simulation.simulate import loads_from
+from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .errorbars import coarse_scenes, error_bars, unit_of
@@ -42,7 +42,7 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not run.scene.has_error_bars:
         return None, run.scene.no_error_bars
-    solve = Beside(run, coarse_scenes, partial(loads_from, run))
+    solve = Beside(run, coarse_scenes, loads_of)
     improve = partial(improved_loads, comm=run.comm)
     with run.stage("error bars"):
         try:

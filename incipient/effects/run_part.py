@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from ..arrays import Floats
 from ..geometry.placement import Placement
 from ..parallel import Comm
 from ..planning.effects import EffectName
@@ -114,13 +115,9 @@ class RunPart:
         """
         return False
 
-    @property
-    def coarser_first(self) -> bool:
-        """Whether the steady flow is to be found from that on a coarser mesh, see `start_from`."""
-        return False
-
-    def start_from(self, coarser: Self) -> None:
-        """Let the flow and the part's unknowns be those of a steady flow of the scene on another mesh."""
+    def mean_load(self) -> tuple[Floats, Floats] | None:
+        """Force and couple (3,) on the grain that stand for a steady flow which has not converged."""
+        return None
 
     def start(self, steady: Self) -> None:
         """Begin from the part of a steady flow on the mesh."""

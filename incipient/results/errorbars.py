@@ -39,7 +39,7 @@ class Loads:
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
     moved: bool = False  # whether they were computed on the mesh of another run, moved
-    # (6,) by how much force and couple still change in the last steps of a flow that is not quite steady
+    # (6,) by how much force and couple still change in the last steps of a flow that has not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
@@ -194,7 +194,7 @@ class Term:
         return replace(self, force=force, couple=couple, shear=shear)
 
     def with_changes(self, unsteady: Floats) -> Term:
-        """The term with errors larger by what loads (6,) of a flow that is not quite steady still change by."""
+        """The term with errors larger by what loads (6,) of a flow that has not converged still change by."""
         number = len(self.force)
         couple = self.couple + unsteady[3 : 3 + number]
         return replace(self, force=self.force + unsteady[:number], couple=couple)

@@ -85,10 +85,7 @@ class ResolvedWallReport(WallReport):
         return ""
 
     def _judged(self) -> list[str]:
-        told = ""
-        if self.spread:
-            told = f"NOT QUITE STEADY: the loads still change by {100 * self.spread:.2g}%; "
-        told += f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
+        told = f"first cells {self.least:.3g} to {self.largest:.3g} nu/u* thick"
         if self.outside:
             told += f", along {100 * self.outside:.3g}% of the walls more than {self.thickest:.3g}"
             if self.on_sand not in (0.0, self.thickest):

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,6 +16,22 @@ REATTACHES = (
     "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 )
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
+
+
+class Iteration(Protocol):
+    """How the iteration to a steady flow ended."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether flow and turbulence changed by less than the tolerance in the last iteration."""
+
+    @property
+    def changes(self) -> Sequence[tuple[float, float]]:
+        """Relative changes of the flow, and of the logarithms of the turbulence, in each iteration."""
+
+    @property
+    def spread(self) -> float:
+        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +59,7 @@ class WallReport:
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
     reach: float = math.inf  # depth over which a wall is felt
-    # How far the loads on the grain spread, over their size, in the last steps of a flow that still changes; 0: steady
-    spread: float = 0.0
+    iteration: Iteration | None = None  # of a steady flow
 
     @property
     def model(self) -> str:
@@ -106,8 +121,31 @@ class WallReport:
 
     @property
     def doubt(self) -> str:
-        """Where walls are not as the model asks, or the flow is not quite steady, what is said of them; else empty."""
-        return "" if self.applicable and not self.spread else self._judged()[0].removesuffix("; ")
+        """Where walls are not as the model asks, or the flow has not converged, what is said of them; else empty."""
+        if self.applicable and self.converged:
+            return ""
+        return self._unconverged() + self._judged()[0].removesuffix("; ")
+
+    @property
+    def converged(self) -> bool:
+        """Whether the flow is one in time, or a steady one that has converged."""
+        return self.iteration is None or self.iteration.converged
+
+    @property
+    def spread(self) -> float:
+        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
+        return 0.0 if self.iteration is None else self.iteration.spread
+
+    def _unconverged(self) -> str:
+        """What is said of a flow that has not converged; else empty."""
+        if self.iteration is None or self.converged:
+            return ""
+        changes = self.iteration.changes
+        of_flow, of_turbulence = changes[-1]
+        return (
+            f"NOT CONVERGED after {len(changes)} iterations: the flow changed by {of_flow:.1e} in the last, the "
+            f"turbulence by {of_turbulence:.1e}; loads are means of the last ones, within {100 * self.spread:.2g}%; "
+        )
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
@@ -133,11 +171,16 @@ class WallReport:
             "model": self.model,
         }
         found["separated"] = self.separated if self.backward else None
-        return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
+        stored = asdict(replace(self, iteration=None)) | found
+        del stored["iteration"]
+        changes = () if self.iteration is None else self.iteration.changes
+        stored |= {"converged": self.converged, "spread": self.spread, "changes": changes}
+        return stored | {"remedy": "" if self.applicable else self.remedy}
 
     def lines(self, errors: Floats | None = None, ends: Floats | None = None) -> list[str]:
         """The lines for a reader, with errors (2,) of both shear velocities and of `separated` where they are known."""
         (first, *others), friction = self._judged(), self._friction(errors)
+        first = self._unconverged() + first
         if self.backward:
             friction += f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
         lines = [first, friction] if others else [first + friction]

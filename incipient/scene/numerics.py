@@ -88,7 +88,8 @@ class Numerics(Section):
         lt=1,
     )
     tolerance: Tolerance = key(
-        "Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
+        "Error that iterations may leave, relative; auto: steady 1e-6, by k-omega SST 1e-4, in time 0.1 of a step's "
+        "own [-]",
         "auto",
     )
     max_iterations: int = key("Newton iterations after which to give up", 25, ge=1)

@@ -12,7 +12,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..errors import IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
@@ -22,10 +22,9 @@ from ..results.result import Result
 from ..scene import Scene
 from .assemble import completed, outcome
 from .build import prepared
-from .loads import loads
 from .recorder import Recorder, record_fields
 from .state import Accounts, Run
-from .steady import loads_at, solve_from, solve_with_parts
+from .steady import loads_at, solve_with_parts
 
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
@@ -91,21 +90,6 @@ def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
     """Force and couple of a run, with what they still change by."""
     assert run.scene.grain is not None
     return Loads.at_the_end(force, couple, None, None, run.wall_report(), run.scene.grain.size)
-
-
-def loads_from(known: Run, sought: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Loads in a scene as `loads_of`, from the flow of a run if that differs by its cells alone. Collective."""
-    alike = known.scene.model_copy(update={"numerics": sought.numerics}) == sought
-    if (
-        speed == 1.0
-        and alike
-        and known.probe is not None
-        and any(part.coarser_first for part in known.parts)
-    ):
-        with suppress(ConvergenceError), prepared(sought, comm) as run:
-            solve_from(run, known)
-            return _loads_in(run, *loads(run, surface=False))
-    return loads_of(sought, comm, speed)
 
 
 def _solve(

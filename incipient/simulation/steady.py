@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..effects.run_part import RunPart
-from ..errors import ConvergenceError
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
 from ..results.loads import Couples, Forces
-from .build import prepared, probe_of
+from .build import probe_of
 from .loads import loads
 from .state import Run
 
@@ -23,9 +21,6 @@ if TYPE_CHECKING:
 
 # Reynolds number of the whole flow from which the continuation begins with a share of it.
 LARGE = 200.0
-# Flows that others start from: numerics.mesh_size over that of the next, the largest one, and the tolerance. On
-# cells twice as large as those of a mesh, or of twice the size at the most, they separate too differently.
-COARSER, COARSEST, OF_START = 2.0**0.5, 2.3, 1e-5
 # Smallest share of the way from one flow to a faster one that is tried.
 SMALLEST_SHARE = 0.02
 
@@ -55,36 +50,8 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
 
 def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
     """Find the steady flow of a fluid with the parts that it depends on. Collective; raises ConvergenceError."""
-    onwards = any(part.coarser_first for part in parts) and _started_from_coarser(run, parts)
-    if not any(part.solve(run, onwards=onwards) for part in parts):
+    if not any(part.solve(run) for part in parts):
         solve_steadily(run, fluid)
-
-
-def solve_from(run: Run, known: Run) -> None:
-    """Find the steady flow of a run with parts from that of another on other cells. Collective.
-
-    Raises:
-        ConvergenceError: there is none that could be found.
-    """
-    for part, other in zip(run.parts, known.parts, strict=True):
-        part.start_from(other)
-    for part in run.parts:
-        part.solve(run, onwards=True)
-
-
-def _started_from_coarser(run: Run, parts: Sequence[RunPart]) -> bool:
-    """Start from the flow on a coarser mesh, if there is one. Collective."""
-    numerics = run.scene.numerics
-    if (size := COARSER * numerics.mesh_size) > COARSEST:
-        return False
-    coarse = numerics.model_copy(update={"mesh_size": size, "tolerance": OF_START})
-    steady = run.scene.model_copy(update={"numerics": coarse, "time": None})
-    with suppress(ConvergenceError), prepared(steady, run.comm, run.accounts) as before:
-        solve_with_parts(before, before.fluid, before.parts)
-        for part, other in zip(parts, before.parts, strict=True):
-            part.start_from(other)
-        return True
-    return False
 
 
 def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:

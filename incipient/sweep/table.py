@@ -108,7 +108,7 @@ def _run_in_words(row: Mapping[str, Any]) -> str:
     if "friction" not in row:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
-    return words + (", NOT QUITE STEADY" if row.get("load_spread") else "") + _of_walls(row)
+    return words + (", NOT CONVERGED" if row.get("load_spread") else "") + _of_walls(row)
 
 
 def _of_walls(row: Mapping[str, Any]) -> str:

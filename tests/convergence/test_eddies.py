@@ -24,8 +24,9 @@ from manufactured import (
     start_from,
 )
 
+from incipient.effects.turbulence.continuation import continued
 from incipient.effects.turbulence.fields import TurbulenceConditions
-from incipient.effects.turbulence.iteration import InTime, solve_steadily
+from incipient.effects.turbulence.in_time import InTime
 from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.transient import Transient
@@ -115,7 +116,7 @@ def test_orders_in_space() -> None:
         fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
         with fluid:
             fields.state.x.array[:] *= 0.8
-            solve_steadily(fluid, fields, 1.0, 1e-8)
+            assert continued(fluid, fields, (1e-8, 1e-8)).converged
             found.append(errors_with_eddies(fluid, fields, STEADY))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)

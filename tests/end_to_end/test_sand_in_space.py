@@ -8,9 +8,6 @@ import pytest
 
 import incipient
 from incipient.accuracy.terms import by_coarser_mesh
-from incipient.effects.turbulence import k_omega_flow
-from incipient.effects.turbulence.pseudo_time import solve_together
-from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
@@ -59,6 +56,14 @@ def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
     assert any("laminar by the k-omega model" in one for one in found.plan.warnings)
     assert found.force.flow == pytest.approx(laminar.force.flow, rel=0.01, abs=1e-6)
     assert found.couple.flow == pytest.approx(laminar.couple.flow, rel=0.01, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_wake_whose_logarithms_go_on_changing_has_converged():
+    """u* d/nu = 86: k of single nodes changes for ever; loads are those of steps to 8e-5 with an exact derivative."""
+    found = incipient.run(sand(7600.0, 1.5))
+    assert found.turbulence.converged and found.turbulence.spread == 0.0
+    assert found.force.flow == pytest.approx([0.153486, 0.0, 0.0529309], rel=5e-4, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -169,31 +174,10 @@ def test_rows_measured_in_developed_flow_have_its_loads(reynolds, bed, walls):
 
 
 @pytest.mark.slow
-def test_a_flow_not_found_from_a_slower_one_is_found_from_one_between(monkeypatch):
-    """u* d/nu = 145 from 100: a first attempt that spoils both states and fails changes nothing of what is found."""
-    expected, tried = incipient.run(sand(1.25e4, 3.0)), list[bool]()
-
-    def failing_once(fluid, turbulence, tolerance, how, *more):
-        tried.append(how.nearly)
-        if len(tried) == 2:
-            fluid.state.x.array[:] *= 3.0
-            turbulence.state.x.array[:] = 0.0
-            raise ConvergenceError("not this time")
-        return solve_together(fluid, turbulence, tolerance, how, *more)
-
-    monkeypatch.setattr(k_omega_flow, "solve_together", failing_once)
-    found = incipient.run(sand(1.25e4, 3.0))
-    assert tried == [True, False, True, False]
-    assert found.force.flow == pytest.approx(expected.force.flow, rel=2e-3, abs=1e-9)
-    assert found.couple.flow == pytest.approx(expected.couple.flow, rel=2e-3, abs=1e-9)
-
-
-@pytest.mark.slow
 def test_two_ranks_go_the_way_of_one(mpirun, tmp_path):
-    """The mesh is parted another way in each run; so factors differ. Steps end with changes of 600 tolerances."""
+    """The mesh is parted another way in each run; so factors differ. Iterations end with changes of 1e-4."""
     path = tmp_path / "scene.toml"
-    numerics = Numerics(mesh_size=4.4, order=2, error_bars=False, tolerance=1e-7)
-    path.write_text(dumps(sand(1500.0, 4.4, numerics=numerics)), encoding="utf-8")
+    path.write_text(dumps(sand(1500.0, 4.4)), encoding="utf-8")
     script = """
         import incipient
         from mpi4py import MPI

@@ -17,6 +17,7 @@ from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
 from incipient.effects.turbulence import TurbulenceEffect
+from incipient.effects.turbulence.continuation import Continued
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup, order_of
 from incipient.planning.wall_cells import coarsest
@@ -57,20 +58,26 @@ def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
     assert make_plan(scene).datum is None
 
 
-@pytest.mark.parametrize(("spread", "told"), [(0.0, False), (0.012, True)])
-def test_a_flow_that_still_changes_is_told_everywhere(spread, told):
-    """In the run's text, its report, and a sweep's table and words."""
-    walls = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, spread=spread)
+@pytest.mark.parametrize("told", [False, True])
+def test_a_flow_that_has_not_converged_is_told_everywhere(told):
+    """In the run's text, its report, and a sweep's table and words; with its residual history."""
+    spread, changes = 0.012 * told, ((0.1, 0.2), (0.01, 0.03))
+    walls = ResolvedWallReport(
+        *(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09),
+        iteration=Continued(not told, changes, spread=spread),
+    )
     found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
     assert found["load_spread"] == spread
     row = {"status": "done", "task": "run", **found}
     report = TurbulenceEffect().findings({"turbulence": walls.to_dict()})
     texts = ("\n".join(walls.lines()), in_words(row), report.sentence)
     words = (
-        "NOT QUITE STEADY: the loads still change by 1.2%",
-        "NOT QUITE STEADY",
-        "not quite steady",
+        "NOT CONVERGED after 2 iterations: the flow changed by 1.0e-02 in the last, the turbulence by 3.0e-02; "
+        "loads are means of the last ones, within 1.2%",
+        "NOT CONVERGED",
+        "not converged",
     )
+    assert walls.to_dict()["changes"] == changes and walls.to_dict()["converged"] == (not told)
     assert [one in text for one, text in zip(words, texts, strict=True)] == [told] * 3
 
 

@@ -32,6 +32,7 @@ from incipient.accuracy.terms import (
     on_more_bed,
     with_other_datum,
 )
+from incipient.effects.turbulence.continuation import Continued
 from incipient.errors import ConvergenceError
 from incipient.planning.boundary_layer import is_resolved
 from incipient.planning.flow_setup import Setup, order_of
@@ -287,13 +288,14 @@ def test_the_highest_order_is_compared_on_a_coarser_mesh() -> None:
 
 def test_loads_of_a_flow_that_still_changes_are_known_no_better_than_that() -> None:
     """A spread of 1% of loads of size 5, and nothing across, where they vanish by symmetry."""
-    walls = WallReport(0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, 0.09, spread=0.01)
+    unsteady = Continued(False, ((0.1, 0.1),), spread=0.01)
+    walls = WallReport(0.1, 1.0, 1.0, 0.05, 0.05, 0.005, 1e-3, 0.09, iteration=unsteady)
     flow, nothing = np.array([4.0, 0.0, 0.0]), np.zeros(3)
     force = Forces(flow, flow, nothing, nothing)
     couple = Couples(np.array([0.0, 6.0, 0.0]), np.zeros(3), nothing)
     changing = Loads.at_the_end(force, couple, None, None, walls, size=2.0)
     assert changing.unsteady == pytest.approx([0.05, 0.0, 0.0, 0.0, 0.1, 0.0])
-    steady = Loads.at_the_end(force, couple, None, None, replace(walls, spread=0.0), size=2.0)
+    steady = Loads.at_the_end(force, couple, None, None, replace(walls, iteration=None), size=2.0)
     assert not steady.unsteady.any()
     for one, other, times in ((steady, changing, 3.0), (changing, changing, 6.0)):
         term = Term.of_difference("discretisation", one, other, 3.0, "")

@@ -7,6 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from incipient.effects.turbulence import linear
+from incipient.effects.turbulence.coupled_flow import half_where_reversed
 from incipient.effects.turbulence.linear import ROUGH, BlockByBlock
 from incipient.fluid.solvers import direct
 from incipient.fluid.solvers.compressed import CompressedFactors
@@ -24,11 +25,12 @@ def sparse(entries):
 
 @pytest.fixture
 def blocks():
-    """Four blocks (ROWS, ROWS), those on the diagonal well conditioned; k and omega do not act on each other."""
+    """Four blocks (ROWS, ROWS), those on the diagonal well conditioned; k and omega act on each other."""
     made = np.random.default_rng(1).standard_normal((2, 2, ROWS, ROWS))
     for one in (0, 1):
         made[one, one] += 20.0 * np.eye(ROWS)
-    made[1, 1, 0::2, 1::2] = made[1, 1, 1::2, 0::2] = 0.0
+    for k, omega, sign in ((0, 1, 1.0), (1, 0, -1.0)):
+        made[1, 1, k::2, omega::2] += 20.0 * sign * np.eye(ROWS // 2)
     return made
 
 
@@ -66,6 +68,20 @@ def test_together_both_are_solved_though_the_factors_are_off(solver, blocks):
     assert np.linalg.norm(whole @ x - b) <= 1.01 * ROUGH * np.linalg.norm(b)
 
 
+def test_k_and_omega_are_solved_at_once(solver, monkeypatch):
+    """Where the flow depends on no turbulence GMRES needs two applications, for factors wrong in one direction."""
+    block = solver.matrix.getNestSubMatrix(0, 1)
+    block.zeroEntries()
+    block.assemble()
+    applied = []
+    once = BlockByBlock.apply
+    monkeypatch.setattr(
+        BlockByBlock, "apply", lambda self, *given: applied.append(once(self, *given))
+    )
+    solved(solver)
+    assert len(applied) <= 3  # the last one makes the solution of what the two span
+
+
 def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, caplog):
     """0.6 of 440 n^(4/3) bytes of 40 unknowns are 36 kB, of which twice as much must be free."""
     nest = PETSc.Mat().createNest(
@@ -91,3 +107,19 @@ def test_what_factors_cannot_solve_is_not_finite(solver, blocks):
         block.assemble()
     _, x = solved(solver)
     assert np.isinf(x).all()
+
+
+def test_turns_that_newtons_method_takes_end():
+    """Newton's whole corrections of arctan(x) = 0 from 1.5 go to and fro and grow."""
+    x, last = np.array([1.5]), 0.0
+    for _ in range(30):
+        last = half_where_reversed(-np.arctan(x) * (1.0 + x**2), last)
+        x = x + last
+    assert abs(x[0]) < 1e-6
+
+
+def test_changes_that_go_on_or_shrink_are_whole():
+    last = np.array([1.0, 1.0, 1.0, 0.0])
+    assert half_where_reversed(np.array([0.8, -0.4, -0.6, -2.0]), last).tolist() == [
+        *(0.8, -0.4, -0.3, -2.0)
+    ]

@@ -215,89 +215,6 @@ def test_slow_flow_is_laminar():
     assert found.speed[-1] / found.mean == pytest.approx(1.5, rel=1e-3)
 
 
-def test_a_flow_that_changes_is_taken_where_its_loads_hardly_do():
-    """By how much ten sets of loads differ from the last one, over its size; none of short steps, or too few."""
-    from incipient.effects.turbulence.iteration import Round
-    from incipient.effects.turbulence.pseudo_time import LINGERING, SWEEPING, spread_of
-
-    def rounds(courant, number=LINGERING):
-        return [Round(i, courant, 0.1, 0.1, (3.0, 4.0 + 0.1 * (i % 2), 0.0)) for i in range(number)]
-
-    assert spread_of(rounds(SWEEPING)) == pytest.approx(0.1 / np.hypot(3.0, 4.1))
-    assert spread_of([Round(0, 1.0, 9.0, 9.0, (9.0, 9.0, 9.0)), *rounds(SWEEPING)]) < 0.02
-    assert spread_of(rounds(0.9 * SWEEPING)) == spread_of(rounds(SWEEPING, LINGERING - 1)) == np.inf
-    assert spread_of([Round(i, SWEEPING, 0.1, 0.1) for i in range(LINGERING)]) == np.inf
-    # Fewer steps do where all are longer.
-    assert spread_of(rounds(100.0, 4), 4, 100.0) == spread_of(rounds(SWEEPING))
-    assert spread_of(rounds(99.0, 4), 4, 100.0) == spread_of(rounds(100.0, 3), 4, 100.0) == np.inf
-
-
-def test_long_steps_become_sweeps_where_the_flow_changes_more_and_more():
-    """Sixteen cells at most then, eight in a fast flow where it changes at all; small changes count for none."""
-    from incipient.effects.turbulence.iteration import Round
-    from incipient.effects.turbulence.pseudo_time import (
-        LITTLE,
-        SWEEPING,
-        SWEEPING_FAST,
-        swept_where_it_changes_more,
-    )
-
-    def after(courant, *changes, fast=False):
-        rounds = [Round(i, courant, change, 0.1) for i, change in enumerate(changes)]
-        return swept_where_it_changes_more(2.0 * courant, rounds, fast)
-
-    assert after(100.0, 0.01) == after(100.0, 0.02, 0.01) == 200.0
-    assert (
-        after(100.0, 0.01, 0.02) == SWEEPING > after(100.0, 0.02, 0.01, fast=True) == SWEEPING_FAST
-    )
-    assert after(2.0, 0.01, 0.02) == after(2.0, 0.01, 0.02, fast=True) == 4.0
-    assert (
-        after(100.0, 0.1 * LITTLE, 0.9 * LITTLE)
-        == after(100.0, 0.02, 0.9 * LITTLE, fast=True)
-        == 200.0
-    )
-
-
-def test_a_flow_is_not_taken_while_its_changes_fall_or_after_a_large_one():
-    """Ten rounds with the same loads and the last changes as given: falling at once or slowly, lingering, large."""
-    from incipient.effects.turbulence.iteration import Round
-    from incipient.effects.turbulence.pseudo_time import LINGERING, SWEEPING, spread_if_it_lingers
-
-    def spread(*changes):
-        sizes = [*[0.01] * (LINGERING - len(changes)), *changes]
-        return spread_if_it_lingers(
-            [Round(i, SWEEPING, one, 0.1, (1.0, 0.0)) for i, one in enumerate(sizes)]
-        )
-
-    assert spread(0.01, 0.01) == spread(0.01, 0.02) == 0.0
-    assert spread(0.01, 0.004) == spread(0.01, 0.12) == np.inf
-    assert spread(0.009, 0.008, 0.007, 0.006, 0.0055) == 0.0
-    assert spread(0.009, 0.008, 0.007, 0.006, 0.0045) == np.inf
-
-
-@pytest.mark.parametrize(("number", "expected"), [(120.0, 0), (138.0, 1), (300.0, 4), (1000.0, 7)])
-def test_fast_flows_in_space_are_found_from_slower_ones(number, expected):
-    """From u* d/nu = 40 on, or 100 up to 200, each faster by the same factor; none for those found at once."""
-    from incipient.effects.turbulence.k_omega_flow import slower_flows
-
-    found = slower_flows(number)
-    assert len(found) == expected
-    if found:
-        assert found[0] == pytest.approx(40.0 if number > 200.0 else 100.0)
-        factors = np.diff(np.log([*found, number]))
-        assert factors == pytest.approx(factors[0])
-        assert np.exp(factors[0]) < 2.0
-
-
-def test_a_flow_that_is_not_found_is_sought_from_slower_ones():
-    """From one half way to the last that was found, else from a slower one; not for ever."""
-    from incipient.effects.turbulence.k_omega_flow import flow_between
-
-    assert flow_between(64.0, 100.0) == pytest.approx(80.0)
-    assert flow_between(0.0, 100.0) == pytest.approx(62.5)
-    assert flow_between(95.0, 100.0) is None and flow_between(0.0, 30.0) is None
-
-
 def test_in_crevices_of_a_bed_in_space_corrections_hardly_count():
     """Where eddies make 1e-6 of the viscosity a correction of ln k by ten hardly counts."""
     given = TurbulenceConditions((), uniform(1.0, 1.0))
@@ -305,4 +222,4 @@ def test_in_crevices_of_a_bed_in_space_corrections_hardly_count():
         fields.state.x.array[0] = np.log(1e-8)
         values = np.full(len(fields.state.x.array), 1e-5)
         values[0] = 10.0
-        assert fields.of_most(values) < 1e-4
+        assert fields.usual_change(values) < 1e-4

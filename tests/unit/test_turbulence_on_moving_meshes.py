@@ -16,7 +16,7 @@ from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.effects.turbulence.fields import TurbulenceConditions
-from incipient.effects.turbulence.iteration import InTime
+from incipient.effects.turbulence.in_time import InTime
 from incipient.effects.turbulence.k_epsilon import KEpsilon
 from incipient.effects.turbulence.k_omega_sst import KOmegaSST
 from incipient.fluid import Carried, FlowModel, Fluid, Prescribed

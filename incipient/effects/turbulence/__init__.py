@@ -35,9 +35,9 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     return low, high
 
 
-# Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them; by k and omega, solved
-# together with the flow: 2.3 GB of 105,000 unknowns past a grain of a random bed (docs/contribute/defaults.md).
-BYTES, BYTES_TOGETHER = 2500.0, 17000.0
+# Per unknown of a flow in space, of both quantities and what solves them together with the flow: 2.3 GB of 105,000
+# unknowns past a grain of a random bed (docs/contribute/defaults.md).
+BYTES = 17000.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
     "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
@@ -98,7 +98,7 @@ class TurbulenceEffect(Effect):
         OutputQuantity(
             "turbulence.applicable", "the walls are as the model asks", column="applicable"
         ),
-        OutputQuantity("turbulence.spread", "what loads still change by", column="load_spread"),
+        OutputQuantity("turbulence.spread", "spread of the loads", column="load_spread"),
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
@@ -157,11 +157,9 @@ class TurbulenceEffect(Effect):
         return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of both quantities in space, and of blocks that are the Jacobian's."""
-        if setup.scene.gdim == 2 or not setup.scene.is_averaged:
-            return 0.0
-        together = setup.resolves_walls and not setup.resolved_walls.plane
-        return (BYTES_TOGETHER if together else BYTES) * unknowns / 2**20
+        """MiB of both quantities in space, and of what solves them together with the flow."""
+        in_space = setup.scene.gdim == 3 and setup.scene.is_averaged
+        return BYTES * unknowns / 2**20 if in_space else 0.0
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
         """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""
@@ -186,8 +184,10 @@ class TurbulenceEffect(Effect):
             )
         rows += [("shorter places where it does", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
-        if spread := found.get("spread"):
-            sentence += f" Warning: not quite steady; loads still change by {100 * spread:.2g}%."
+        if not found.get("converged", True):
+            sentence += (
+                f" Warning: not converged; loads are means, within {100 * found['spread']:.2g}%."
+            )
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:

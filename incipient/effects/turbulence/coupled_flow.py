@@ -1,4 +1,4 @@
-"""The steady flow and its turbulence as one system of equations, and the bounds of its corrections."""
+"""The steady flow and its turbulence as one system of equations."""
 
 from __future__ import annotations
 
@@ -22,14 +22,9 @@ from .linear import BlockByBlock
 
 # By dimension: with that of the residual, 7, as many steps take 1.2 times as long in the plane and 1.4 times in space.
 DEGREE_OF_DERIVATIVE = {2: 5, 3: 4}
-LARGEST_CHANGE = 0.3  # of a velocity at a node, in a step, over the largest speed
-# Past grains of a random bed at u* d/nu = 300 k and velocity at single nodes in clefts, and next to spheres that are
-# three cells across, went to and fro, velocities by four times V, and took the flow with them. In the wake of a stone
-# in the plane Newton's method asked for logarithms at single nodes changed by 400 while the flow changed by 1%. In the
-# plane, and in a fast flow in space, cells at nodes that would change by more than this, a logarithm, or a velocity
-# over the largest speed, therefore take shorter steps than others, in proportion, by this factor at most, which then
-# shrinks from step to step. In space no node changes by more, after the first steps.
-MOST_AT_NODES, MOST_SLOWED, RELAXED = (0.5, 0.05), 1000.0, 0.8
+# In a step a logarithm changes by less, and a velocity by less than this part of the largest speed: at a few nodes
+# Newton's method overshoots.
+MOST_CHANGE = 1.0, 0.3
 
 
 class CoupledFlow:
@@ -38,21 +33,20 @@ class CoupledFlow:
     In pseudo-time each cell takes a step of its own, a Courant number times the time in which the flow passes it, by
     one correction of Newton's method, with a derivative by coarser quadrature than the residual. Holds PETSc objects:
     use it as a context manager, or call `destroy`.
+
+    Attributes:
+        courant: Courant numbers (local cells,).
     """
 
     def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
         self._fluid, self._turbulence = fluid, turbulence
         self._scale = 1.0
         self._held: list[Any] = []
-        self._per_step = turbulence.constant(0.0)
-        flow_from = (
-            fluid.state.x.array[fluid.space.velocity_map] if fluid.domain.gdim == 2 else np.empty(0)
-        )
-        self._speed = turbulence.constant(turbulence.largest(flow_from))
-        self._slowed = dolfinx.fem.Function(
+        self._courant = dolfinx.fem.Function(
             compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0))
         )
-        self._slowed.x.array[:] = 1.0
+        self.courant = self._courant.x.array
+        self.courant[:] = 1.0
         forms = self._residual_forms()
         states = fluid.state, turbulence.state
         self._residuals = [compat.form(one) for one in forms]
@@ -72,6 +66,7 @@ class CoupledFlow:
         self._solver = self._holding(
             self._factors() if fluid.domain.gdim == 2 else BlockByBlock(fluid, self._nest)
         )
+        self._last: Floats | float = 0.0
         self._right, self._correction = (
             self._holding(one) for one in self._solver.matrix.createVecs()
         )
@@ -99,7 +94,7 @@ class CoupledFlow:
             return found
         test, rate = (
             ufl.TestFunction(state.function_space),
-            self._per_step * self._slowed * self._passing(),
+            self._passing() / self._courant,
         )
         degree = {"quadrature_degree": 2 * self._fluid.space.order}
         measure = ufl.dx(domain=self._fluid.domain.mesh, metadata=degree)
@@ -110,17 +105,15 @@ class CoupledFlow:
     def _passing(self) -> Any:
         """One over the time in which the flow passes a cell, diffuses through it, or is sheared, in UFL.
 
-        In space: where the strain is large what a change of the velocity carries would else outweigh the rate. In the
-        plane all cells are passed as fast as the fastest flow at the start: else k dies out where the flow separates,
-        before it has come there.
+        Where the strain is large what a change of the velocity carries would otherwise outweigh the rate.
         """
-        fluid = self._fluid
-        velocity, _ = ufl.split(dolfinx.fem.Function(fluid.state.function_space, fluid.state.x))
-        size = cell_size(fluid.domain.mesh)
-        passing = ufl.sqrt(ufl.inner(velocity, velocity) + self._speed**2) / size
+        velocity, _ = ufl.split(
+            dolfinx.fem.Function(self._fluid.state.function_space, self._fluid.state.x)
+        )
+        size, slope = cell_size(self._fluid.domain.mesh), ufl.grad(velocity)
+        passing = ufl.sqrt(ufl.inner(velocity, velocity)) / size
         passing += self._turbulence.of_molecules / size**2
-        slope = ufl.grad(velocity)
-        return passing + ufl.sqrt(ufl.inner(slope, slope)) if fluid.domain.gdim == 3 else passing
+        return passing + ufl.sqrt(ufl.inner(slope, slope))
 
     def _assemble_blocks(self) -> None:
         conditions = [*self._conditions[0], *self._conditions[1]]
@@ -130,58 +123,13 @@ class CoupledFlow:
                 petsc.assemble_matrix(matrix, form, conditions)
                 matrix.assemble()
 
-    def correction(self, courant: float, half_way: bool = False) -> tuple[Floats, Floats]:
-        """The changes (owned unknowns,) of the flow and of the logarithms in a step with a Courant number.
-
-        What upwinding knows of them follows the step before, or goes `half_way` there.
+    def correction(self) -> tuple[Floats, Floats]:
+        """The changes (owned unknowns,) of the flow and of the logarithms in a step.
 
         Raises:
             ConvergenceError: the matrix has no factors.
         """
-        self._per_step.value = 1.0 / courant
-        self._turbulence.stop(half_way)
-        return self._next_correction()
-
-    def slow_down(self, of_flow: Floats, of_logarithms: Floats) -> None:
-        """Let cells at nodes with large corrections (owned unknowns,) take shorter steps than the others."""
-        fluid, slowed = self._fluid, self._slowed.x.array
-        states, changes = (fluid.state, self._turbulence.state), list[Floats]()
-        for state, values in zip(states, (of_flow, of_logarithms), strict=True):
-            change = dolfinx.fem.Function(state.function_space)
-            change.x.array[: len(values)] = values
-            change.x.scatter_forward()
-            changes.append(change.x.array)
-        logarithms, most = (
-            np.abs(changes[1]).reshape(-1, 2).max(axis=1),
-            MOST_AT_NODES[1] * _fastest(fluid),
-        )
-        asked = (
-            (
-                fluid.space.velocity,
-                np.linalg.norm(changes[0][fluid.space.unknowns_at_nodes], axis=1) / most,
-            ),
-            (self._turbulence.space, logarithms / MOST_AT_NODES[0]),
-        )
-        of_cells = [values[compat.cell_dofs(space)].max(axis=1) for space, values in asked]
-        slowed[:] = np.clip(np.maximum(*of_cells), np.maximum(RELAXED * slowed, 1.0), MOST_SLOWED)
-
-    def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
-        """Add corrections (owned unknowns,) to both states."""
-        for state, values in (
-            (self._fluid.state, of_flow),
-            (self._turbulence.state, of_logarithms),
-        ):
-            state.x.array[: len(values)] += values
-            state.x.scatter_forward()
-
-    @property
-    def most_slowed(self) -> float:
-        """The factor by which the step of a cell is shorter than asked for, at the most. Collective."""
-        mine = float(self._slowed.x.array.max(initial=1.0))
-        return float(self._fluid.domain.comm.allreduce(mine, op=MPI.MAX))
-
-    def _next_correction(self) -> tuple[Floats, Floats]:
-        self._turbulence.prepare()
+        self._turbulence.hold()
         for vector, form, conditions in zip(
             self._vectors, self._residuals, self._conditions, strict=True
         ):
@@ -197,6 +145,41 @@ class CoupledFlow:
         number = self._vectors[0].getLocalSize()
         found = -self._correction.array_r
         return found[:number], found[number:]
+
+    def changes_of_cells(
+        self, of_flow: Floats, of_logarithms: Floats, units: tuple[float, float]
+    ) -> Floats:
+        """(local cells,) the largest change at a node of each cell.
+
+        It is that of a logarithm, or of a velocity over the largest speed, both in `units`; arguments are changes
+        (owned unknowns,).
+        """
+        fluid, changes = self._fluid, list[Floats]()
+        states = fluid.state, self._turbulence.state
+        for state, values in zip(states, (of_flow, of_logarithms), strict=True):
+            change = dolfinx.fem.Function(state.function_space)
+            change.x.array[: len(values)] = values
+            change.x.scatter_forward()
+            changes.append(change.x.array)
+        velocities = np.linalg.norm(changes[0][fluid.space.unknowns_at_nodes], axis=1)
+        logarithms = np.abs(changes[1]).reshape(-1, 2).max(axis=1)
+        of_spaces = (
+            (fluid.space.velocity, velocities / (units[1] * _fastest(fluid))),
+            (self._turbulence.space, logarithms / units[0]),
+        )
+        return np.maximum(
+            *(values[compat.cell_dofs(space)].max(axis=1) for space, values in of_spaces)
+        )
+
+    def carry_out(self, of_flow: Floats, of_logarithms: Floats) -> None:
+        """Add corrections (owned unknowns,) to both states."""
+        self._last = half_where_reversed(of_logarithms, self._last)
+        for state, values in (
+            (self._fluid.state, of_flow),
+            (self._turbulence.state, self._last),
+        ):
+            state.x.array[: len(values)] += values
+            state.x.scatter_forward()
 
     def _renew(self) -> None:
         """Make the derivative that of the present state, and factors of it."""
@@ -225,17 +208,28 @@ class CoupledFlow:
             self._held.pop().destroy()
 
 
-def largest_change(fluid: Fluid, of_flow: Floats) -> float:
-    """The largest change of a velocity at a node, over the largest speed. Collective."""
-    changed = _largest(fluid, of_flow[_owned_nodes(fluid, of_flow)])
-    return changed / _fastest(fluid) if np.isfinite(changed) else np.inf
+def relative_change(fluid: Fluid, change: Floats) -> float:
+    """Size of a change of the flow (owned unknowns, or all local ones), relative to it. Collective."""
+    whole = fluid.squared_velocities(fluid.state.x.array)
+    return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 
 
-def bound(fluid: Fluid, of_flow: Floats, part: float = LARGEST_CHANGE) -> None:
-    """Let no velocity change by more than a part of the largest speed: at a few nodes it may overshoot. Collective."""
-    most, own = part * _fastest(fluid), _owned_nodes(fluid, of_flow)
-    sizes = np.linalg.norm(of_flow[own], axis=1)
-    of_flow[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
+def half_where_reversed(changes: Floats, last: Floats | float) -> Floats:
+    """Changes (n,), half as large where they would take back more than half of the last ones.
+
+    Newton's method else takes turns between both sides of a limiter: past a sphere in its pocket at u* d/nu = 75 ln k
+    of a node changed by 0.27 to and fro.
+    """
+    reversed_ = (changes * last < 0.0) & (np.abs(changes) > 0.5 * np.abs(last))
+    return np.where(reversed_, 0.5, 1.0) * changes
+
+
+def bounded(fluid: Fluid, of_flow: Floats, of_logarithms: Floats) -> tuple[Floats, Floats]:
+    """Changes (owned unknowns,) as large as they may be at a node. Collective."""
+    most, own = MOST_CHANGE[1] * _fastest(fluid), _owned_nodes(fluid, of_flow)
+    sizes, found = np.linalg.norm(of_flow[own], axis=1), of_flow.copy()
+    found[own] *= np.minimum(1.0, most / np.maximum(sizes, most))[:, None]
+    return found, np.clip(of_logarithms, -MOST_CHANGE[0], MOST_CHANGE[0])
 
 
 def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:
@@ -246,10 +240,6 @@ def _owned_nodes(fluid: Fluid, of_flow: Floats) -> Integers:
 
 def _fastest(fluid: Fluid) -> float:
     """The largest speed at a node. Collective."""
-    return _largest(fluid, fluid.state.x.array[fluid.space.unknowns_at_nodes])
-
-
-def _largest(fluid: Fluid, velocities: Floats) -> float:
-    """The largest size of velocities (n, gdim) on all ranks, 0 if there are none. Collective."""
+    velocities = fluid.state.x.array[fluid.space.unknowns_at_nodes]
     mine = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

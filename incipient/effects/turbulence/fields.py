@@ -21,18 +21,15 @@ from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
-from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
-HALF_WAY = 0.5  # to the state of the step before goes what upwinding knows: all the way two states may take turns
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
 # Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
 CONTRACTION, SAME_RATE = 0.3, 0.3
 HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
-# Largest of usual corrections over their root mean square, and what is seen of one.
-SPREAD, LARGEST_SEEN = 5.0, 10.0
+LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 
 @dataclass(frozen=True)
@@ -57,16 +54,17 @@ class TurbulenceFields(ABC):
 
     Attributes:
         second: name of the second quantity.
+        wanted: changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration to a steady
+            flow.
         stretched: whether cells in the plane are so along boundary layers.
-        steep: whether both logarithms are solved for up to walls, next to which they are steep.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
     """
 
     second: str
+    wanted: tuple[float, float]
     stretched = False
-    steep = False
     closure: Any
     form: Any
     of_molecules: Any
@@ -157,12 +155,16 @@ class TurbulenceFields(ABC):
         self.state.x.scatter_forward()
         self._before.x.array[:] = self.state.x.array
 
-    def stop(self, half_way: bool = False) -> None:
-        """Let nothing change in time, and what is taken from an earlier state be that of now, or `half_way` to it."""
+    def hold(self) -> None:
+        """Make ready for a correction in steady flow; what is taken from an earlier state goes half way to that of now.
+
+        All the way two states may take turns.
+        """
         for one in self.rate:
             one.value = 0.0
-        known, half_way = self._before.x.array, half_way or self.stretched or self.steep
-        known += (HALF_WAY if half_way else 1.0) * (self.state.x.array - known)
+        known = self._before.x.array
+        known += 0.5 * (self.state.x.array - known)
+        self.prepare()
 
     # -- its equations ------------------------------------------------------------------------------
 
@@ -198,19 +200,22 @@ class TurbulenceFields(ABC):
             balanced=self._reach is not None and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
-        self.form = form = self._equations(rate, tests, stream)
+        self.form = self._equations(rate, tests, stream)
         self.of_molecules = of_molecules
-        self._residual = compat.form(form)
+        self.solver: Direct | None = None  # made at the first step in time
+        self.renew_factors()
+
+    def _make_solver(self) -> Direct:
+        """The solver of a step in time."""
+        self._residual = compat.form(self.form)
         self._jacobian = compat.form(
-            ufl.derivative(form, self.state, ufl.TrialFunction(self.space))
+            ufl.derivative(self.form, self.state, ufl.TrialFunction(self.space))
         )
         self._matrix = self._holding(petsc.create_matrix(self._jacobian))
         self._vector = self._holding(petsc.assemble_vector(self._residual))
         self._correction = self._holding(self._vector.duplicate())
-        kind = Direct if self.domain.gdim == 2 else Incomplete
-        self.solver = self._holding(kind(self._matrix))
         self._view = self._holding(compat.vec_view(self.state))
-        self.renew_factors()
+        return self._holding(Direct(self._matrix))
 
     @property
     def _reach(self) -> Any:
@@ -245,6 +250,7 @@ class TurbulenceFields(ABC):
         It is infinite if Newton's method does not converge. The size of a correction is the largest of a logarithm.
         With `lasting` factors serve on, also those of steps before, while corrections with them shrink well.
         """
+        self.solver = self.solver or self._make_solver()
         fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
         before = np.inf
         self.discretise_time(rate, past)
@@ -267,6 +273,7 @@ class TurbulenceFields(ABC):
     def _correct(self, fresh: bool) -> float:
         """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
         conditions = self._conditions
+        assert self.solver is not None
         self.prepare()
         with self._vector.localForm() as local:
             local.set(0.0)
@@ -290,8 +297,8 @@ class TurbulenceFields(ABC):
         self.state.x.scatter_forward()
         return size
 
-    def of_most(self, values: np.ndarray) -> float:
-        """The size of a correction (owned unknowns,) of nearly all nodes, by their weights. Collective."""
+    def usual_change(self, values: np.ndarray) -> float:
+        """Root mean square of a change (owned unknowns,), by the weights of the nodes. Collective."""
         sizes = np.where(np.isfinite(values), np.abs(values), np.inf)
         if not np.isfinite(self.domain.comm.allreduce(sizes.sum())):
             return float("inf")
@@ -301,14 +308,10 @@ class TurbulenceFields(ABC):
             self.domain.comm.allreduce(float((seen**2).sum())),
             self.domain.comm.allreduce(float((weights**2).sum())),
         )
-        return float(SPREAD * np.sqrt(0.5 * total / count))
+        return float(np.sqrt(0.5 * total / count))
 
     def prepare(self) -> None:  # noqa: B027
         """Make ready for a correction, where a model has data that depend on the state."""
-
-    def raise_eddy_viscosity(self, factor: float) -> None:
-        """Raise the eddy viscosity by a factor, by less of the second quantity."""
-        self.state.x.array[1::2] -= np.log(factor)
 
     # -- its values -----------------------------------------------------------------------------------
 

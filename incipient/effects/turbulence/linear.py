@@ -1,4 +1,4 @@
-"""Iterative solution of the linear systems of turbulence, alone and together with the flow: for three dimensions."""
+"""Iterative solution of the linear systems of flow and turbulence, for three dimensions."""
 
 from __future__ import annotations
 
@@ -8,64 +8,18 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.solvers.compressed import PART_OF_EXACT, CompressedFactors
-from ...fluid.solvers.direct import bytes_of_factors
-from ...fluid.solvers.options import defaults, exact
+from ...fluid.solvers.direct import Direct, bytes_of_factors
+from ...fluid.solvers.options import defaults
 
 log = logging.getLogger("incipient")
 
-PREFIX = "turbulence_"
-RESTART, MOST_ITERATIONS = 100, 400
 TOGETHER = "turbulent_"
 MOST_TOGETHER = 150
-# k and omega after each other, each by factors: incomplete ones do not do.
-FIELDS = {
-    "pc_type": "fieldsplit",
-    "pc_fieldsplit_block_size": 2,
-    "pc_fieldsplit_type": "multiplicative",
-}
-FIELDS |= {f"fieldsplit_{i}_ksp_type": "preonly" for i in (0, 1)}
 ROUGH = 1e-2  # residual of a correction, relative to the right-hand side
-PATIENCE = (
-    10  # iterations up to which factors of the flow serve on; with older ones residuals tell little
-)
-
-
-class Incomplete:
-    """Solves A x = b by GMRES with incomplete factors of A, each rank those of its own part.
-
-    Convection and sources outweigh diffusion, and pseudo-time adds to the diagonal: no multigrid is needed. PETSc
-    options with the prefix ``turbulence_`` override everything.
-    """
-
-    def __init__(self, matrix: Any):
-        self.matrix = matrix
-        self._solver = PETSc.KSP().create(matrix.comm)
-        self._solver.setOptionsPrefix(PREFIX)
-        self._solver.setType("gmres")
-        self._solver.setGMRESRestart(RESTART)
-        self._solver.setPCSide(PETSc.PC.Side.RIGHT)
-        self._solver.setOperators(matrix)
-        self._solver.getPC().setType("bjacobi")
-        self._solver.setFromOptions()
-
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = True) -> None:
-        """Solve A x = b to a residual of `rtol` times b, by factors of the matrix as it is. Collective.
-
-        Raises:
-            ConvergenceError: it was not solved.
-        """
-        self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=MOST_ITERATIONS)
-        self._solver.setOperators(self.matrix)
-        self._solver.solve(b, x)
-        if self._solver.getConvergedReason() <= 0:
-            raise ConvergenceError("the linear system of the turbulence was not solved")
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        self._solver.destroy()
+# Iterations up to which factors of the flow serve on; with older ones residuals tell little.
+PATIENCE = 10
 
 
 class BlockByBlock:
@@ -73,8 +27,9 @@ class BlockByBlock:
 
     One application solves for the flow by approximate factors, which serve until more than 10 iterations are needed, or
     where there is no memory for them by its own preconditioner by blocks; then for the turbulence, with what the flow
-    does to it, by factors of k's and of omega's own block. PETSc options with the prefix ``turbulent_`` override
-    everything.
+    does to it, by factors of its block. Both quantities make and destroy each other: with factors of the block of each,
+    after each other, GMRES fails in long steps of k and epsilon. PETSc options with the prefix ``turbulent_`` override
+    those of GMRES.
     """
 
     def __init__(self, fluid: Fluid, nest: Any):
@@ -92,9 +47,7 @@ class BlockByBlock:
         self._aged = True
         self._flow = self._blocks[0][0].createVecs()
         self._turbulence = self._blocks[1][1].createVecs()
-        self._factors = PETSc.PC().create(nest.comm)
-        self._factors.setOptionsPrefix(TOGETHER + "fields_")
-        self._factors.setOperators(self._blocks[1][1])
+        self._factors = Direct(self._blocks[1][1])
         self._solver = PETSc.KSP().create(nest.comm)
         self._solver.setOptionsPrefix(TOGETHER)
         self._solver.setOperators(nest)
@@ -109,12 +62,7 @@ class BlockByBlock:
         """Take the blocks of the matrix as they are; factors of the flow may be of an earlier one. Collective."""
         if self._aged:
             self._of_flow.assemble()
-        self._factors.setOperators(self._blocks[1][1])
-        with defaults(
-            TOGETHER + "fields_", FIELDS | exact("fieldsplit_0_") | exact("fieldsplit_1_")
-        ):
-            self._factors.setFromOptions()
-            self._factors.setUp()
+        self._factors.prepare()
 
     def balance(self, right: tuple[Any, Any]) -> float:
         """Scale the turbulence's rows of A so that its right-hand side is as large as the flow's; by which factor.
@@ -157,7 +105,7 @@ class BlockByBlock:
         self._of_flow.apply(None, flow, found)
         self._blocks[1][0].mult(found, of_fields)
         of_fields.setArray(values[number:] - of_fields.array_r)
-        self._factors.apply(of_fields, left_fields)
+        self._factors.approximate(of_fields, left_fields)
         left.setArray(np.concatenate([found.array_r, left_fields.array_r]))
 
     def destroy(self, _: Any = None) -> None:

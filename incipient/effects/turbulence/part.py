@@ -14,6 +14,7 @@ import ufl
 
 from ... import compat
 from ...arrays import Floats
+from ...coupled.tractions import TractionProbe
 from ...fluid import FlowModel, Fluid
 from ...fluid.transient import Interface, TimeStep, Transient
 from ...mesh.domain import Domain
@@ -23,12 +24,13 @@ from ...planning.conditions import conditions
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
-from ...planning.tolerance import of_steady
+from ...planning.tolerance import of_turbulent
 from ...restart.redistribution import spread_values, stored_values
 from ...results.wall_report import WallReport
 from ..run_part import RunPart, Solving, Stage
+from .continuation import Continued, continued
 from .fields import TurbulenceFields, Values
-from .iteration import InTime, Moving, Round, solve_steadily
+from .in_time import InTime, Moving
 
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
@@ -46,11 +48,13 @@ class TurbulentFlow(RunPart):
     Attributes:
         fields: both quantities of the model.
         in_time: these in the steps of a flow in time, once there are any (`around`).
+        continued: how the steady flow was found, once it was.
     """
 
     effect = EffectName.TURBULENCE
     fields: TurbulenceFields
     in_time: InTime | None = None
+    continued: Continued | None = None
 
     def __init__(self, setup: Setup, domain: Domain, stage: Stage):
         self._setup = self._of_run = setup
@@ -69,8 +73,8 @@ class TurbulentFlow(RunPart):
 
     @property
     @abstractmethod
-    def _depth(self) -> float:
-        """Over which walls are felt."""
+    def _walls(self) -> Any:
+        """The walls of the flow."""
 
     @abstractmethod
     def wall_report(self) -> WallReport:
@@ -98,44 +102,59 @@ class TurbulentFlow(RunPart):
         self.fields.watch(fluid)
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
-        """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
+        """Find the steady flow with its turbulence from that of the inflow, `onwards` from that at hand first.
 
         The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
         Raises:
             ConvergenceError: there is none that could be found.
         """
-        fluid = self._fluid
+        fluid, loads = self._fluid, self._loads(run)
+        scene = self._scene
+        tolerances = of_turbulent(scene.numerics.tolerance, scene.resolves_walls, scene.gdim == 3)
         self._take(fluid, factor)
-        if not onwards:
-            self.enter(fluid)
-        with run.stage("flow"):
-            rounds = self._steady(
-                lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
-                self._loads(run),
-            )
-        run.count(turbulence=len(rounds))
-        if spread := rounds[
-            -1
-        ].spread:  # a run in time that begins with it has no other place for that
+        for from_inflow in (False, True) if onwards else (True,):
+            if from_inflow:
+                self.enter(fluid)
+            with run.stage("flow"), self._timed():
+                found = self.continued = continued(
+                    fluid,
+                    self.fields,
+                    tolerances,
+                    loads,
+                    lambda number, change: run.voice.iterate(1.0, number, change),
+                )
+            if found.converged:
+                break
+        run.count(turbulence=len(found.changes))
+        if not found.converged:
+            # A run in time that begins with this flow has no other place for that.
             run.voice.say(
-                f"the steady flow still changes: its loads by {100.0 * spread:.2g}% of their size"
+                f"the steady flow has not converged: its loads change by {100.0 * found.spread:.2g}%"
             )
         return True
 
-    def _loads(self, run: Solving) -> Callable[[], Floats] | None:
-        """A function that returns force and couple over the grain's size, (6,); None: they are not looked at."""
+    def _loads(self, run: Solving) -> Callable[[], Floats]:
+        """A function that returns force and couple over the grain's size, (6,), or else the force on the bed, (3,)."""
+        grain, probe = self._of_run.geometry.grain, run.probe
+        if probe is None or grain is None:
+            on_bed = TractionProbe(self._fluid, self._walls.names[0], (0.0, 0.0, 0.0))
+            return lambda: on_bed.resultant().force
+        if run.fluid is not self._fluid:  # the steady flow that one in time begins with
+            probe = TractionProbe(self._fluid, probe.boundary, probe.about)
 
-    def _steady(
-        self, watch: Callable[[Round], None], loads: Callable[[], Floats] | None = None
-    ) -> tuple[Round, ...]:
-        """Find the steady flow with its turbulence from the state at hand, with the loads on a grain if these count."""
-        time = self._depth / self._scene.reference_velocity
-        return solve_steadily(self._fluid, self.fields, time, self._tolerance, watch, self._timed)
+        def found() -> Floats:
+            resultant = probe.resultant()
+            return np.concatenate([resultant.force, resultant.couple / grain.size])
 
-    @property
-    def _tolerance(self) -> float:
-        return of_steady(self._scene.numerics.tolerance, False)
+        return found
+
+    def mean_load(self) -> tuple[Floats, Floats] | None:
+        """Force and couple (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
+        grain, found = self._of_run.geometry.grain, self.continued
+        if found is None or found.converged or found.loads is None or grain is None:
+            return None
+        return found.loads[:3], grain.size * found.loads[3:]
 
     def start(self, steady: TurbulentFlow) -> None:
         """Take both quantities of a steady flow on the mesh."""

@@ -1,117 +1,22 @@
-"""The flow and its turbulence, solved in turn until both stay: steadily, and within the steps of a flow in time."""
+"""The steps of a flow in time with its turbulence: both in turn until the flow stays."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.newton import NewtonReport
 from ...fluid.transient import Interface
+from .coupled_flow import relative_change
 from .fields import TurbulenceFields
 
-MOST_ROUNDS = 200
-# Steps of pseudo-time: the first, over the time in which the flow passes its depth; factors; shortest over first.
-FIRST_STEP, GROWTH, CUT, SHORTEST = 1.0, 1.6, 0.25, 1e-4
-# Factor by which the eddy viscosity is raised where there is no flow to begin with, and how often at most.
-THICKER, MOST_THICKENINGS = 4.0, 8
-# Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
-STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
-# Corrections of the first flow, and in a round: where they do not do, a larger eddy viscosity or a shorter step will.
-MOST_OF_FIRST, MOST_OF_FLOW = 7, 12
 MOST_TURNS = 15  # within a time step
 NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
-NO_FLOW = (
-    "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
-)
-
-
-@dataclass(frozen=True)
-class Round:
-    """One solution of the flow and one step of pseudo-time of its turbulence, and how much they changed.
-
-    loads: on the grain after it, where they are asked for; spread: by how much the last ones differ, over their size,
-    where a flow is taken that still changes
-    """
-
-    number: int
-    step: float
-    of_flow: float
-    of_turbulence: float
-    loads: tuple[float, ...] = ()
-    spread: float = 0.0
-
-
-def solve_steadily(
-    fluid: Fluid,
-    turbulence: TurbulenceFields,
-    time: float,
-    tolerance: float,
-    watch: Callable[[Round], None] = lambda found: None,
-    stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
-    shortest: float = SHORTEST,
-) -> tuple[Round, ...]:
-    """Find the steady flow with its turbulence from their present states. Collective.
-
-    In turn the flow is solved with the eddy viscosity as it is, and the turbulence takes an implicit step of
-    pseudo-time in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy
-    viscosity is raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the
-    flow passes its depth; within `stage` both quantities are solved; `shortest` is the shortest step over the first.
-
-    Raises:
-        ConvergenceError: the flow does not converge, or both quantities still change after 200 rounds.
-    """
-    rounds: list[Round] = []
-    step, flow, logarithms = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
-    moved, past = 1.0, _begin(fluid, turbulence)
-    for number in range(1, MOST_ROUNDS + 1):
-        with stage():
-            size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
-        change, past_flow = turbulence.largest(logarithms - past), flow.copy()
-        # The flow is found no better than its eddy viscosity is known, and with a factorisation kept while it serves.
-        enough = SHARE_OF_FLOW * max(tolerance, moved)
-        turbulence.look()
-        if (
-            not np.isfinite(size)
-            or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged
-        ):
-            logarithms[:], flow[:] = past, past_flow
-            step *= CUT
-            if step < shortest * time:
-                raise ConvergenceError(NO_FLOW)
-            continue
-        moved, past = relative_change(fluid, flow - past_flow), logarithms.copy()
-        rounds.append(Round(number, step, moved, change))
-        watch(rounds[-1])
-        if max(change, moved) <= tolerance:
-            return tuple(rounds)
-        step *= GROWTH
-    raise ConvergenceError(
-        f"{turbulence.names} are not steady after {MOST_ROUNDS} rounds: use a smaller numerics.mesh_size, or add [time]"
-    )
-
-
-def _begin(fluid: Fluid, turbulence: TurbulenceFields) -> np.ndarray:
-    """Find the flow with the eddy viscosity as it is, or a larger one, which pseudo-time undoes; the logarithms."""
-    start = fluid.state.x.array.copy()
-    for _ in range(MOST_THICKENINGS + 1):
-        turbulence.look()
-        if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
-            return turbulence.state.x.array.copy()
-        fluid.state.x.array[:] = start
-        turbulence.raise_eddy_viscosity(THICKER)
-    raise ConvergenceError(NO_FLOW)
-
-
-def relative_change(fluid: Fluid, change: np.ndarray) -> float:
-    """Size of a change of the flow (owned unknowns, or all local ones), relative to it. Collective."""
-    whole = fluid.squared_velocities(fluid.state.x.array)
-    return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 
 
 class Moving(Interface, Protocol):
