@@ -57,7 +57,7 @@ class KOmegaSST(TurbulenceFields):
     """
 
     second = "omega"
-    # The backward-facing step converges in 40 iterations, and diverges with twice as large ones (contribute/defaults.md).
+    # The step converges in 40 iterations, and diverges with twice as large ones (docs/contribute/defaults.md).
     wanted = 0.5, 0.05
 
     def __init__(
