@@ -35,7 +35,7 @@ from incipient.arrays import Floats
 from incipient.parallel import world
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, load
-from incipient.threshold.gusts import GustSearch
+from incipient.thresholds.gusts import GustSearch
 
 ROOT = Path(__file__).parents[1]
 SCENE = ROOT / "demos/scenes/leaving_pocket.toml"

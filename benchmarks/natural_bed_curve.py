@@ -24,8 +24,8 @@ from incipient.survey.emulator import FEWEST, FOLDS, Emulator
 from incipient.survey.full_runs import COMPONENTS
 from incipient.survey.pockets import Pocket
 from incipient.survey.thresholds import SUBMERGED_WEIGHT
-from incipient.threshold.laws import Gaussian
-from incipient.threshold.mean_flow import near_wall
+from incipient.thresholds.laws import Gaussian
+from incipient.thresholds.mean_flow import near_wall
 
 EVEN, ODD = [0, 2, 4], [1, 3, 5]  # force along the flow and up, couple about y; the others
 DISC, AHEAD, REACH = (

@@ -45,8 +45,8 @@ from incipient.pictures import style
 from incipient.planning.mean_profile import MeanProfile
 from incipient.survey.deposition import Spheres
 from incipient.survey.emulator import FOLDS
-from incipient.threshold.laws import Gaussian
-from incipient.threshold.mean_flow import near_wall
+from incipient.thresholds.laws import Gaussian
+from incipient.thresholds.mean_flow import near_wall
 
 ROOT = Path(__file__).resolve().parents[1]
 BEADS, FLUMES, ZANKE = (

@@ -34,7 +34,7 @@ PUBLIC = {
     "incipient.sweep": "Many cases in one file.",
     "incipient.contact": "Both criteria, without a flow.",
     "incipient.results.result": "What a run gives back.",
-    "incipient.threshold.outcome": "What `incipient.threshold` gives back.",
+    "incipient.thresholds.outcome": "What `incipient.threshold` gives back.",
 }
 # How annotations and defaults of calls are shortened to what a reader knows them by.
 SHORTER = (

@@ -66,7 +66,14 @@ OF_TURBULENCE = (
     "results.wall_report",
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
-OF_ESTIMATES = ("accuracy",)
+OF_ESTIMATES = (
+    *(
+        f"accuracy.{name}"
+        for name in ("errorbars", "terms", "dual", "goal", "coarse_runs", "kept_runs")
+    ),
+    *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
+    "simulation.beside",
+)
 OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
 MODULES = (
     *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE, *OF_TURBULENCE),

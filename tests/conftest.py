@@ -64,7 +64,7 @@ NOT_QUICK = (
     ),
     *(
         "incipient.accuracy",
-        "incipient.threshold",
+        "incipient.thresholds",
         "incipient.simulation",
         "incipient.restart",
     ),

@@ -29,8 +29,6 @@ PARTS = {
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
         "stability/test_siconos_steps.py",
-        "unit/test_batch.py",
-        "unit/test_judge_many.py",
         "unit/test_rocking.py",
         "unit/test_settle.py",
     ),

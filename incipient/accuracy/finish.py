@@ -13,13 +13,11 @@ from ..results.errorbars import ErrorBars, Loads
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.assemble import completed, outcome
-from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
-from .errorbars import coarse_scenes, error_bars, unit_of
 
 COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
@@ -42,6 +40,9 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not run.scene.has_error_bars:
         return None, run.scene.no_error_bars
+    from ..simulation.beside import Beside
+    from .errorbars import coarse_scenes, error_bars
+
     solve = Beside(run, coarse_scenes, loads_of)
     improve = partial(improved_loads, comm=run.comm)
     with run.stage("error bars"):
@@ -54,6 +55,7 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
 def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     """Force and torque of a steady flow on coarser cells, less their estimated errors. Collective."""
     from .dual import GoalErrors
+    from .errorbars import unit_of
 
     sizing = partial(coarse_sizes, COARSER_CELLS, None)
     with prepared(scene, comm, sizing=sizing, speed=speed) as run:

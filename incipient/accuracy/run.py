@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from typing import TYPE_CHECKING
 
 from ..interrupt import Interruption
 from ..parallel import Comm
 from ..progress import Silent
-from ..restart.checkpoint import Checkpoint
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import solved
 from .finish import finished
+
+if TYPE_CHECKING:
+    from ..restart.checkpoint import Checkpoint
 
 
 def run_scene(

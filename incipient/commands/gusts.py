@@ -9,7 +9,7 @@ import incipient
 
 from ..parallel import Comm
 from ..progress import telling
-from ..threshold.gusts import GustSearch, runs_expected
+from ..thresholds.gusts import GustSearch, runs_expected
 from .drawing import tell_of_pictures
 
 

@@ -102,7 +102,7 @@ class _History(Recorder):
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what a `MeasuredRun` holds but for the times of the whole process. Collective."""
     if task == "threshold":
-        from ..threshold.critical import find_threshold
+        from ..thresholds.critical import find_threshold
 
         threshold = find_threshold(scene, comm)
         if not threshold.is_critical:

@@ -18,7 +18,7 @@ from ..arrays import Floats
 from ..results.result import Result
 from ..scene import Scene, Surface
 from ..scene.surface import stations_of
-from ..threshold.outcome import Threshold
+from ..thresholds.outcome import Threshold
 
 SMALLEST_TORQUE = 0.01  # of force times grain size: below it a torque's error is relative to that
 SMALLEST_TURN = 0.1  # the same for a rotation, of the path in units of the grain's size

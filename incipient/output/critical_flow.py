@@ -10,8 +10,8 @@ from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import dumps
-from ..threshold.critical import find_threshold
-from ..threshold.outcome import Threshold
+from ..thresholds.critical import find_threshold
+from ..thresholds.outcome import Threshold
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

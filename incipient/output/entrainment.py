@@ -23,8 +23,8 @@ from ..scene.file import dumps
 from ..scene.fluctuations import Gusts
 from ..scene.messages import one_line, problems_of
 from ..scene.points import read_points
-from ..threshold.entrainment import Entrainment, OfStrength, find_entrainment
-from ..threshold.lasting import WeakestGusts
+from ..thresholds.entrainment import Entrainment, OfStrength, find_entrainment
+from ..thresholds.lasting import WeakestGusts
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

@@ -13,7 +13,7 @@ from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene
 from ..scene.file import dumps
-from ..threshold.gusts import CriticalGust, GustSearch, require_durations
+from ..thresholds.gusts import CriticalGust, GustSearch, require_durations
 from .lock import locked
 from .ownership import OTHERS, place_scene
 

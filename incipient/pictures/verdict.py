@@ -18,7 +18,7 @@ from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry.placement import Placement
 from ..judging.case import Case
 from ..scene import Body, Scene, load
-from ..threshold.outcome import with_error
+from ..thresholds.outcome import with_error
 from . import style
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence

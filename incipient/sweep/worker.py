@@ -115,14 +115,14 @@ def _run(scene: Scene, comm: Comm) -> dict[str, Any]:
 
 
 def _search(task: str, scene: Scene, comm: Comm) -> dict[str, Any]:
-    from ..threshold import critical, gusts
+    from ..thresholds import critical, gusts
 
     if task == "gust":
         return gusts.GustSearch(scene, comm).of_scene().to_dict()
     if task == "threshold":
         return critical.find_threshold(scene, comm).to_dict()
     from ..planning.flow_setup import Setup
-    from ..threshold.entrainment import find_entrainment
+    from ..thresholds.entrainment import find_entrainment
 
     return find_entrainment(Setup(scene), comm).to_dict()
 

@@ -18,8 +18,8 @@ from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
-from incipient.threshold.critical import find_threshold
-from incipient.threshold.outcome import Threshold
+from incipient.thresholds.critical import find_threshold
+from incipient.thresholds.outcome import Threshold
 
 SHAPE = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 POCKET = (*SHAPE, "numerics.mesh_size=2.0")

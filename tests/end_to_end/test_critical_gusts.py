@@ -18,7 +18,7 @@ from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads
 from incipient.sweep.table import rows
-from incipient.threshold.gusts import WITHIN, CriticalGust, GustSearch
+from incipient.thresholds.gusts import WITHIN, CriticalGust, GustSearch
 
 
 def scene(**changes: dict[str, object]) -> Scene:

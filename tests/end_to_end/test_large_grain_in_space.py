@@ -34,7 +34,7 @@ from incipient.scene import (
 from incipient.scene.file import dumps
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
-from incipient.threshold.critical import NOT_ONE
+from incipient.thresholds.critical import NOT_ONE
 
 
 def stone(mesh_size=7.0, **changes):

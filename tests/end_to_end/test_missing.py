@@ -53,7 +53,7 @@ def without(modules: str, *arguments: object, ranks: int = 1, **variables: str) 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--help"], "judge forces and contacts"),
+        (["--help"], "judge forces of another program"),
         (["plan", GRAIN_ON_BED], "memory are not known: gmsh is not installed"),
         (["judge", CASE], "The grain stays at rest"),
         (["schema"], '"properties"'),

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient.scene import Scene
-from incipient.threshold.critical import find_threshold
+from incipient.thresholds.critical import find_threshold
 
 SCENE = Path(__file__).parents[2] / "demos" / "scenes" / "grain_on_bed.toml"
 TILTED = 'body={shape = "ellipse", semi_axes = [0.6, 0.4], angle = 30.0, x = 4.0, density = 2.65}'

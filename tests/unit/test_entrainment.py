@@ -18,10 +18,10 @@ from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import load
 from incipient.scene.file import loads
-from incipient.threshold.acceleration import CriticalStrength, load_of_growth
-from incipient.threshold.entrainment import Entrainment, Motion, find_entrainment
-from incipient.threshold.laws import Gaussian
-from incipient.threshold.mean_flow import MeanFlow, near_wall
+from incipient.thresholds.acceleration import CriticalStrength, load_of_growth
+from incipient.thresholds.entrainment import Entrainment, Motion, find_entrainment
+from incipient.thresholds.laws import Gaussian
+from incipient.thresholds.mean_flow import MeanFlow, near_wall
 
 POCKET = """
 title = "disc between half-discs, Stokes flow"

@@ -42,11 +42,10 @@ from incipient.results.loads import Couples, Forces
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
 from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
-from incipient.simulation import simulate as simulation
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
-from incipient.threshold.critical import find_threshold
+from incipient.thresholds.critical import find_threshold
 
 IN_STREAM = """
 [domain]
@@ -396,7 +395,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr(simulation, "loads_of", fail)
+    monkeypatch.setattr("incipient.accuracy.finish.loads_of", fail)
     scene = loads(
         commented(grain_on_bed()), overrides=("numerics.mesh_size=2", "output.fields=false")
     )

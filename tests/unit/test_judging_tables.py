@@ -300,8 +300,10 @@ def test_the_command_judges_the_shipped_table(tmp_path: Path, capsys: Any) -> No
     assert wrong["mode"] == "" and rows[0]["name"] == "disc in a pocket of two"
     summary = json.loads((out / "batch.json").read_text())
     assert (summary["cases"], summary["failed"]) == (6, 1)
-    (out / "verdicts.csv").write_text("mine")
-    assert cli.main(order) == 5
+    others = tmp_path / "others"
+    others.mkdir()
+    (others / "verdicts.csv").write_text("mine")
+    assert cli.main([*order[:-1], str(others)]) == 5
     assert "verdicts.csv: was not written by incipient" in capsys.readouterr().err
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from incipient.errors import SceneError
-from incipient.threshold.lasting import Series, WeakestGusts, rate_of_lasting, series_of
-from incipient.threshold.laws import Events, Gaussian, Measured
+from incipient.thresholds.lasting import Series, WeakestGusts, rate_of_lasting, series_of
+from incipient.thresholds.laws import Events, Gaussian, Measured
 
 PROBABILITIES = (0.001, 0.01, 0.05, 0.5)
 

@@ -26,7 +26,7 @@ from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
-from incipient.threshold.meshes import to_accuracy
+from incipient.thresholds.meshes import to_accuracy
 
 POCKET = """
 [domain]

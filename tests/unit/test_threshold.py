@@ -30,13 +30,13 @@ from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
 from incipient.scene import Disc, Flat, Fluid, Turbulence, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.threshold import meshes
-from incipient.threshold.bars import CriticalBars
-from incipient.threshold.critical import find_threshold
-from incipient.threshold.meshes import CriticalGoal
-from incipient.threshold.outcome import with_error
-from incipient.threshold.path import LoadPath
-from incipient.threshold.search import CriticalFlow, CriticalSearch, SolvedFlow
+from incipient.thresholds import meshes
+from incipient.thresholds.bars import CriticalBars
+from incipient.thresholds.critical import find_threshold
+from incipient.thresholds.meshes import CriticalGoal
+from incipient.thresholds.outcome import with_error
+from incipient.thresholds.path import LoadPath
+from incipient.thresholds.search import CriticalFlow, CriticalSearch, SolvedFlow
 
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.
@@ -149,7 +149,7 @@ def test_threshold_of_a_known_load(known: Known) -> None:
 
 
 def test_a_search_upwards_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("incipient.threshold.search.MOST_FLOWS", 2)
+    monkeypatch.setattr("incipient.thresholds.search.MOST_FLOWS", 2)
     found = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
     assert not found.is_critical and found.reason == "the search did not converge within 40 flows"
 
@@ -161,7 +161,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
     """Where it is not held in the flow to start with the search begins with the slowest one."""
     bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
@@ -177,7 +177,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
     effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.threshold.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
     )
@@ -266,7 +266,7 @@ def test_a_search_that_does_not_converge_names_no_critical_flow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A load larger by a tenth has a threshold some percent away: one flow is not enough to be near it."""
-    monkeypatch.setattr("incipient.threshold.search.MOST_FLOWS", 1)
+    monkeypatch.setattr("incipient.thresholds.search.MOST_FLOWS", 1)
     before = CriticalFlow(2.2, 2.2, path([1e-6, 1.0], lambda f: DRAG * (0.3 + f)), ())
     with pytest.raises(ConvergenceError, match="did not converge within 40 flows, the last two at"):
         Pretended(lambda f: 1.1 * DRAG * (0.3 + f)).search().near(before)
