@@ -19,6 +19,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
+from PIL import Image
 
 from ..errors import OutputError
 from ..files import replaced
@@ -38,7 +39,7 @@ from .style import GRAIN, GROUND, INK, View
 FIELDS = {"velocity": SPEED, "pressure": PRESSURE, "vorticity": VORTICITY}
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long a film takes, and frames per second
-_DOTS = 100  # per inch
+_DOTS, _DOTS_OF_GIF, _COLOURS = 100, 80, 128  # per inch; of a GIF, which stores each frame whole
 _ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
@@ -92,13 +93,29 @@ def _frames(stem: Path) -> tuple[np.ndarray, np.ndarray]:
     return indices, stored[indices]
 
 
+class _GifWriter(PillowWriter):
+    """Writes a GIF whose frames share one palette, without dithering: half as large."""
+
+    _frames: list[Image.Image]
+
+    def finish(self) -> None:
+        """Write the frames."""
+        frames = [frame.convert("RGB") for frame in self._frames]
+        palette = frames[-1].quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
+        self._frames = [
+            frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
+        ]
+        super().finish()
+
+
 def _write(film: _Film, path: Path, rate: int) -> None:
     if path.suffix.lower() == ".mp4":
         extra = ["-crf", "20", "-movflags", "+faststart"]
         writer: Any = FFMpegWriter(fps=rate, codec="h264", extra_args=extra)
+        dots = _DOTS
     else:
-        writer = PillowWriter(fps=rate)
-    with writer.saving(film.figure, str(path), _DOTS):
+        writer, dots = _GifWriter(fps=rate), _DOTS_OF_GIF
+    with writer.saving(film.figure, str(path), dots):
         for number in range(len(film.moments)):
             film.show(number)
             style.show_as_written(film.figure)

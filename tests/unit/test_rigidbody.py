@@ -247,7 +247,9 @@ def test_free_asymmetric_top(spin) -> None:
         worst = np.maximum(worst, errors)
     print(f"period {period:.4g}, errors: spin, energy, momentum, norm {worst}")
     assert worst[0] < 1e-6 and worst[1] < 1e-9 and worst[2] < 1e-9 and worst[3] < 1e-15
-    flips = np.count_nonzero(np.diff(np.sign(second)))
+    flips = np.count_nonzero(
+        np.diff(np.sign(second[:-1]))
+    )  # the last one is zero but for round-off
     assert flips == 5  # three periods, without the zeros at both ends
 
 
