@@ -261,7 +261,7 @@ def test_error_bars_that_fail_are_said_to_and_the_rest_is_there(tmp_path, monkey
     def fail(*arguments):
         raise ConvergenceError("no dual solution found")
 
-    monkeypatch.setattr("incipient.accuracy.finish.error_bars", fail)
+    monkeypatch.setattr("incipient.accuracy.errorbars.error_bars", fail)
     scene = incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=3"])
     result = incipient.run(scene, tmp_path)
     assert result.verdict is not None and result.error_bars is None
