@@ -184,8 +184,12 @@ def test_ladders_in_3d_and_with_turbulence() -> None:
     sizes = [2.0, RATIO, 1.0, 1.0 / RATIO]
     assert [one.mesh_size for one in ladder(sphere)] == pytest.approx(sizes)
     assert {one.order for one in ladder(sphere)} == {3}
-    channel = ladder(load(DEMOS / "turbulent_channel.toml"))
-    assert {one.order for one in channel} == {2, 3} and len(channel) == 9
+    of_order_two = ladder(load(DEMOS / "sphere_on_plane.toml", ["numerics.order=2"]))
+    assert {one.order for one in of_order_two} == {2}
+    channel = load(DEMOS / "turbulent_channel.toml")
+    usual = [Rung(order, pytest.approx(size)) for order in (2, 3) for size in sizes]
+    assert [*ladder(channel)] == [*usual, Rung(3, pytest.approx(0.5))]
+    assert {one.order for one in ladder(channel, quick=True)} == {2}
 
 
 def test_wrong_ladders() -> None:
