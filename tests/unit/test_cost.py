@@ -33,6 +33,7 @@ DEMOS = Path(__file__).parents[2] / "demos/scenes"
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
+SAME = {"force": Quantity({"force_x": 3.0, "force_y": 4.0}, 5.0)}
 
 
 def scene(*overrides: str) -> Scene:
@@ -266,6 +267,21 @@ def test_a_reference_that_is_no_better_tells_no_errors(tmp_path: Path) -> None:
     assert study.sentence.endswith("is reached by no run here; the finest takes 1.6 s.")
 
 
+def test_runs_that_agree_make_no_law() -> None:
+    alike = [replace(Runner()(scene(), rung, "run"), quantities=SAME) for rung in ladder(scene())]
+    study = Study(scene(), alike)
+    assert study.law is None and not any(one.resolved for one in study.judged)
+    assert "along the frontier" not in study.text()
+
+
+def test_unevenly_spaced_cells_are_not_extrapolated() -> None:
+    """Richardson's rule needs cells of equal ratios."""
+    rungs = ladder(scene(), orders=[4], sizes=[3.0, 1.5])
+    study = Study(scene(), [Runner()(scene(), rung, "run") for rung in rungs])
+    assert study.reference.source == rungs[-1].name
+    assert study.reference.quantities == study.finest.quantities
+
+
 def test_a_study_resumes_where_it_was_interrupted(tmp_path: Path) -> None:
     class Stopped(Runner):
         def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
@@ -340,6 +356,26 @@ def test_forms_compiled_by_a_run_do_not_count(monkeypatch: pytest.MonkeyPatch) -
     )
     monkeypatch.setattr(measurement, "_once", lambda *given: next(runs))
     assert measurement.measure(scene(), Rung(2, 1.0), "run").cpu == 2.0
+
+
+@pytest.mark.parametrize(
+    ("script", "why"),
+    [
+        ("kill -9 $$", "ended by signal 9 (9: often by a lack of memory)"),
+        ("echo first >&2; echo incipient: last >&2; exit 4", "last"),
+        ("exit 7", "exit code 7"),
+    ],
+)
+def test_a_process_that_fails_says_why(
+    script: str, why: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    program = tmp_path / "python"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(measurement.sys, "executable", str(program))
+    assert measurement.measure(scene(), Rung(2, 1.0), "run") == MeasuredRun(
+        Rung(2, 1.0), failed=why
+    )
 
 
 def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) -> None:
