@@ -9,6 +9,7 @@ the form; a lock, which the kernel frees with its process, keeps others from com
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import shutil
 import tempfile
@@ -21,6 +22,7 @@ from .errors import OutputError
 from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
+WHOLE = "checksum"  # of the files of a folder, written last
 FULL = 2**20  # bytes free on a disk that counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
@@ -28,7 +30,7 @@ REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T:
     """What `build` makes of the code in a folder; it compiles the code where there is none. Collective over `comm`.
 
-    A folder whose content cannot be loaded is compiled anew.
+    A folder that is damaged or cannot be loaded is compiled anew.
 
     Args:
         root: of all folders; it is made where it is not there.
@@ -39,7 +41,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
         OutputError: a rank cannot write to the folder, or its disk is full.
     """
     root, name = from_first(comm, lambda: (root, name))  # ranks may have their own environments
-    if all(comm.allgather((root / name).is_dir())):
+    if all(comm.allgather(_is_whole(root / name))):
         loaded: list[T] = []
         with suppress(Exception):
             loaded.append(build(root / name))
@@ -65,7 +67,7 @@ def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T
 
 def _begun(root: Path, name: str) -> Path:
     """A new folder to compile in, or that of the form where another process has made it meanwhile."""
-    if (root / name).is_dir():
+    if _is_whole(root / name):
         return root / name
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -92,6 +94,7 @@ def _require_writable(folder: Path) -> None:
 def _finish(folder: Path, final: Path) -> None:
     """Give a folder its name. Where that fails the form is compiled again the next time."""
     with suppress(OSError):
+        (folder / WHOLE).write_bytes(_checksum(folder))
         # A name must not be on the disk before what it names: a power cut would leave zeros in its place.
         for path in (*folder.iterdir(), folder):
             _to_disk(path)
@@ -107,6 +110,18 @@ def _to_disk(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether the files of a form are as they were. A library that was cut short ends the process that loads it."""
+    with suppress(OSError):
+        return (folder / WHOLE).read_bytes() == _checksum(folder)
+    return False
+
+
+def _checksum(folder: Path) -> bytes:
+    files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != WHOLE)
+    return hashlib.blake2b(b"".join(path.read_bytes() for path in files)).digest()
 
 
 @contextmanager

@@ -130,7 +130,7 @@ def require_columns(
     for name in needed:
         if name not in names:
             raise SceneError(f"{kind}: there is no column {name}; {remedy.format(name=name)}")
-    known = [*needed, *optional]
+    known = dict.fromkeys([*needed, *optional])
     unknown = next((name for name in names if name not in known), None)
     if unknown is not None:
         why = f"column {shortened(unknown)} is not known"

@@ -13,6 +13,7 @@ import incipient
 from incipient import make_plan
 from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import coarse_scenes
+from incipient.accuracy.first_mesh import planned
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
@@ -79,6 +80,14 @@ def test_a_flow_that_has_not_converged_is_told_everywhere(told):
     )
     assert walls.to_dict()["changes"] == changes and walls.to_dict()["converged"] == (not told)
     assert [one in text for one, text in zip(words, texts, strict=True)] == [told] * 3
+
+
+@pytest.mark.parametrize(("width", "simplices"), [(None, 2), (0.5, 12)])
+def test_cells_of_a_channel_are_counted_before_it_is_run(width, simplices):
+    """Six rows of seven columns, of two triangles each, or in 3-D two layers of six tetrahedra."""
+    domain = Domain(length=20, width=width, height=1)
+    plan = planned(channel(domain=domain, numerics=Numerics(mesh_size=4, order=2)))
+    assert plan.estimate.cells == 6 * 7 * simplices
 
 
 def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():

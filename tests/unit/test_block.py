@@ -224,6 +224,16 @@ def test_not_a_number_is_an_error() -> None:
             fluid.solve(RTOL)
 
 
+@pytest.mark.parametrize("solver", ["direct", "block"])
+def test_a_matrix_that_is_not_finite_fails_the_step_alone(solver: str) -> None:
+    """A shorter one may have a matrix: the step is refused, and no error leaves the solution."""
+    model = FlowModel(unsteady=True, solver=solver)
+    with Fluid(unit_box(2, 2), model, channel(2), reynolds=20.0) as fluid:
+        fluid.rate[0].value = np.inf
+        report = fluid.solve(1e-6)
+        assert not report.converged and "is not finite" in report.failure
+
+
 @pytest.fixture
 def one_iteration() -> Iterator[None]:
     """An option of the user's that lets GMRES do one iteration, which is not enough."""

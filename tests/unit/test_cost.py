@@ -33,6 +33,7 @@ DEMOS = Path(__file__).parents[2] / "demos/scenes"
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
+SAME = {"force": Quantity({"force_x": 3.0, "force_y": 4.0}, 5.0)}
 
 
 def scene(*overrides: str) -> Scene:
@@ -184,8 +185,12 @@ def test_ladders_in_3d_and_with_turbulence() -> None:
     sizes = [2.0, RATIO, 1.0, 1.0 / RATIO]
     assert [one.mesh_size for one in ladder(sphere)] == pytest.approx(sizes)
     assert {one.order for one in ladder(sphere)} == {3}
-    channel = ladder(load(DEMOS / "turbulent_channel.toml"))
-    assert {one.order for one in channel} == {2, 3} and len(channel) == 9
+    of_order_two = ladder(load(DEMOS / "sphere_on_plane.toml", ["numerics.order=2"]))
+    assert {one.order for one in of_order_two} == {2}
+    channel = load(DEMOS / "turbulent_channel.toml")
+    usual = [Rung(order, pytest.approx(size)) for order in (2, 3) for size in sizes]
+    assert [*ladder(channel)] == [*usual, Rung(3, pytest.approx(0.5))]
+    assert {one.order for one in ladder(channel, quick=True)} == {2}
 
 
 def test_wrong_ladders() -> None:
@@ -262,6 +267,21 @@ def test_a_reference_that_is_no_better_tells_no_errors(tmp_path: Path) -> None:
     assert study.sentence.endswith("is reached by no run here; the finest takes 1.6 s.")
 
 
+def test_runs_that_agree_make_no_law() -> None:
+    alike = [replace(Runner()(scene(), rung, "run"), quantities=SAME) for rung in ladder(scene())]
+    study = Study(scene(), alike)
+    assert study.law is None and not any(one.resolved for one in study.judged)
+    assert "along the frontier" not in study.text()
+
+
+def test_unevenly_spaced_cells_are_not_extrapolated() -> None:
+    """Richardson's rule needs cells of equal ratios."""
+    rungs = ladder(scene(), orders=[4], sizes=[3.0, 1.5])
+    study = Study(scene(), [Runner()(scene(), rung, "run") for rung in rungs])
+    assert study.reference.source == rungs[-1].name
+    assert study.reference.quantities == study.finest.quantities
+
+
 def test_a_study_resumes_where_it_was_interrupted(tmp_path: Path) -> None:
     class Stopped(Runner):
         def __call__(self, scene: Scene, rung: Rung, task: str) -> MeasuredRun:
@@ -315,7 +335,7 @@ def test_the_directory_of_another_study_is_refused(tmp_path: Path) -> None:
         made = scene()
         run_ladder(made, ladder(made), tmp_path, Runner(), quiet, task="threshold")
     (tmp_path / "cost.json").write_text('{"runs": [{"rung": 1}]}')
-    with pytest.raises(OutputError):
+    with pytest.raises(OutputError, match="delete it to begin anew"):
         studied(tmp_path, Runner(), quick=True)
 
 
@@ -336,6 +356,26 @@ def test_forms_compiled_by_a_run_do_not_count(monkeypatch: pytest.MonkeyPatch) -
     )
     monkeypatch.setattr(measurement, "_once", lambda *given: next(runs))
     assert measurement.measure(scene(), Rung(2, 1.0), "run").cpu == 2.0
+
+
+@pytest.mark.parametrize(
+    ("script", "why"),
+    [
+        ("kill -9 $$", "ended by signal 9 (9: often by a lack of memory)"),
+        ("echo first >&2; echo incipient: last >&2; exit 4", "last"),
+        ("exit 7", "exit code 7"),
+    ],
+)
+def test_a_process_that_fails_says_why(
+    script: str, why: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    program = tmp_path / "python"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(measurement.sys, "executable", str(program))
+    assert measurement.measure(scene(), Rung(2, 1.0), "run") == MeasuredRun(
+        Rung(2, 1.0), failed=why
+    )
 
 
 def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,9 +43,20 @@ def test_a_form_is_compiled_once_and_then_loaded(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == [NAME, "locks"]
 
 
-def test_a_form_that_cannot_be_loaded_is_compiled_anew(tmp_path: Path) -> None:
+@pytest.mark.parametrize("damage", ["co", "junk", "co\0\0"])
+def test_a_damaged_form_is_compiled_anew(tmp_path: Path, damage: str) -> None:
+    """Without being loaded first: a library that was cut short ends the process (SIGBUS)."""
     form_cache.compiled(tmp_path, NAME, COMM, Compiler())
-    (tmp_path / NAME / "form.so").write_text("junk")
+    (tmp_path / NAME / "form.so").write_text(damage)
+    build = Compiler()
+    assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code"
+    assert (build.built, build.loaded) == (1, 0)
+    assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code" and build.built == 1
+
+
+def test_a_form_that_cannot_be_loaded_is_compiled_anew(tmp_path: Path) -> None:
+    """As one of another version of Python, whole as it is."""
+    form_cache.compiled(tmp_path, NAME, COMM, Compiler("other"))
     build = Compiler()
     assert form_cache.compiled(tmp_path, NAME, COMM, build) == "code"
     assert (build.built, build.loaded) == (1, 1)

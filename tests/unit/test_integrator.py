@@ -65,6 +65,66 @@ def test_convergence_order() -> None:
     assert rates(errors)[-1] == pytest.approx(5, abs=0.15)
 
 
+def test_the_error_is_proportional_to_the_tolerance() -> None:
+    tolerances = 10.0 ** -np.arange(4, 11)
+    exact = [np.cos(10), -np.sin(10)]
+    errors = [
+        np.abs(solved(tight(oscillator, one), 0.0, [1.0, 0.0], 10.0) - exact).max()
+        for one in tolerances
+    ]
+    slope = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
+    assert slope == pytest.approx(1.0, abs=0.05)
+    assert (errors < 30 * tolerances).all()
+
+
+def test_a_quartic_is_exact_in_a_step() -> None:
+    """And the error estimate says so: one step is enough."""
+    integrator = tight(lambda t, y: np.array([5 * t**3 - 2 * t]), first_step=2.0)
+    assert solved(integrator, 0.0, [1.0], 2.0)[0] == pytest.approx(1 + 5 / 4 * 16 - 4, rel=1e-14)
+    assert integrator.statistics.steps == 1
+
+
+@pytest.mark.parametrize(
+    ("rate", "start", "end", "invariant", "near"),
+    [
+        # x - log x + y - log y of x' = x (1 - y), y' = y (x - 1)
+        (
+            lambda t, y: np.array([y[0] * (1 - y[1]), y[1] * (y[0] - 1)]),
+            [0.5, 2.0],
+            50.0,
+            lambda y: (y - np.log(y)).sum(),
+            1e-8,
+        ),
+        # The energy of an orbit of semi-axis 1
+        (
+            kepler,
+            [0.4, 0.0, 0.0, 2.0],
+            4 * np.pi,
+            lambda y: 0.5 * y[2:] @ y[2:] - 1 / np.hypot(*y[:2]),
+            1e-9,
+        ),
+    ],
+)
+def test_invariants_are_kept(rate, start, end, invariant, near) -> None:
+    y = solved(tight(rate, 1e-11), 0.0, start, end)
+    assert invariant(y) == pytest.approx(invariant(np.array(start)), abs=near)
+
+
+def test_a_stiff_decay_stays_stable() -> None:
+    """y' = -1000 (y - cos t): steps are held at the bound of stability (about 3.7 / 1000 for order 5) or below."""
+    integrator = Integrator(lambda t, y: -1000 * (y - np.cos(t)), Tolerances(1e-5, 1e-5))
+    exact = (1e6 * np.cos(2.0) + 1e3 * np.sin(2.0)) / (1e6 + 1)
+    assert solved(integrator, 0.0, [2.0], 2.0)[0] == pytest.approx(exact, abs=2e-5)
+    assert integrator.statistics.steps < 1500
+
+
+def test_the_same_start_gives_the_same_to_the_last_bit() -> None:
+    integrator, start = tight(kepler, 1e-9), [0.4, 0.0, 0.0, 2.0]
+    first, statistics = solved(integrator, 0.0, start, 2.0), integrator.statistics
+    np.testing.assert_array_equal(solved(integrator, 0.0, start, 2.0), first)
+    assert integrator.statistics == statistics
+
+
 def test_vector_of_absolute_tolerances() -> None:
     """A component with a coarse absolute tolerance does not shorten the steps; one with a fine one does."""
 
@@ -109,6 +169,23 @@ def test_a_root_counts_once_and_only_where_the_function_falls() -> None:
     integrator.init(0.0, [1.0, 0.0])
     assert integrator.advance(10.0, lambda t, y: y[1])
     assert integrator.t == pytest.approx(2 * np.pi, rel=1e-9)
+
+
+def test_roots_are_as_accurate_as_the_steps() -> None:
+    """1/(1 + sin t) is 0.7 at arcsin(3/7); impacts of a ball dropped from 1 that keeps half of its velocity."""
+    integrator = tight(riccati, 1e-11)
+    integrator.init(0.0, [1.0])
+    assert integrator.advance(1.0, lambda t, y: y[0] - 0.7)
+    assert integrator.t == pytest.approx(np.arcsin(3 / 7), rel=1e-9)
+    assert integrator.y[0] == pytest.approx(0.7, rel=1e-14)
+    ball = tight(lambda t, y: np.array([y[1], -9.81]))
+    ball.init(0.0, [1.0, 0.0])
+    for bounce in range(1, 4):
+        assert ball.advance(10.0, lambda t, y: y[0])
+        exact = np.sqrt(2 / 9.81) * (1 + 2 * sum(0.5**k for k in range(1, bounce)))
+        assert ball.t == pytest.approx(exact, rel=1e-14)
+        assert abs(ball.y[0]) < 1e-13
+        ball.init(ball.t, [ball.y[0], -0.5 * ball.y[1]])
 
 
 def test_statistics() -> None:

@@ -67,6 +67,11 @@ class TestBlockOnAnIncline:
         assert found.force == pytest.approx([down, 0.0, 0.0], abs=1e-12)
         assert (found.criterion, found.obstructed_by) == (Criterion.TRANSLATION_ONLY, ())
 
+    @pytest.mark.parametrize("factor", [0.999999, 1.000001])
+    def test_is_sharp_at_the_friction_angle(self, factor):
+        found = classify(*block(0.5, np.arctan(0.5 * factor)), 0.5)
+        assert found.mode is (Mode.SLIDING if factor > 1.0 else Mode.NO_INCIPIENT_MOTION)
+
     def test_reaction_and_friction_are_those_of_statics(self):
         # N = cos, T = sin for a weight of one; half at each end of the base.
         slope = np.radians(20.0)
@@ -170,6 +175,9 @@ class TestLifting:
         assert found.minimum_2 == pytest.approx(0.5 * np.cos(0.5) - 0.2 * np.sin(0.5))
         assert found.force == pytest.approx([0.2, 0.5, 0.0])
         assert not found.torque.any() and not found.reaction.any()
+        in_3d = classify(Load([0.1, 0.0, 1.5], CENTRE, DOWN_3D, CENTRE), ring(2, np.pi / 6), 0.4)
+        assert in_3d.mode is Mode.LIFTING
+        assert in_3d.force == pytest.approx([0.1, 0.0, 0.5])
 
     def test_disc_with_torque_turns_freely(self):
         # A disc's normals pass through its centre: its torque presses on nothing, minimum (7) = 0.
@@ -212,6 +220,7 @@ class TestPocket:
         # the paper it moves for any push; below the angle `obstructed_by` names the upstream contact in its way.
         found = classify(load((push, 0.0), weight=(0.0, -1.0)), pocket(np.pi / 6), friction)
         assert (found.mode, found.obstructed_by) == (mode, obstacles)
+        assert friction == 0.0 or found.force == pytest.approx(np.zeros(3), abs=1e-15)
 
     def test_equal_sharing_under_its_weight_needs_friction(self):
         # Statics holds the disc without friction. Half of (31) at each contact carries only cos^2 of the weight;
@@ -326,6 +335,7 @@ class TestTable:
     def test_rows_belong_to_items_of_the_list(self):
         assert [mode.row for mode in Mode] == ["1a", "1b", "2", "3", "4", "5a", "5b", "6", "7"]
         assert [mode for mode in Mode if not mode.moves] == [Mode.NO_INCIPIENT_MOTION]
+        assert Mode.NO_INCIPIENT_MOTION.wording == "no incipient motion"
         assert [item.item for item in Category] == ["1", "2", "3", "4", "5", "6(a)", "6(b)"]
         for mode in Mode:
             item = category(mode, common_position=True)
@@ -553,36 +563,40 @@ class TestAway:
         assert found.nearest == pytest.approx([x, 0.0, 0.0], abs=1e-8)
 
     @pytest.mark.parametrize(
-        ("contacts", "direction", "expected"),
+        ("contacts", "direction", "expected", "kind"),
         [
             # A box in 3-D, torque about y: beside the edge x = 1, where a turn about +y presses.
-            (TestBoxIn3D.base(), [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]),
+            (TestBoxIn3D.base(), [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], Axis.ENCIRCLED),
             # The contact below rises if the axis is left of it, x < -1, and the contact on the left leaves its
             # wall if the axis is above it, y > 2: the corner of both.
             (
                 Contacts([[-1.0, -3.0, 0.0], [-3.0, 2.0, 0.0]], [DOWN, [-1.0, 0.0, 0.0]]),
                 ABOUT_Z,
                 [-1.0, 2.0, 0.0],
+                Axis.PRESSED,
             ),
-            (DOWNSTREAM, ABOUT_Z, [0.0, 0.0, 0.0]),
+            (DOWNSTREAM, ABOUT_Z, [0.0, 0.0, 0.0], Axis.AWAY),
             # A disc's normals all meet its centre, on the edge of what is allowed.
-            (Contacts([[0.0, -0.5, 0.0]], [DOWN]), ABOUT_Z, [0.0, 0.0, 0.0]),
+            (Contacts([[0.0, -0.5, 0.0]], [DOWN]), ABOUT_Z, [0.0, 0.0, 0.0], Axis.INTERSECTED),
             # Normals from all around, and a spin about a normal, which always rubs: none.
-            (ring(3, np.pi / 2), ABOUT_Z, None),
-            (Contacts([[0.0, 0.0, -0.5]], [DOWN_3D]), ABOUT_Z, None),
+            (ring(3, np.pi / 2), ABOUT_Z, None, Axis.INTERSECTED),
+            (Contacts([[0.0, 0.0, -0.5]], [DOWN_3D]), ABOUT_Z, None, Axis.INTERSECTED),
             (
                 Contacts([[x, -0.5, 0.0] for x in np.linspace(-1.0, 1.0, 200)], [DOWN] * 200),
                 ABOUT_Z,
                 [-1.0, 0.0, 0.0],
+                Axis.ENCIRCLED,
             ),
         ],
     )
-    def test_nearest_axis(self, contacts, direction, expected):
+    def test_nearest_axis(self, contacts, direction, expected, kind):
         found = away(contacts, CENTRE, np.array(direction), TOLERANCE)
+        assert found.axis is kind
         if expected is None:
             assert found.nearest is None and found.distance == np.inf
         else:
             assert found.nearest == pytest.approx(np.array(expected), abs=1e-8)
+            assert found.distance == pytest.approx(np.linalg.norm(expected), abs=1e-8)
 
     @settings(max_examples=60, deadline=None)
     @given(seed=st.integers(0, 10**6), count=st.integers(1, 6))
@@ -692,6 +706,7 @@ class TestFrameIndifference:
         after = classify(acting, split, friction)
         assert after.mode is before.mode
         assert after.force == pytest.approx(before.force, abs=1e-12)
+        assert after.torque == pytest.approx(before.torque, abs=1e-12)
         c_2 = before.distributions.of_both.c_2
         assert after.distributions.of_both.c_2 == pytest.approx(c_2, rel=1e-9, nan_ok=True)
 

@@ -104,7 +104,7 @@ def test_level_normal_and_size(grain):
     for curve in grain.outline():
         inner, tangents = curve.point(s[5:-5]), curve.tangent(s[5:-5])
         outward = np.column_stack([tangents[:, 1], -tangents[:, 0]])
-        assert grain.normal(inner) == pytest.approx(outward, abs=1e-8)
+        assert grain.normal(inner) == pytest.approx(outward, abs=1e-9)
         for step in (1e-3, -1e-3):
             assert grain.level(inner + step * outward) == pytest.approx(step, abs=1e-12)
 

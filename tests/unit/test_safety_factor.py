@@ -3,6 +3,7 @@
 In 2-D: x downstream, y up. In 3-D: x downstream, z up. Normals point out of the grain.
 """
 
+import json
 import math
 import subprocess
 import sys
@@ -355,6 +356,7 @@ class TestInput:
             "UNLIMITED",
             [0.0, None],
         )
+        assert json.loads(json.dumps(stored, allow_nan=False)) == stored
 
 
 def pyramid_factor(acting, contacts, friction, sides, wider):
