@@ -292,19 +292,22 @@ def sync(path: Path) -> None:
         os.fsync(stream.fileno())
 
 
-def cut_after(path: Path, time: float) -> None:
+def cut_after(path: Path, time: float, least: int = 0) -> None:
     """Cut a CSV file, if there is one, back to its header and the rows whose first number is at most a time.
 
     Raises:
-        OutputError: when its rows do not begin with numbers, or it cannot be written.
+        OutputError: when fewer than `least` rows are left, its rows do not begin with numbers, or it cannot be written.
     """
     with reported(path, (ValueError,)):
-        if not path.exists():
-            return
-        header, *rows = path.read_bytes().splitlines(keepends=True) or [b""]
+        content = path.read_bytes() if path.exists() else b""
+        header, *rows = content.splitlines(keepends=True) or [b""]
         last = time + 1e-12 * abs(time)
         kept = [row for row in rows if float(row.split(b",")[0]) <= last and row.endswith(b"\n")]
-        os.truncate(path, sum(map(len, [header, *kept])))
+        if len(kept) < least:
+            remedy = "put the file back, or start a new run"
+            raise OutputError(f"{path}: has lost some of its {least} rows; {remedy}")
+        if content:
+            os.truncate(path, sum(map(len, [header, *kept])))
 
 
 def write_fully(stream: io.RawIOBase, data: bytes) -> None:

@@ -75,8 +75,8 @@ class ResultDirectory(Recorder):
             make_directory(self.path)
             make_room(self.path, self._overwrite)
             return
-        for name in (HISTORY, CONTACTS):
-            cut_after(self.path / name, self._resumed.time)
+        cut_after(self.path / HISTORY, self._resumed.time, self._resumed.progress.number)
+        cut_after(self.path / CONTACTS, self._resumed.time)
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """Fields are wanted at the end, and every so many steps if the scene says so."""

@@ -17,6 +17,7 @@ from incipient.scene import (
     Flat,
     Fluid,
     Gravity,
+    Inclined,
     Numerics,
     OpenChannel,
     Output,
@@ -56,6 +57,17 @@ def test_in_a_slow_stream_loads_are_those_of_laminar_flow():
     assert any("laminar by the k-omega model" in one for one in found.plan.warnings)
     assert found.force.flow == pytest.approx(laminar.force.flow, rel=0.01, abs=1e-6)
     assert found.couple.flow == pytest.approx(laminar.couple.flow, rel=0.01, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_over_an_inclined_bed_the_flow_is_that_over_a_level_one():
+    """The slope turns gravity alone."""
+    level, inclined = (
+        incipient.run(sand(300.0, 3.0, bed=bed)) for bed in (Flat(), Inclined(slope=5.0))
+    )
+    for of in ("force", "couple"):
+        exact = getattr(level, of).flow
+        assert getattr(inclined, of).flow == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from environment import end, environment
 
 import incipient.sweep
 from incipient import cli
+from incipient.errors import OutputError
 from incipient.progress import Silent
 from incipient.sweep import cluster
 
@@ -291,6 +293,20 @@ def test_a_sweep_asked_to_end_leaves_no_process_and_keeps_what_is_done(
     assert len(lines) == 1
     assert "interrupted: 1 of 3 cases are finished and kept in" in lines[0]
     assert [status for (status,) in rows(file, "status")] == ["done", "waiting", "waiting"]
+
+
+def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What cannot even load its libraries, represented by a script, says nothing of a case."""
+    scene, file, broken = written(tmp_path, QUICK), tmp_path / "sweep.sqlite", tmp_path / "python"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    resource_tracker.ensure_running()  # which outlives the sweep
+    monkeypatch.setattr(spawn, "_python_exe", os.fsencode(broken))
+    with pytest.raises(OutputError, match=r"no worker process starts: .*; free memory or give fe"):
+        incipient.sweep.run(scene, file, {"contacts.friction": [0.1, 0.2]}, do="judge", jobs=1)
+    assert rows(file, "status, tries") == [("waiting", 0)] * 2
 
 
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:

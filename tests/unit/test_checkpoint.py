@@ -282,6 +282,16 @@ def test_a_history_is_cut_back(tmp_path: Path) -> None:
     cut_after(tmp_path / "absent.csv", 1.0)
 
 
+@pytest.mark.parametrize("left", ["t,x\n1.0,5\n2.0", "", None])
+def test_a_history_that_lacks_rows_is_refused_and_stays(tmp_path: Path, left: str | None) -> None:
+    path = tmp_path / "history.csv"
+    if left is not None:
+        path.write_text(left)
+    with pytest.raises(OutputError, match=r"history\.csv: has lost some of its 2 rows; put the"):
+        cut_after(path, 2.0, 2)
+    assert (path.read_text() if path.exists() else None) == left
+
+
 # -- opening a run again ---------------------------------------------------------------------------------------
 
 

@@ -114,8 +114,9 @@ class TestBlock:
         x = np.arange(-2.0, 3.0)
         contacts = Contacts(np.column_stack([x, np.zeros((5, 2))]), [DOWN] * 5)
         found, first = motion((load(centre=(1.9, 0.3)), contacts), friction, np.eye(3))
-        if friction:  # farthest inside the cones, not the shortest: no normal force is negative
-            assert (first.contact_forces[:, 1] > -1e-12).all()
+        assert (first.contact_forces[:, 1] > -1e-12).all()
+        assert first.contact_forces[:, 0] == pytest.approx(np.zeros(5), abs=1e-12)
+        assert not first.forces_unique
         assert first.contact_forces[:, 1].sum() == pytest.approx(1.0)
         assert x @ first.contact_forces[:, 1] == pytest.approx(1.9)
         assert not found.moves and found.residual < 1e-9

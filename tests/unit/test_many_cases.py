@@ -448,11 +448,17 @@ class TestProbabilities:
         assert says in within.sentence and within.certain == ("certain" in says)
 
     def test_torque_about_the_contact(self) -> None:
-        # Known about the contact the torque there is zero whatever the force.
+        # Known about the contact the torque there is zero whatever the force: it rests in all cases, otherwise in none.
+        case = pushed(0.3, 0.15), DISC, 10.0
         for about, certain in (([0.0, -0.5, 0.0], True), (None, False)):
             errors = StandardErrors([0.1, 0.0, 0.0], about=about)
-            found = probabilities(pushed(0.3, 0.15), DISC, 10.0, errors, 10)
+            found = probabilities(*case, errors, 50)
             assert found.within.certain is certain
+            assert found.moves_equilibrium.value == (0.0 if certain else 1.0)
+        drawn = draw(
+            pushed(0.3, 0.15), 10.0, StandardErrors([0.1, 0, 0], about=[0, -0.5, 0]), 50, 0
+        )
+        assert drawn["flow_couple z"] == pytest.approx(np.zeros(50), abs=1e-15)
 
     def test_influence(self) -> None:
         # Y = 2 X1 + X2, unit variances: first-order fractions 4/5 and 1/5, none of X3; Y = X1 X2: none of both.
@@ -460,6 +466,7 @@ class TestProbabilities:
         x = np.random.default_rng(0).standard_normal((20000, 3))
         found = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
         assert list(found.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
+        assert found["c"] < 0.005
         product = influences({"a": x[:, 0], "b": x[:, 1]}, x[:, 0] * x[:, 1])
         assert max(product.values()) < 0.01
         assert influences({"x": x[:5000, 0]}, x[:5000, 0] ** 2)["x"] > 0.8

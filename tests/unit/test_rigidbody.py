@@ -114,6 +114,12 @@ def test_states_are_vectors(state: BodyState) -> None:
     assert again.placement.centre == state.placement.centre and again.time == state.time
 
 
+def test_rotation_matrix_is_that_of_the_geometry() -> None:
+    """Of a quaternion of any length."""
+    rotation = spinning([0, 0, 0]).placement.rotation
+    np.testing.assert_allclose(rotation_matrix(3.0 * np.array(ASKEW)), rotation, atol=1e-15)
+
+
 # In the plane ------------------------------------------------------------------------------------------------
 
 

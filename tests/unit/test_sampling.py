@@ -187,6 +187,12 @@ def test_points_on_the_boundary_and_on_edges_are_inside() -> None:
     assert sample(function, points)[:, 0] == pytest.approx(points[:, 0], abs=1e-13)
 
 
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_all_corners_of_cells_are_inside(gdim: int) -> None:
+    mesh = unit_box(gdim, 3).mesh
+    assert Locator(mesh).inside(mesh.geometry.x).found.all()
+
+
 def along(y: float) -> Any:
     return lambda s: np.column_stack([s, np.full_like(s, y)])
 
@@ -386,6 +392,17 @@ def test_points_within_a_ball() -> None:
     assert transfer.values(field(mesh, 2, values, 3)) == pytest.approx(
         values(points.T).T, abs=1e-11
     )
+
+
+def test_a_transfer_serves_many_functions() -> None:
+    """Linear ones, of any number of components, in elements of any order: exact."""
+    mesh, points = unit_box(2, 3).mesh, np.random.default_rng(7).random((50, 2))
+    transfer, spatial = Transfer(mesh, points), np.pad(points, ((0, 0), (0, 1)))
+    for order, components in ((2, 2), (1, 1), (3, 2)):
+        values = polynomials(1, components)
+        expected = values(spatial.T).reshape(components, -1).T
+        found = transfer.values(field(mesh, order, values, components))
+        assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_no_points_are_transferred() -> None:

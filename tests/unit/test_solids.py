@@ -62,6 +62,16 @@ class TestSolids:
         assert (solid.level(points - step * normals) < 0.0)[smooth].all()
 
     @solids
+    def test_centroid_is_the_origin_and_inertia_is_symmetric(self, solid):
+        """By the divergence theorem on its triangles (trimesh): exact for flat sides."""
+        surface = solid.surface(solid.size / 40.0)
+        mesh = trimesh.Trimesh(surface.points, surface.triangles, process=False)
+        is_flat_sided = isinstance(solid, Polyhedron | Triangulated)
+        tolerance = (1e-12 if is_flat_sided else 1e-3) * solid.size
+        assert mesh.center_mass == pytest.approx(np.zeros(3), abs=tolerance)
+        assert solid.inertia == pytest.approx(solid.inertia.T)
+
+    @solids
     @settings(max_examples=10, deadline=None)
     @given(direction=vectors.filter(lambda v: np.linalg.norm(v) > 0.1), far=st.floats(0.05, 0.4))
     def test_normal_is_the_gradient(self, solid, direction, far):
@@ -112,8 +122,11 @@ class TestClosedFormulae:
         expected = np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
         assert solid.inertia == pytest.approx(0.2 * volume * expected)
 
-    def test_superquadric_fills_its_box(self):
+    def test_superquadric_between_ellipsoid_and_box(self):
         axes = (0.7, 0.4, 0.3)
+        ellipsoid, smooth = Ellipsoid(axes), Superquadric(axes, (2.0, 2.0))
+        assert smooth.volume == pytest.approx(ellipsoid.volume)
+        assert smooth.inertia == pytest.approx(ellipsoid.inertia)
         # As the exponents grow it fills its box of 8 a b c; of volume 8 Gamma(1+1/n)^3 / Gamma(1+3/n) for equal ones.
         box = Superquadric(axes, (100.0, 100.0))
         assert box.volume == pytest.approx(8.0 * np.prod(axes), rel=1e-3)

@@ -115,6 +115,7 @@ def test_means_that_are_no_positive_numbers_are_refused() -> None:
         lambda: Means(memory_mib=60)
     )
     assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
+    assert "--tries 0: is not above zero" in message(lambda: Means(tries=0))
     remedy = "are started by you; give --nworkers to its `dask worker` instead"
     assert remedy in message(lambda: Means(scheduler="tcp://here:1", jobs=2))
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from incipient.geometry import Plane, Triangulated, rest
 from incipient.geometry.closest import touching
-from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed
+from incipient.geometry.space.remeshing import Draft, ExactSurface, Topology, remeshed, summed
 from incipient.geometry.space.surfaces import (
     Surface,
     Triangles,
@@ -195,6 +195,19 @@ def test_a_point_at_the_corner_of_a_segment_is_found(seed):
     feet, row, _ = segments.nearest(np.concatenate([starts, ends]), 0.0)
     assert np.array_equal(np.unique(row), np.arange(400))
     assert feet == pytest.approx(np.concatenate([starts, ends]), abs=1e-14)
-    # One segment alone has no other to be found in its place.
-    for one in segments.corners:
-        assert len(Triangles(one[None]).nearest(one, 0.0)[0]) == 3
+    # One segment alone has no other to be found in its place; straight beyond its end the end is nearest.
+    shares = np.random.default_rng(seed + 4).random((20, 1))
+    for segment in segments.corners:
+        assert len(Triangles(segment[None]).nearest(segment, 0.0)[0]) == 3
+        beyond = segment[0] - shares * (segment[1] - segment[0])
+        feet, row, _ = Triangles(segment[None]).nearest(beyond, 0.0)
+        assert row.tolist() == [*range(20)]
+        assert feet == pytest.approx(np.tile(segment[0], (20, 1)), abs=1e-12)
+
+
+def test_sums_by_number() -> None:
+    """By hand, of rows and of single values; what nothing is added to is zero."""
+    of, values = np.array([2, 0, 2, 2]), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [0.1, 0.2]])
+    rows = [[3.0, 4.0], [0.0, 0.0], [6.1, 8.2], [0.0, 0.0]]
+    assert summed(of, values, 4) == pytest.approx(np.array(rows), rel=1e-15)
+    assert summed(of, values[:, 0], 4) == pytest.approx([3.0, 0.0, 6.1, 0.0], rel=1e-15)
