@@ -229,8 +229,8 @@ class TestContacts:
     @pytest.mark.parametrize("case", TOUCHING.values(), ids=TOUCHING.keys())
     def test_points_normals_and_areas(self, case):
         points, normals, areas = found(*case[:4])
-        assert points == pytest.approx(plane(*case[4]), abs=1e-11)
-        assert normals == pytest.approx(plane(*case[5]), abs=1e-11)
+        assert points == pytest.approx(plane(*case[4]), abs=1e-12)
+        assert normals == pytest.approx(plane(*case[5]), abs=1e-12)
         assert (areas is None) == (case[6] is None)
         assert areas is None or areas == pytest.approx(case[6])
 
