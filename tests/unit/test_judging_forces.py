@@ -371,6 +371,7 @@ GRAIN, BED = BLOCK / "block.stl", BLOCK / "bed.stl"
         # The block is 1 high: its centre is 0.3 above, or 0.1 below, a plane that it stands in.
         ([*SET, DOWN, "bed.height=0.2"], GRAIN, FLAT, "in the bed, by 0.115"),
         ([*SET, DOWN, "bed.height=0.6"], GRAIN, FLAT, "is below the bed"),
+        ([*SET, DOWN, "bed.height=9"], GRAIN, FLAT, "is below the bed"),
         # Seen against a gravity of the wrong sign the bed is above the block.
         (
             [*SET, "gravity.direction=[0, 1, 0]"],
