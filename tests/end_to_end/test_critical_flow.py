@@ -145,22 +145,34 @@ CHANNELS = {
 }
 
 
+SPACING = tuple(np.linspace(0.0, 1.2, 7).tolist())
+
+
 @pytest.mark.parametrize(
     ("flow", "shifts", "bound"),
     [
-        ("Stokes", 3, 0.01),
-        pytest.param("shear", 7, 0.02, marks=pytest.mark.slow),
-        pytest.param("open-channel", 7, 0.02, marks=pytest.mark.slow),
-        pytest.param("mean", 7, 0.025, marks=pytest.mark.slow),
+        ("Stokes", (0.0, 0.3, 0.8), 0.01),
+        pytest.param("shear", SPACING, 0.02, marks=pytest.mark.slow),
+        pytest.param("open-channel", SPACING, 0.02, marks=pytest.mark.slow),
+        pytest.param("mean", SPACING, 0.025, marks=pytest.mark.slow),
     ],
+    ids=["Stokes", "shear", "open-channel", "mean"],
 )
 def test_where_the_inflow_cuts_the_bed_does_not_matter(
-    flow: str, shifts: int, bound: float
+    flow: str, shifts: tuple[float, ...], bound: float
 ) -> None:
     """Most of it is the distance to the inflow, which on a flat bed matters more."""
     cells = f"numerics.mesh_size={3.0 if flow == 'Stokes' else 1.5}"
-    found = [shields(x, 1.2, cells, *CHANNELS[flow]) for x in np.linspace(0.0, 1.2, shifts)]
+    found = [shields(shift, 1.2, cells, *CHANNELS[flow]) for shift in shifts]
     assert np.ptp(found) < bound * min(found)
+
+
+@pytest.mark.slow
+def test_shields_against_many_spacings_has_no_jumps() -> None:
+    spacings = np.linspace(1.0, 1.6, 25)
+    found = np.log([shields(0.0, spacing) for spacing in spacings])
+    assert (np.diff(found) > 0.0).all()
+    assert np.abs(np.polyval(np.polyfit(spacings, found, 4), spacings) - found).max() < 0.003
 
 
 def test_a_disc_on_a_plane_has_none() -> None:

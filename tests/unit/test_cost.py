@@ -219,7 +219,7 @@ def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
     first = next(one for one in study.judged if one.run.rung == Rung(2, 2.0))
     assert first.errors == pytest.approx({"force": 0.02, "torque": 0.02}, rel=1e-3)
     assert study.own is not None and study.own.error == pytest.approx(0.02 / 32.0, rel=1e-3)
-    assert study.law is not None and study.law.start == pytest.approx(1.0, abs=0.1)
+    assert study.law is not None and study.law.start == pytest.approx(1.0, abs=0.05)
     said = study.sentence
     own = "(P3-P2, mesh_size 1) a run takes 1.6 s of CPU time without error bars for an error of 0.062%; "
     assert own in said

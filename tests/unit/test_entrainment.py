@@ -133,6 +133,13 @@ def test_scales_of_the_model_are_those_of_isotropic_turbulence() -> None:
     epsilon = 0.43 * (1.5 * fluctuation) ** 1.5 / (length * stream.speed)
     slope = epsilon / (15.0 * setup.scene.viscosity)
     assert (lasts * stream.speed) ** 2 == pytest.approx(2.0 * fluctuation / slope, rel=1e-9)
+    # Twice the flow at the same viscosity is the scene at twice the Reynolds number, whose times are halved.
+    twice = Setup(load(stone, [*words, f"fluid.reynolds={2.0 * setup.scene.fluid.reynolds}"]))
+    assert twice.scene.gusts is not None
+    itself = MeanFlow(twice, twice.scene.gusts)
+    for name in ("microscale", "integral_time"):
+        halved = pytest.approx(0.5 * getattr(itself, name)(1.0), rel=1e-9)
+        assert getattr(stream, name)(2.0) == halved
 
 
 @pytest.mark.parametrize("intensity", ["model", "near-wall"])

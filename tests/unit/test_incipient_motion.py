@@ -144,7 +144,7 @@ class TestBlock:
 
 
 class TestSphereOnAPlane:
-    @pytest.mark.parametrize("slope", np.radians([10.0, 50.0]))
+    @pytest.mark.parametrize("slope", np.radians([10.0, 30.0, 50.0]))
     def test_rolls_down_an_incline(self, slope):
         # a = g sin / (1 + J / (m r^2)) = 5/7 g sin, if tan(slope) <= 3.5 friction.
         case = sphere(weight=[math.sin(slope), 0.0, -math.cos(slope)])
@@ -387,6 +387,7 @@ class TestInput:
         ("mass", "inertia", "match"),
         [
             (0.0, np.eye(3), "mass 0.0 is not positive"),
+            (-1.0, np.eye(3), "mass"),
             (math.nan, np.eye(3), "mass"),
             (1.0, np.eye(2), "shape"),
             (1.0, np.diag([1.0, 1.0, 0.0]), "positive definite"),

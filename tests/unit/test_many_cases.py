@@ -79,7 +79,7 @@ class TestBatch:
     )
     def test_as_one_by_one(self, contacts: int, gdim: int, flat: bool) -> None:
         """In 2-D to 1e-12; in 3-D to 1e-9, which is what the cone solver leaves."""
-        cases = random_cases(100, contacts, gdim, flat)
+        cases = random_cases(120, contacts, gdim, flat)
         batch = judge_many(cases)
         exact = [judged(*cases.case(number)) for number in range(len(cases))]
         assert batch.mode_names == [one.label for one in exact]
@@ -126,7 +126,7 @@ class TestBatch:
 
     def test_blocks_slide_or_tip_in_any_plane(self) -> None:
         """A block of half width b pushed at height h: at mu W it slides, at W b / h it tips; in a tilted plane too."""
-        rng, count = np.random.default_rng(0), 1000
+        rng, count = np.random.default_rng(0), 3000
         half, height, friction = (rng.uniform(0.2, 1.0, count) for _ in range(3))
         push, weight = rng.uniform(0.1, 1.0, count), rng.uniform(0.5, 2.0, count)
         points = np.zeros((count, 2, 3))
@@ -343,7 +343,7 @@ class TestErrorBox:
                 if found.guaranteed is not None:
                     assert margin(alone.interval[0]) <= margin(found.guaranteed[0]) + ROUND_OFF
                     assert margin(found.guaranteed[1]) - ROUND_OFF <= margin(alone.interval[1])
-            if reached < 5 and count < 6 and 0.05 < margin(found.high) < 0.95:
+            if reached < 6 and count < 6 and 0.05 < margin(found.high) < 0.95:
                 corners = [
                     safety_factor(acting.shifted(change), contacts, friction).value
                     for change in errors.corners()
@@ -358,7 +358,7 @@ class TestErrorBox:
                         best, place = max(values), tried[int(np.argmax(values))]
                 assert best == pytest.approx(margin(found.high), abs=0.01)
                 reached += 1
-        assert reached == 5
+        assert reached == 6
         assert said == {(True, False), (False, True), (False, False)}
 
 
@@ -466,7 +466,7 @@ class TestProbabilities:
         x = np.random.default_rng(0).standard_normal((20000, 3))
         found = influences({"a": x[:, 0], "b": x[:, 1], "c": x[:, 2]}, 2.0 * x[:, 0] + x[:, 1])
         assert list(found.values()) == pytest.approx([0.8, 0.2, 0.0], abs=0.02)
-        assert found["c"] < 0.005
+        assert found["c"] == pytest.approx(0.0, abs=0.005)
         product = influences({"a": x[:, 0], "b": x[:, 1]}, x[:, 0] * x[:, 1])
         assert max(product.values()) < 0.01
         assert influences({"x": x[:5000, 0]}, x[:5000, 0] ** 2)["x"] > 0.8
@@ -482,6 +482,7 @@ class TestProbabilities:
         assert [values.std() for values in drawn.values()] == pytest.approx(spreads, rel=0.03)
         means = [1.0, 0.0, 0.0, 0.0, 0.0, 2.0, 0.5]
         assert [values.mean() for values in drawn.values()] == pytest.approx(means, abs=0.02)
+        assert drawn["flow_force x"].mean() == pytest.approx(1.0, abs=0.005)
         none = draw(pushed(1.0), 0.05, StandardErrors(friction=0.5), 1000, 0)
         assert none["friction"].min() == 0.0 and np.ptp(none["flow_force x"]) == 0.0
 

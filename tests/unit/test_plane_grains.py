@@ -97,7 +97,7 @@ def test_level_normal_and_size(grain):
     """Zero on the outline and a distance across it; the size is the largest distance of two points."""
     s = np.linspace(0.0, 1.0, 101)
     points = np.vstack([curve.point(s) for curve in grain.outline()])
-    assert grain.level(points) == pytest.approx(0.0, abs=2e-14)
+    assert grain.level(points) == pytest.approx(0.0, abs=1e-14)
     apart = np.linalg.norm(points[:, None] - points, axis=2).max()
     assert apart <= grain.size * (1.0 + 1e-12)
     assert apart == pytest.approx(grain.size, rel=1e-3)

@@ -77,8 +77,9 @@ def is_balanced(result, acting, contacts, friction):
 class TestBlockOnAnIncline:
     """Slides if s F + sin > friction cos, topples if (s F + sin) height > half base cos."""
 
-    @pytest.mark.parametrize("slope", [0.0, 0.25])
-    @pytest.mark.parametrize(("friction", "height"), [(0.3, 0.5), (0.4, 2.0), (5.0, 2.0)])
+    @pytest.mark.parametrize("slope", np.radians([0.0, 5.0, 15.0]))
+    @pytest.mark.parametrize("friction", [0.3, 0.4, 5.0])
+    @pytest.mark.parametrize("height", [0.5, 2.0])
     def test_slides_or_topples(self, slope, friction, height):
         expected = min(friction, 1.0 / height) * math.cos(slope) - math.sin(slope)
         acting, contacts = block(slope, height=height)
@@ -99,7 +100,7 @@ class TestBlockOnAnIncline:
         expected = math.sqrt((0.5 * math.cos(0.2)) ** 2 - math.sin(0.2) ** 2) / 2.0
         assert safety_factor(acting, contacts, 0.5).value == pytest.approx(expected, rel=1e-9)
 
-    @pytest.mark.parametrize("friction", [0.2, 1.0])
+    @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
     def test_holds_up_to_the_friction_angle(self, friction):
         for factor, value in ((0.999999, math.inf), (1.000001, 0.0)):
             result = safety_factor(*block(math.atan(factor * friction), force=(0.0, 0.0)), friction)
@@ -120,7 +121,7 @@ class TestBlockOnAnIncline:
 
 
 class TestDiscInAPocket:
-    @pytest.mark.parametrize("angle", np.radians([10.0, 60.0]))
+    @pytest.mark.parametrize("angle", np.radians([10.0, 30.0, 60.0]))
     @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
     def test_pivot_angle(self, angle, friction):
         # s F = W tan(theta), with friction or without: at that load the upstream contact carries nothing.
@@ -165,9 +166,9 @@ class TestSphereOnSpheres:
     """
 
     @pytest.mark.parametrize("count", [3, 4])
-    @pytest.mark.parametrize("spacing", [1.0, 1.35])
+    @pytest.mark.parametrize("spacing", [1.0, 1.2, 1.35])
     @pytest.mark.parametrize("friction", [0.0, 0.15])
-    @pytest.mark.parametrize("turn", [0.0, 0.2, math.pi / 3])
+    @pytest.mark.parametrize("turn", [0.0, 0.2, math.pi / 3, 2.5])
     def test_pivot(self, count, spacing, friction, turn):
         contacts, sine, cosine = spheres(count, spacing)
         acting = Load([math.cos(turn), math.sin(turn), 0.0], [0, 0, 0], DOWN_3D, [0, 0, 0])
@@ -201,14 +202,17 @@ class TestLadder:
         acting = Load([0.0, -person, 0.0], torque, DOWN, 0.5 * top)
         return acting, Contacts([foot, top], [DOWN, [1.0, 0.0, 0.0]])
 
+    @pytest.mark.parametrize("friction", [0.2, 0.5])
     @pytest.mark.parametrize("factor", [0.999999, 1.000001])
-    def test_stands(self, factor):
-        limit = (1.0 - 0.2**2) / (2.0 * 0.2)
-        assert safety_factor(*self.ladder(math.atan(factor * limit)), 0.2).held is (factor > 1.0)
+    def test_stands(self, friction, factor):
+        limit = (1.0 - friction**2) / (2.0 * friction)
+        held = safety_factor(*self.ladder(math.atan(factor * limit)), friction).held
+        assert held is (factor > 1.0)
 
-    def test_climbing(self):
+    @pytest.mark.parametrize("place", [0.7, 1.0])
+    def test_climbing(self, place):
         # Both ends at their limit: P = W (k - 1/2) / (place - k), k = m (tan(angle) + m) / (1 + m^2).
-        angle, friction, place = math.radians(60.0), 0.3, 0.7
+        angle, friction = math.radians(60.0), 0.3
         k = friction * (math.tan(angle) + friction) / (1.0 + friction**2)
         result = safety_factor(*self.ladder(angle, 1.0, place), friction)
         assert result.value == pytest.approx((k - 0.5) / (place - k), rel=1e-12)
@@ -381,7 +385,7 @@ def pyramid_factor(acting, contacts, friction, sides, wider):
 def test_between_pyramids():
     """64-sided pyramids inside and around the cones give bounds of the factor, 0.12 % apart in friction."""
     compared = 0
-    for seed in range(40):
+    for seed in range(60):
         random = np.random.default_rng(seed)
         count = random.integers(3, 7)
         normals = random.normal(size=(count, 3)) * [1.0, 1.0, 0.3] - [0.0, 0.0, 1.0]
@@ -396,7 +400,7 @@ def test_between_pyramids():
         elif inside is not None:
             assert inside * (1.0 - 1e-7) <= interval[1] <= around * (1.0 + 1e-7)
             compared += 0.0 < interval[1] < math.inf
-    assert compared > 14
+    assert compared > 20
 
 
 FRESH = """
@@ -419,7 +423,10 @@ class TestKernels:
         assert done.stdout.split() == ["False", "True", "False", "False", "False"]
 
     def test_compiled_and_interpreted_agree(self):
-        """Factors to what docs/explanation/criteria.md promises, forces to the root of what the program leaves."""
+        """Factors to a tenth of what docs/explanation/criteria.md promises, forces to the root of that.
+
+        They were 1e-11 apart: round-off of the interior-point method's last steps.
+        """
         random = np.random.default_rng(5)
         one = random.normal(size=(3, 6, 12)), *random.normal(size=(2, 3, 6)), 0
         kernel = Kernel(interval_rows)
@@ -427,5 +434,5 @@ class TestKernels:
         kernel.left = 0
         fast = kernel(*one)
         assert kernel.compiled is not None
-        for before, after, close in zip(slow, fast, (1e-9, 1e-9, 0.0, 1e-7), strict=True):
+        for before, after, close in zip(slow, fast, (1e-10, 1e-10, 0.0, 1e-7), strict=True):
             assert after == pytest.approx(before, nan_ok=True, abs=close)

@@ -57,7 +57,10 @@ def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
 
 @pytest.mark.parametrize(("gdim", "order"), [(2, 1), (2, 2), (2, 3), (3, 1), (3, 2)])
 def test_reference_coordinates_map_back(gdim: int, order: int) -> None:
-    """Of points in all cells of a bent box, whether or not the straight cells hold them."""
+    """Of points in all cells of a bent box, whether or not the straight cells hold them.
+
+    Tetrahedra are drawn with edges of order two at most.
+    """
     mesh = bent_box(gdim, 3, order) if order > 1 else unit_box(gdim, 3).mesh
     inner = np.random.default_rng(2).dirichlet(np.ones(gdim + 1), 400)[:, 1:]
     cells = np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 400)

@@ -124,9 +124,9 @@ class TestClosedFormulae:
 
     def test_superquadric_between_ellipsoid_and_box(self):
         axes = (0.7, 0.4, 0.3)
-        ellipsoid, smooth = Ellipsoid(axes), Superquadric(axes, (2.0, 2.0))
-        assert smooth.volume == pytest.approx(ellipsoid.volume)
-        assert smooth.inertia == pytest.approx(ellipsoid.inertia)
+        rounded, ellipsoid = Superquadric(axes, (2.0, 2.0)), Ellipsoid(axes)
+        assert rounded.volume == pytest.approx(ellipsoid.volume)
+        assert rounded.inertia == pytest.approx(ellipsoid.inertia)
         # As the exponents grow it fills its box of 8 a b c; of volume 8 Gamma(1+1/n)^3 / Gamma(1+3/n) for equal ones.
         box = Superquadric(axes, (100.0, 100.0))
         assert box.volume == pytest.approx(8.0 * np.prod(axes), rel=1e-3)

@@ -193,7 +193,9 @@ def test_a_sphere_rests_on_disorder():
     assert np.linalg.norm(centres - placement.centre, axis=1).min() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("keys", "words"), [({"spacing": 4.0, "layers": 2}, "so far apart")])
+@pytest.mark.parametrize(
+    ("keys", "words"), [({"layers": 0}, "none"), ({"spacing": 4.0, "layers": 2}, "so far apart")]
+)
 def test_what_is_no_packing_is_refused(keys, words):
     with pytest.raises(SceneError, match=words):
         SphereBed.array(**{"radius": 0.5, "spacing": 1.0, **keys})
