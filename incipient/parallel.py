@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count, takewhile
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,31 @@ PARALLEL_RUN = (
 # Of a process of one rank. Signatures of forms may depend on the order of a set: with one seed such processes find each
 # other's compiled forms.
 ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+
+
+class Holder:
+    """Holds objects of PETSc, which all ranks free together: a context manager. Every method is collective."""
+
+    def __init__(self, comm: Comm):
+        self._comm, self._held = comm, list[Any]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # After an interrupt or a defect of one rank freeing would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
+            self.destroy()
+
+    def holding(self, made: Any) -> Any:
+        """An object that has been made, to be freed with the others."""
+        self._held.append(made)
+        return made
+
+    def destroy(self) -> None:
+        """Free PETSc's memory, what was made last first."""
+        while self._held:
+            self._held.pop().destroy()
 
 
 class Alone:
