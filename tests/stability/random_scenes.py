@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import signal
 import tomllib
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from incipient.scene.section import is_number
 HANGING = (
     60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
 )
+NOWHERE = Path(os.devnull).parent  # a directory without scenes
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 FACTORS = (

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import TANK
+from scenes import on_bed as scene
 
 from incipient.accuracy import next_mesh
 from incipient.accuracy.first_mesh import first_mesh, planned
@@ -27,16 +28,11 @@ from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.parallel import environment_alone
 from incipient.pictures.charts.cost import draw
 from incipient.scene import Scene, load, loads
-from incipient.scene.example import commented, grain_on_bed
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
-
-
-def scene(*overrides: str) -> Scene:
-    return loads(commented(grain_on_bed()), overrides=overrides)
 
 
 class Runner:
