@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count, takewhile
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,41 @@ END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # Looked up here: after a fork another thread's lock of the loader would be waited for in vain.
 _PRCTL = getattr(ctypes.CDLL(None), "prctl", None)
 OFTEN = 0.01  # seconds between looks at who has come
-# Variables by which a process takes part in the parallel run of its parent.
-_OF_PARALLEL_RUNS = (
+# What makes a new process take part in a parallel run, or an `mpirun` spread over the machines of Slurm's job.
+PARALLEL_RUN = (
     *("OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_MCA_orte_", "OMPI_MCA_ess", "OMPI_MCA_pmix"),
     *("OMPI_FILE_", "OMPI_APP_", "OMPI_FIRST_RANKS", "OMPI_NUM_APP_CTX"),
     *("PMIX_", "PMI_", "ORTE_", "PRTE_", "SLURM_"),
 )
+
+# Of a process of one rank. Signatures of forms may depend on the order of a set: with one seed such processes find each
+# other's compiled forms.
+ONE_RANK = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+
+
+class Holder:
+    """Holds objects of PETSc, which all ranks free together: a context manager. Every method is collective."""
+
+    def __init__(self, comm: Comm):
+        self._comm, self._held = comm, list[Any]()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # After an interrupt or a defect of one rank freeing would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self._comm.size == 1:
+            self.destroy()
+
+    def holding(self, made: Any) -> Any:
+        """An object that has been made, to be freed with the others."""
+        self._held.append(made)
+        return made
+
+    def destroy(self) -> None:
+        """Free PETSc's memory, what was made last first."""
+        while self._held:
+            self._held.pop().destroy()
 
 
 class Alone:
@@ -165,12 +194,17 @@ def end_with_parent(parent: int | None = None) -> None:
         os._exit(1)
 
 
+def environment_alone() -> dict[str, str]:
+    """The environment for a process that takes no part in the parallel run of this one."""
+    return {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL_RUN)}
+
+
 def leave_parallel_run() -> None:
     """Forget the MPI run that this process is part of, or that the MPI library has begun: children start alone."""
     environment = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
     entries = takewhile(bool, (environment[n] for n in count()))
     for name in [os.fsdecode(entry).partition("=")[0] for entry in entries]:
-        if name.startswith(_OF_PARALLEL_RUNS):
+        if name.startswith(PARALLEL_RUN):
             os.environ.pop(name, None)
             os.unsetenv(name)  # the library's own are unknown to Python
 

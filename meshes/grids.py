@@ -38,15 +38,11 @@ def grid_cells(grid: Grid) -> Simplices:
     inside_out = measures(points, cells) < 0.0
     cells[inside_out] = cells[inside_out][:, [0, 2, 1, *range(3, gdim + 1)]]
     sides: dict[str, list[np.ndarray]] = {}
-    lower_ahead = grid.ahead[1] * strides[0]
     for number, name in enumerate(grid.sides):
         axis, end = number // 2, (number % 2) * counts[number // 2]
         there = (cells // strides[axis]) % (counts[axis] + 1) == end
         facets = cells[there.sum(axis=1) == gdim]
         facets = facets[there[there.sum(axis=1) == gdim]].reshape(-1, gdim)
-        if number == 2 and grid.ahead[1]:
-            ahead = facets.max(axis=1) <= lower_ahead
-            sides[grid.ahead[0]], facets = [facets[ahead]], facets[~ahead]
         sides.setdefault(name, []).append(facets)
     named = {name: np.concatenate(parts) for name, parts in sides.items()}
     return Simplices(points, cells, named)

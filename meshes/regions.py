@@ -149,8 +149,6 @@ class Grid:
     parallel: bool = (
         False  # in 3-D, all diagonals have one direction, instead of leading inwards from corners
     )
-    # Name of the lower side of the first columns in 2-D, and their number
-    ahead: tuple[str, int] = ("", 0)
 
     @property
     def cells(self) -> int:

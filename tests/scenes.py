@@ -3,7 +3,8 @@
 import pytest
 
 from incipient.errors import SceneError
-from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere
+from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere, loads
+from incipient.scene.example import commented, grain_on_bed
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
@@ -25,6 +26,24 @@ SPHERE_ON_PLANE = {
     "bed": Flat(),
 }
 
+# Half-discs with a disc between two of them, as overrides of the example.
+POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
+# The disc at rest in its pocket, in a domain that takes few cells.
+SETTLED = (*POCKET, "domain.length=16", "domain.height=10", "body.x=7.6", "body.settle=true")
+IN_STREAM = """
+[domain]
+length = 8.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "uniform"
+[body]
+shape = "disc"
+diameter = 1.0
+centre = [3.0, 2.0]
+"""
 # A tank at rest below a free surface.
 TANK = """\
 [domain]
@@ -71,6 +90,11 @@ fields = false
 
 def scene(**changes):
     return Scene(**{**GRAIN_ON_BED, **changes})
+
+
+def on_bed(*overrides: str) -> Scene:
+    """The example, a disc on a flat bed in shear, with some keys changed."""
+    return loads(commented(grain_on_bed()), overrides=overrides)
 
 
 def sphere_on_plane(**changes):

@@ -3,10 +3,16 @@
 import csv
 import textwrap
 
+import dolfinx
 import numpy as np
 import pytest
+import ufl
+from mpi4py import MPI
 
 import incipient
+from incipient import compat
+from incipient.planning.flow_setup import Setup
+from incipient.planning.wall_conditions import entering
 from incipient.scene import (
     Disc,
     Domain,
@@ -29,10 +35,60 @@ def channel(**changes):
     return Scene(**{**CHANNEL, **changes})
 
 
+def entering_of(scene):
+    """The turbulence that enters a scene."""
+    setup = Setup(scene)
+    return entering(setup.walls, setup.turbulence)
+
+
 def grain(diameter, reynolds=2e5):
     return channel(
         fluid=Fluid(reynolds=reynolds, scale="flow"), body=Disc(diameter=diameter, x=4), bed=Flat()
     )
+
+
+def integral(domain, integrand):
+    """The integral over all ranks. Collective."""
+    return domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand)), op=MPI.SUM)
+
+
+def balance(fluid, walls):
+    """What walls bear along the stream, and what the stream loses on its way through what is meshed of a channel.
+
+    Where the stream leaves freely -p n + nu dv/dn is none; what the stress has besides is counted.
+    """
+    domain = fluid.domain
+    v, _ = ufl.split(fluid.state)
+    inertia = ufl.dot(ufl.grad(v), fluid.carrier(v))[0]
+    if fluid.model.unsteady:
+        past = (ufl.split(one)[0][0] for one in (fluid.state, *fluid.history))
+        inertia += sum(a * u for a, u in zip(fluid.rate, past, strict=True))
+    reaction = fluid.residual()[fluid.space.velocity_map[:: domain.gdim]].sum()
+    carried = integral(domain, inertia * fluid.quadrature())
+    n = ufl.FacetNormal(domain.mesh)
+    turned = ufl.dot(ufl.grad(v).T, n)[0] - ufl.div(v) * n[0]
+    leaving = integral(domain, fluid.viscosity * turned * domain.measure("outflow"))
+    x = ufl.as_vector([1.0, *[0.0] * (domain.gdim - 1)])
+    borne = [integral(domain, fluid.walls.power(fluid.state, x, name)) for name in walls]
+    return borne, reaction - carried + leaving
+
+
+def changes_by_new_meshes(directory, run_of, from_row):
+    """What new meshes change in a run, and cells finer by the root of two, (2,) each; the number of new meshes.
+
+    Both of velocities and loads, after some rows. `run_of` takes whether meshes are many, a factor of the cells, and a
+    directory.
+    """
+    ends = []
+    for number, finer in enumerate((1.0, 1.0, 0.5**0.5)):
+        run_of(number == 1, finer, directory / str(number))
+        names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
+        ends.append([column(directory / str(number), name)[from_row:] for name in names])
+    (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
+    changed, wrong = (np.abs(np.subtract(these, one)) for these in (many, fine))
+    found = [np.array([of[:2].max(), of[2:].max()]) for of in (changed, wrong)]
+    print(meshes[-1], *found)
+    return *found, meshes[-1]
 
 
 def column(directory, name):

@@ -15,12 +15,13 @@ from ..arrays import Floats
 from ..contact import Contacts, Load
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
-from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
+from ..evaluation.contact_verdict import find_contacts, load_of
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
 from ..results.result import Result
 from ..results.safetybar import SafetyBar
 from ..scene import Scene
+from ..scene.mass import mass_and_inertia
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 
 if TYPE_CHECKING:

@@ -89,10 +89,6 @@ class Refined:
     order: int
     work: float
 
-    def keeps_mesh(self, order: int) -> bool:
-        """Whether the mesh, and the order of the elements on it, stay."""
-        return self.finer == 1.0 and self.order == order
-
 
 def refined(scene: Scene, trial: Trial, left: float) -> Refined:
     """The refinement of a scene in time with which a fraction of its error is expected to be left. Not collective."""

@@ -12,6 +12,7 @@ from ..files import csv_text
 from ..parallel import Comm, collectively
 from ..scene import Scene
 from ..scene.key_units import unit_of
+from ..scene.section import is_number
 from ..sweep import table as tables
 from ..sweep.size_classes import HEADS, size_classes
 from ..sweep.store import DONE, FAILED, Store
@@ -51,7 +52,7 @@ def _print(file: Path) -> None:
     shown = Table(box=None)
     for head in heads:
         unit = _unit(head, {row["task"] for row in first})
-        numbers = all(_is_number(row[head]) for row in first if row.get(head) is not None)
+        numbers = all(is_number(row[head]) for row in first if row.get(head) is not None)
         shown.add_column(f"{head}{unit}", overflow="fold", justify="right" if numbers else "left")
     shown.add_column("status", overflow="fold")
     shown.add_column("", overflow="fold")
@@ -76,10 +77,6 @@ def _unit(key: str, tasks: Set[str]) -> str:
 
     unit = unit_of(Case if tasks == {"judge"} else Scene, key)
     return f" [{unit}]" if unit else ""
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _cell(value: object) -> str:

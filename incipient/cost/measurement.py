@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConvergenceError, IncipientError, SceneError
-from ..parallel import start_alone_quickly
+from ..parallel import ONE_RANK, environment_alone, start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import Scene, loads
 from ..scene.file import dumps
@@ -23,7 +23,6 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import simulate
 from . import quantities
 from .ladder import Rung
-from .process import environment_of_one_rank
 from .quantities import Quantity
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
         input=text,
         capture_output=True,
         text=True,
-        env=environment_of_one_rank(),
+        env=environment_alone() | ONE_RANK,
         start_new_session=True,
     )
     if done.returncode != 0:

@@ -39,7 +39,7 @@ REACH = 0.25
 
 @dataclass(frozen=True)
 class Remeshing:
-    """A new mesh: when, of how many cells, the worst cell of both, and how much the flow changed with it.
+    """A new mesh: when, of how many cells, the worst of them, and how much the flow changed with it.
 
     outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
     change:  how much making the velocity free of divergence again changed it, relative
@@ -48,7 +48,6 @@ class Remeshing:
 
     time: float
     cells: int
-    old_quality: float
     new_quality: float
     outside: int
     farthest: float
@@ -120,7 +119,6 @@ def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> R
     return Remeshing(
         time=new.fluid.time,
         cells=int(topology.index_map(topology.dim).size_global),
-        old_quality=old.motion.quality().worst,
         new_quality=new.motion.quality().worst,
         outside=carrier.transfer.outside,
         farthest=carrier.transfer.farthest,

@@ -7,13 +7,12 @@ from typing import Any
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.rocking import Rocking, follow
-from ..contact.verdict import MassAndInertia
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
-from ..scene import Body, Scene
-from ..scene.mass import inertia_tensor, mass
+from ..scene import Scene
+from ..scene.mass import mass_and_inertia
 from ..scene.solids import orientation_of
 
 ROCKS = "rocks to another rest"  # the mode of a grain that does
@@ -38,20 +37,6 @@ def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load
     """
     assert placement is not None
     return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(placement.centre))
-
-
-def mass_and_inertia(body: Body, placement: Placement | None = None) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in the plane per unit depth.
-
-    None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
-    rest nor the safety factor.
-    """
-    heavy, inert = mass(body), inertia_tensor(body)
-    if not heavy or inert is None or not inert.any():
-        return None
-    if body.gdim == 3 and placement is not None:
-        inert = placement.rotation @ inert @ placement.rotation.T
-    return heavy, inert
 
 
 def followed(scene: Scene, load: Load) -> Rocking | None:

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from .. import compat
 from ..compat import petsc
+from ..mesh.domain import Domain
 from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
@@ -130,15 +131,8 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     if gdim == 3:
         flow = dolfinx.fem.Function(space)
         flow.interpolate(fluid.velocity)
-    facets = domain.facets_of(boundary)
-    nodes = boundary_blocks(space, facets)
-    nodes = nodes[nodes < space.dofmap.index_map.size_local]
-    w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
-    one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
-    lengths, normals = fluid.kept(
-        f"lengths and normals of {boundary}",
-        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n)],
-    )
+    nodes = _owned_nodes(space, domain, boundary)
+    lengths, normals = _lengths_and_normals(fluid, space, boundary)
     found = dolfinx.fem.Function(space)
     expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
     compat.interpolate(found, expression)
@@ -150,8 +144,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
         flow.x.array.reshape(-1, gdim)[nodes] - fluid.walls.velocities(boundary, places),
         found.x.array.reshape(-1, gdim)[nodes, :1],
     ]
-    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
-    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
+    whole = _on_all_ranks(domain, columns)
     places, lengths, normals, velocities, shears = np.split(
         whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
     )
@@ -169,14 +162,8 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
     if fluid.domain.gdim == 3:
         return _along_wall_in_space(fluid, boundary, rough)
     domain, gdim, space = fluid.domain, fluid.space.gdim, fluid.space.velocity
-    nodes = boundary_blocks(space, domain.facets_of(boundary))
-    nodes = nodes[nodes < space.dofmap.index_map.size_local]
-    w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
-    one = ufl.as_vector([1.0, 0.0])
-    lengths, normals = fluid.kept(
-        f"lengths and normals of {boundary}",
-        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n)],
-    )
+    nodes = _owned_nodes(space, domain, boundary)
+    lengths, normals = _lengths_and_normals(fluid, space, boundary)
     rows = fluid.space.unknowns_at_nodes[nodes]
     columns = [
         space.tabulate_dof_coordinates()[nodes, :gdim],
@@ -184,8 +171,7 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
         _at(normals, nodes, gdim),
         -fluid.residual()[rows],
     ]
-    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
-    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
+    whole = _on_all_ranks(domain, columns)
     places, length, normal, pull = np.split(whole, np.cumsum([gdim, 1, gdim]), axis=1)
     lengths = length[:, 0]
     ends = cKDTree(places).query(places_on_facets(domain, [boundary])[:, [0, -1]])[1]
@@ -207,8 +193,7 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
     """The shear stress along a named wall in space, at corners of cells. Collective."""
     domain = fluid.domain
     space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
-    nodes = boundary_blocks(space, domain.facets_of(boundary))
-    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    nodes = _owned_nodes(space, domain, boundary)
     w, n, one = (
         ufl.TestFunction(space),
         ufl.FacetNormal(domain.mesh),
@@ -225,8 +210,7 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
     areas, normals, pulls = fluid.kept(f"pull along {boundary}", forms)
     columns = [space.tabulate_dof_coordinates()[nodes], _at(areas, nodes, 3)[:, :1]]
     columns += [_at(form, nodes, 3) for form in (normals, pulls)]
-    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
-    whole = whole[np.lexsort(whole[:, :3].T[::-1])]
+    whole = _on_all_ranks(domain, columns)
     if rough:
         x = whole[:, 0]
         whole = whole[~(at_end(-x) | at_end(x))]
@@ -240,6 +224,30 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
     return AlongWall(
         places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1))
     )
+
+
+def _owned_nodes(space: Any, domain: Domain, boundary: str) -> np.ndarray:
+    """Nodes on a named boundary that this rank owns."""
+    nodes = boundary_blocks(space, domain.facets_of(boundary))
+    return nodes[nodes < space.dofmap.index_map.size_local]
+
+
+def _lengths_and_normals(fluid: Fluid, space: Any, boundary: str) -> list[Any]:
+    """Forms of the length, or area, that goes with each node of a boundary, in the first component, and its normal."""
+    w, n = ufl.TestFunction(space), ufl.FacetNormal(fluid.domain.mesh)
+    one = ufl.as_vector([1.0] + [0.0] * (len(w) - 1))
+    measure = fluid.domain.measure(boundary)
+    forms: list[Any] = fluid.kept(
+        f"lengths and normals of {boundary}",
+        lambda: [compat.form(ufl.inner(known, w) * measure) for known in (one, n)],
+    )
+    return forms
+
+
+def _on_all_ranks(domain: Domain, columns: list[np.ndarray]) -> np.ndarray:
+    """The rows of all ranks, the first columns being places, in the order of these. Collective."""
+    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
+    return np.asarray(whole[np.lexsort(whole[:, : domain.gdim].T[::-1])])
 
 
 def _mean_of_facets(values: np.ndarray) -> np.ndarray:

@@ -15,8 +15,8 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
-from ..errors import IncipientError
 from ..mesh.domain import Domain
+from ..parallel import Holder
 from . import newton
 from .action import Action, PressureForce
 from .conditions import Condition
@@ -30,7 +30,7 @@ PATIENCE = 8
 EXACT = 1e-9
 
 
-class Fluid(FlowEquations):
+class Fluid(Holder, FlowEquations):
     """Incompressible flow on a domain in Taylor-Hood elements, scene units, fluid density one.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`. Every method is collective.
@@ -53,11 +53,12 @@ class Fluid(FlowEquations):
         coarse: Fluid | None = None,
     ):
         level = (TwoLevel if coarse else SOLVERS[model.solver]).regular
-        super().__init__(domain, model, conditions, reynolds, level, coarse)
+        Holder.__init__(self, domain.comm)
+        FlowEquations.__init__(self, domain, model, conditions, reynolds, level, coarse)
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()
-        self.coarse, self._held = coarse, list[Any]()
+        self.coarse = coarse
         with ExitStack() as on_failure:
             on_failure.push(self)
             self._vector = self.holding(petsc.assemble_vector(self._residual))
@@ -72,24 +73,6 @@ class Fluid(FlowEquations):
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
         self.negligible = 0.0  # speed in the mean of a correction that counts as none
         self._direction: Any = None  # made when a response is first asked for
-
-    def __enter__(self) -> Fluid:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # Freeing is collective: after an interrupt or a defect of one rank it would wait for the others for ever.
-        if kind is None or issubclass(kind, IncipientError) or self.domain.comm.size == 1:
-            self.destroy()
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        while self._held:
-            self._held.pop().destroy()
-
-    def holding(self, made: Any) -> Any:
-        """What has been made, to be freed with the fluid."""
-        self._held.append(made)
-        return made
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""

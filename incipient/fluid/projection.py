@@ -11,12 +11,12 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
-from ..errors import IncipientError
 from ..forms.terms import continuity, inertia
+from ..parallel import Holder
 from .flow import Fluid
 
 
-class Projection:
+class Projection(Holder):
     """Replaces velocities by the nearest discretely free of divergence, wherever the mesh of a fluid is moved.
 
     Nearest in L2, on the mesh as it then is, among the velocities v with v* 's values where the velocity is
@@ -30,26 +30,16 @@ class Projection:
     """
 
     def __init__(self, fluid: Fluid):
+        super().__init__(fluid.domain.comm)
         self.fluid, self._correction = fluid, dolfinx.fem.Function(fluid.space.mixed)
         self._left, self._right = _forms(fluid)
         self._norms = [
             _squared_norm(fluid, function) for function in (self._correction, fluid.state)
         ]
-        self._matrix = petsc.create_matrix(self._left)
-        self._vector = compat.create_vector(self._right, fluid.space.mixed)
-        self._view, self._solver = (
-            compat.vec_view(self._correction),
-            fluid.another_solver(self._matrix),
-        )
-
-    def __enter__(self) -> Projection:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
-        if kind is None or issubclass(kind, IncipientError) or self.fluid.domain.comm.size == 1:
-            for held in (self._solver, self._matrix, self._vector, self._view):
-                held.destroy()
+        self._matrix = self.holding(petsc.create_matrix(self._left))
+        self._vector = self.holding(compat.create_vector(self._right, fluid.space.mixed))
+        self._view = self.holding(compat.vec_view(self._correction))
+        self._solver = self.holding(fluid.another_solver(self._matrix))
 
     def apply(self) -> float:
         """Project the velocity of the fluid's state; returns the relative change ||v - v*|| / ||v*|| in L2.
@@ -82,12 +72,6 @@ class Projection:
         compat.set_zero(vector, conditions)
         self._solver.solve(vector, self._view, rtol=1e-12)
         self._correction.x.scatter_forward()
-
-
-def restore_incompressibility(fluid: Fluid) -> float:
-    """Project the velocity of a fluid's state once; returns the relative change, see `Projection.apply`. Collective."""
-    with Projection(fluid) as projection:
-        return projection.apply()
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any]:

@@ -181,19 +181,6 @@ def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
         raise SceneError(f"{kind} {hidden[0]} of the union lies within the others; leave it out")
 
 
-def require_positive(name: str, *values: float) -> None:
-    """Refuse lengths that are not positive numbers."""
-    for value in values:
-        if not (np.isfinite(value) and value > 0.0):
-            raise SceneError(f"{name} {value} is not a positive length; give a positive number")
-
-
-def require_not_negative(name: str, value: float) -> None:
-    """Refuse a length that is negative or no finite number."""
-    if not (np.isfinite(value) and value >= 0.0):
-        raise SceneError(f"{name} {value} is not a length; give a number that is not negative")
-
-
 def largest_distance(points: Floats) -> float:
     """The largest distance of two points (n, d); for many points among those of their hull."""
     if len(points) <= FEW:

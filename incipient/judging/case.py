@@ -17,12 +17,12 @@ from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
-from ..evaluation.contact_verdict import mass_and_inertia
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..input_files import read_text
 from ..scene.file import parse, read
 from ..scene.kinds import Body
+from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
 from ..scene.section import NotNegative, Positive, Section, contradiction, key
 

@@ -17,12 +17,12 @@ from trimesh.geometry import align_vectors
 
 from ..arrays import Floats, unit
 from ..errors import SceneError
-from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry import HeightMap, Placement, Plane, clearance
 from ..geometry.closest import touching
 from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
+from ..scene.mass import mass_and_inertia
 from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
 from ..scene.solids import SolidBody
 from .case import Case, CaseErrors

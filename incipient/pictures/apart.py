@@ -7,7 +7,6 @@ and not the run.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -15,9 +14,7 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..installed import missing_in_words
-
-# What would make the child take part in the parallel run it was started from.
-PARALLEL = ("OMPI_", "PMIX_", "PMI_", "ORTE_")
+from ..parallel import environment_alone
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,7 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
 
 
 def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") -> Drawn:
-    surroundings = {
-        name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)
-    }
+    surroundings = environment_alone()
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     command = [sys.executable, "-P", "-m", module, *arguments]
     # Names of files need not be UTF-8.

@@ -50,10 +50,7 @@ def _cut(run: StoredRun) -> tuple[list[np.ndarray], np.ndarray]:
     pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid({_TETRAHEDRON: run.fields.cells[:, :4]}, run.fields.points)
     grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
-    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    inwards = BESIDE * (high - low)
-    level = float(np.clip(level_of(run), low + inwards, high - inwards))
-    cut = grid.slice(normal="y", origin=(0.0, level, 0.0), generate_triangles=False)
+    cut = grid.slice(normal="y", origin=(0.0, level_of(run, BESIDE), 0.0), generate_triangles=False)
     faces = cut.irregular_faces
     places = cut.points[:, [0, 2]]
     return [places[face] for face in faces], np.array([cut["speed"][f].mean() for f in faces])

@@ -57,12 +57,13 @@ def pyvista_off_screen() -> Any:
     return pyvista
 
 
-def level_of(run: StoredRun) -> float:
-    """y of the plane that is shown: through the grain, or the middle."""
+def level_of(run: StoredRun, beside: float = 0.0) -> float:
+    """y of the plane that is shown: through the grain, or the middle; a fraction of the width within the domain."""
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
     centre = run.value("grain", "computed_centre")
     y = run.middle if centre is None else float(centre[1])
-    return float(np.clip(y, low, high))
+    inwards = beside * (high - low)
+    return float(np.clip(y, low + inwards, high - inwards))
 
 
 def views_of(run: StoredRun) -> list[View]:
@@ -88,10 +89,8 @@ def section_of(
     spacing = max(view[1] - view[0], view[3] - view[2]) / columns
     x = np.arange(view[0] + 0.5 * spacing, view[1], spacing)
     z = np.arange(view[2] + 0.5 * spacing, view[3], spacing)
-    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    inwards = BESIDE * (high - low)
     across, up = np.meshgrid(x, z)
-    level = np.clip(level_of(run), low + inwards, high - inwards)
+    level = level_of(run, BESIDE)
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
     grid = tetrahedra(run, view, names)
     found = pyvista.PolyData(points).sample(straight(grid, level))

@@ -14,10 +14,10 @@ from matplotlib.lines import Line2D
 
 from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
-from ..evaluation.contact_verdict import mass_and_inertia
 from ..geometry.placement import Placement
 from ..judging.case import Case
 from ..scene import Body, Scene, load
+from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from . import style
 from .flow import draw_streamlines

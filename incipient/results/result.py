@@ -162,13 +162,6 @@ class Result:
         return self.trajectory is not None and self.trajectory["ended"]["by"] != "time"
 
     @property
-    def measured_cell_reynolds(self) -> float | None:
-        """Largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection."""
-        return next(
-            (v for one, v in self.measured.items() if one.key == "measured_cell_reynolds"), None
-        )
-
-    @property
     def gdim(self) -> int:
         """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3

@@ -3,6 +3,8 @@
 import numpy as np
 
 from ..arrays import Floats
+from ..contact.verdict import MassAndInertia
+from ..geometry.placement import Placement
 from .grains import BodySection
 
 
@@ -36,3 +38,19 @@ def inertia_tensor(body: BodySection) -> Floats | None:
         return np.asarray(np.diag(body.inertia * np.ones(3)))
     tensor = density * np.asarray(body.grain().inertia)
     return np.asarray(tensor[2, 2] * np.eye(3)) if body.gdim == 2 else tensor
+
+
+def mass_and_inertia(
+    body: BodySection, placement: Placement | None = None
+) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in the plane per unit depth.
+
+    None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
+    rest nor the safety factor.
+    """
+    heavy, inert = mass(body), inertia_tensor(body)
+    if not heavy or inert is None or not inert.any():
+        return None
+    if body.gdim == 3 and placement is not None:
+        inert = placement.rotation @ inert @ placement.rotation.T
+    return heavy, inert

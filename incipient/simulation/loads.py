@@ -57,7 +57,8 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
         return None
     with run.accounts.ledger.stage("contact"):
         from ..contact.verdict import judge
-        from ..evaluation.contact_verdict import load_of, mass_and_inertia
+        from ..evaluation.contact_verdict import load_of
+        from ..scene.mass import mass_and_inertia
 
         load, inert = (
             load_of(scene.placement, force, couple),

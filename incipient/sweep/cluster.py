@@ -18,7 +18,7 @@ from typing import Any
 from ..errors import OutputError, shortened
 from ..input_files import reading
 from ..installed import free_bytes, memory_of_libraries
-from ..parallel import leave_parallel_run
+from ..parallel import ONE_RANK, leave_parallel_run
 
 START = 10.0  # seconds that a scheduler has to answer
 PATIENCE = 600.0  # seconds that a scheduler has to come back
@@ -30,10 +30,7 @@ _SETTINGS = {
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
-    "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": "1",
-    "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": "1",
-    # Signatures of forms depend on it: workers find each other's compiled forms.
-    "distributed.nanny.pre-spawn-environ.PYTHONHASHSEED": "6640",
+    **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ONE_RANK.items()},
 }
 
 

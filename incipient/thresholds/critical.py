@@ -21,7 +21,6 @@ from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
 from ..effects.known import EFFECTS
 from ..errors import IncipientError, SceneError
-from ..evaluation.contact_verdict import mass_and_inertia
 from ..interrupt import told_where_kept
 from ..parallel import Comm
 from ..planning.flow_setup import Setup
@@ -29,6 +28,7 @@ from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..results.si import in_si
 from ..scene import Scene
+from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.beside import Beside

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import IN_STREAM
 from scipy.special import kve
 
 import incipient
@@ -33,19 +34,9 @@ COUPLE_ON_BED = -0.1787733
 UNIFORM = {2: (6577, 1.8e-4), 3: (9550, 1.1e-4)}
 QUIET = {"error_bars": False}
 POCKET = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}
-STREAM = """
-[domain]
-length = 8
-height = 4
-[fluid]
-reynolds = 20
-scale = "grain"
-[flow]
-kind = "uniform"
-[body]
-shape = "disc"
-diameter = 1
-centre = [3.0, 2.0]
+STREAM = (
+    IN_STREAM
+    + """
 [time]
 end = 0.8
 step = 0.1
@@ -56,6 +47,7 @@ fields = false
 mesh_size = 2.0
 error_bars = false
 """
+)
 # The walls are 17 widths of the layer that the disc's turning to and fro carries along away.
 TURNED = """
 [domain]
@@ -105,10 +97,7 @@ def on_bed(**numerics: Any) -> Scene:
 
 def in_pocket(gravity: float, **numerics: Any) -> Scene:
     """A disc between two half-discs; its safety factor is 0.581 times gravity."""
-    scene = changed(
-        grain_on_bed(), numerics={**QUIET, **numerics}, gravity={"acceleration": gravity}
-    )
-    return Scene(**{**scene.model_dump(), "bed": POCKET})
+    return changed(on_bed(**numerics), gravity={"acceleration": gravity}, bed=POCKET)
 
 
 def in_small_pocket(gravity: float, **numerics: Any) -> Scene:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from images import assert_is_a_picture
+from scenes import POCKET
 
 import incipient.judging.case as cases
 from incipient.contact import Contacts, Load, safety_factor
@@ -29,7 +30,6 @@ from incipient.pictures.verdict import critical_sentence, draw_judgement, draw_t
 from incipient.scene import load, save
 
 DEMOS = Path(__file__).parents[2] / "demos"
-POCKET = ["bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0"]
 FLOW, COUPLE, WEIGHT = (
     np.array([1.0, 0.5, 0.0]),
     np.array([0.0, 0.0, -0.15]),

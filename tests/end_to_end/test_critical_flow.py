@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import POCKET, on_bed
 
 import incipient
 from incipient.accuracy.coarse_runs import farther
@@ -16,17 +17,15 @@ from incipient.evaluation.contact_verdict import load_of
 from incipient.output.critical_flow import write_threshold
 from incipient.pictures.record import parsed_json
 from incipient.scene import loads
-from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
 from incipient.thresholds.critical import find_threshold
 from incipient.thresholds.outcome import Threshold
 
-SHAPE = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
-POCKET = (*SHAPE, "numerics.mesh_size=2.0")
+COARSE_POCKET = (*POCKET, "numerics.mesh_size=2.0")
 SMALL = ("domain.length=12.0", "domain.height=6.0", "body.x=4.0")
 ALONE = "numerics.error_bars=false"
-STOKES = (*POCKET, "fluid.inertia=false")
+STOKES = (*COARSE_POCKET, "fluid.inertia=false")
 # Threshold of the pocket, not corrected, in the middle of 160 x 100 with the default cells: 2.94331, 2.94733, 2.94935,
 # 2.95036 and 2.95086 with gaps of 0.002, 0.001, ... 0.000125, 2.9514 without; larger domains add 0.0015 (108 x 67.5:
 # 2.94209, 240 x 150: 2.94403 with the gap of 0.002).
@@ -57,10 +56,6 @@ error_bars = false
 """
 
 
-def on_bed(*overrides: str) -> incipient.Scene:
-    return loads(commented(grain_on_bed()), overrides=overrides)
-
-
 def threshold_of(scene: incipient.Scene) -> Threshold:
     return find_threshold(scene, MPI.COMM_SELF)
 
@@ -87,11 +82,11 @@ def assert_moves_from(scene: incipient.Scene, threshold: Threshold, sides: float
 
 @pytest.fixture(scope="module")
 def in_pocket() -> Threshold:
-    return threshold_of(on_bed(*POCKET, *SMALL, ALONE))
+    return threshold_of(on_bed(*COARSE_POCKET, *SMALL, ALONE))
 
 
 def test_inertial_threshold_is_where_the_safety_factor_is_one(in_pocket: Threshold) -> None:
-    assert margin(on_bed(*POCKET, *SMALL), in_pocket.factor) == pytest.approx(1.0, abs=2e-5)
+    assert margin(on_bed(*COARSE_POCKET, *SMALL), in_pocket.factor) == pytest.approx(1.0, abs=2e-5)
     assert in_pocket.mode == "pivoting"
     assert 2 <= len(in_pocket.trials) <= 5
 
@@ -116,7 +111,9 @@ def shields(shift: float = 0.0, spacing: float = 1.2, *overrides: str) -> float:
     """Critical Shields number of the grain in a pocket; grain and bed are shifted along the channel together."""
     x = 16.0 + shift
     places = (f"body.x={x}", f"bed.spacing={spacing}", f"bed.offset={x - spacing / 2}")
-    return threshold_of(on_bed(*POCKET, "numerics.order=2", ALONE, *places, *overrides)).shields
+    return threshold_of(
+        on_bed(*COARSE_POCKET, "numerics.order=2", ALONE, *places, *overrides)
+    ).shields
 
 
 @pytest.mark.parametrize(
@@ -198,7 +195,7 @@ COARSE_300 = ("fluid.reynolds=300.0", "numerics.mesh_size=3.0", "numerics.order=
 
 def test_a_threshold_at_a_high_reynolds_number() -> None:
     """Where a run from rest may find no steady flow: checked by going up in small steps."""
-    scene = on_bed(*POCKET, *SMALL, ALONE, *COARSE_300)
+    scene = on_bed(*COARSE_POCKET, *SMALL, ALONE, *COARSE_300)
     critical = threshold_of(scene).factor
     assert 2.0 < critical < 5.0
     *_, below, above = margins(
@@ -209,7 +206,9 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
 
 def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
     """The flows up to 8.12 times the scene's give 8.3; that flow is found from one of its own order, not of two."""
-    found = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "body.diameter=0.6", "fluid.reynolds=200"))
+    found = threshold_of(
+        on_bed(*COARSE_POCKET, *SMALL, ALONE, "body.diameter=0.6", "fluid.reynolds=200")
+    )
     assert found.is_critical and not found.unsolved
     assert found.factor == pytest.approx(8.3, rel=0.01)
     assert found.trials[-1].safety_factor == pytest.approx(1.0, abs=3e-3)
@@ -238,7 +237,9 @@ def test_without_inertia_none_is_proved() -> None:
 
 @pytest.mark.slow
 def test_none_is_said_as_far_as_was_looked() -> None:
-    threshold = threshold_of(on_bed(*POCKET, *SMALL, ALONE, WEDGED, "numerics.mesh_size=3.0"))
+    threshold = threshold_of(
+        on_bed(*COARSE_POCKET, *SMALL, ALONE, WEDGED, "numerics.mesh_size=3.0")
+    )
     assert not threshold.is_critical and np.isfinite(threshold.held_to)
     assert f"none up to {threshold.held_to:.3g} times the flow" in threshold.text()
 
@@ -251,7 +252,7 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     )
     assert kept[0].factor == coarse.factor and "was stopped" in kept[0].text()
     assert coarse.bars is not None and set(coarse.bars.terms) == {"discretisation", "gap", "domain"}
-    plain = (*SHAPE, "fluid.inertia=false", ALONE)
+    plain = (*POCKET, "fluid.inertia=false", ALONE)
     others = {
         "discretisation": on_bed(*plain, "numerics.mesh_size=1.0", "numerics.order=3"),
         "gap": on_bed(*plain, "numerics.mesh_size=2.0", "contact.gap=0.000625"),
@@ -280,7 +281,7 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
 def test_error_bars_cover_the_datum(datum: str) -> None:
     """By the effective height of the bed it goes to CONVERGED, where others go slowly (docs/contribute/defaults.md)."""
     far = ("domain.length=32.0", "domain.height=20.0", "contact.gap=0.002", f"flow.datum={datum}")
-    bars = threshold_of(on_bed(*POCKET, *far)).bars
+    bars = threshold_of(on_bed(*COARSE_POCKET, *far)).bars
     assert bars is not None and bars.low < CONVERGED < bars.high
     off = abs(bars.factor - CONVERGED)
     assert (off < 0.03) if datum == "auto" else (bars.terms["datum"] > 0.5 * off > 0.04)
@@ -311,17 +312,17 @@ def assert_told(threshold: Threshold, directory: Path) -> None:
 
 def test_accuracy_is_honoured() -> None:
     """The error of the critical flow asked for, against a mesh that is much finer."""
-    asked = threshold_of(on_bed(*SHAPE, *SMALL, ALONE, "numerics.accuracy=0.003"))
+    asked = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "numerics.accuracy=0.003"))
     assert asked.adaptation is not None and asked.adaptation.met
     assert asked.adaptation.of == "critical flow" and len(asked.adaptation.trials) > 1
-    fine = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "numerics.order=3"))
+    fine = threshold_of(on_bed(*COARSE_POCKET, *SMALL, ALONE, "numerics.order=3"))
     assert abs(asked.factor / fine.factor - 1.0) < 0.003
     assert "error of the critical flow" in asked.text()
 
 
 def test_the_time_budget_is_honoured() -> None:
     budget = ("numerics.accuracy=0.0001", "numerics.budget_seconds=0.1")
-    threshold = threshold_of(on_bed(*SHAPE, *SMALL, ALONE, *budget))
+    threshold = threshold_of(on_bed(*POCKET, *SMALL, ALONE, *budget))
     assert threshold.is_critical and threshold.adaptation is not None
     assert not threshold.adaptation.met and "numerics.budget_seconds" in threshold.adaptation.reason
     assert len(threshold.adaptation.trials) == 1

@@ -10,9 +10,9 @@ import pytest
 import incipient
 from incipient.cli import main
 from incipient.errors import OutputError
-from incipient.evaluation.contact_verdict import mass_and_inertia
 from incipient.files import MARK
 from incipient.judging.case import Case, judge_case
+from incipient.scene.mass import mass_and_inertia
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "demos" / "cases"

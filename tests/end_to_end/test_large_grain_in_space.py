@@ -2,14 +2,12 @@
 
 import textwrap
 
-import dolfinx
 import numpy as np
 import pytest
-import ufl
 from mpi4py import MPI
+from turbulent import balance
 
 import incipient
-from incipient import compat
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
@@ -52,24 +50,6 @@ def stone(mesh_size=7.0, **changes):
         "output": Output(fields=False),
     }
     return Scene(**{**sections, **changes})
-
-
-def integral(domain, integrand):
-    return domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand)), op=MPI.SUM)
-
-
-def balance(fluid, walls):
-    """What walls bear along the stream, and what the stream loses on its way through what is meshed of a channel."""
-    domain = fluid.domain
-    v, _ = ufl.split(fluid.state)
-    reaction = fluid.residual()[fluid.space.velocity_map[:: domain.gdim]].sum()
-    carried = integral(domain, ufl.dot(ufl.grad(v), v)[0] * fluid.quadrature())
-    n = ufl.FacetNormal(domain.mesh)
-    turned = ufl.dot(ufl.grad(v).T, n)[0] - ufl.div(v) * n[0]
-    leaving = integral(domain, fluid.viscosity * turned * domain.measure("outflow"))
-    x = ufl.as_vector([1.0, *[0.0] * (domain.gdim - 1)])
-    borne = [integral(domain, fluid.walls.power(fluid.state, x, name)) for name in walls]
-    return borne, reaction - carried + leaving
 
 
 def test_what_grain_and_walls_bear_is_what_the_stream_loses():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.special import k0, k1
-from turbulent import column, ends_on_ranks, resumed_and_whole
+from turbulent import changes_by_new_meshes, ends_on_ranks, resumed_and_whole
 
 import incipient
 from incipient.planning.developed_channel import developed
@@ -96,22 +96,14 @@ def test_moving_sand_on_two_ranks(mpirun, tmp_path):
 @pytest.mark.slow
 def test_new_meshes_leave_the_load_as_it_is(tmp_path):
     """Several meshes in twenty steps, or one: loads and velocities change by less than meshes err, as of a stone."""
-    ends = []
-    for below, finer in ((0.05, 1.0), (0.95, 1.0), (0.05, 0.5**0.5)):
-        directory = tmp_path / f"{below} {finer}"
-        size = {"mesh_size": 2.0 * finer}
+
+    def run(many, finer, directory):
+        below, size = 0.95 if many else 0.05, {"mesh_size": 2.0 * finer}
         scene = moving(1.0, 0.05, "steady", below, motion="free", density=0.5, **size)
         incipient.run(scene, directory)
-        names = ("velocity_x", "velocity_y", "force_x", "force_y", "meshes")
-        ends.append([column(directory, name)[2:] for name in names])
-    (*one, _), (*many, meshes), (*fine, _) = np.array(ends)
-    assert meshes[-1] > 3
-    for both in (slice(0, 2), slice(2, 4)):
-        changed, wrong = (
-            np.abs(np.subtract(these[both], one[both])).max() for these in (many, fine)
-        )
-        print(meshes[-1], changed, 2.0 * wrong)
-        assert changed < 2.0 * wrong
+
+    changed, wrong, meshes = changes_by_new_meshes(tmp_path, run, 2)
+    assert meshes > 3 and (changed < 2.0 * wrong).all()
 
 
 def of_disc(q):

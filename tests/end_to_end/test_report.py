@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenes import POCKET
 
 import incipient
 import incipient.sweep
@@ -32,7 +33,6 @@ SMALL = (
     "numerics.mesh_size=4.0",
     "numerics.order=2",
 )
-POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 LOADING = {"src", "href", "srcset", "data", "poster", "action", "xlink:href"}
 CHROMIUM = shutil.which("chromium")
 # Run in the page when it has been loaded; what it finds is told to the frame around it, which is as wide as a

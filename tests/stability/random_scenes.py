@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import signal
 import tomllib
 from collections.abc import Iterator
@@ -19,10 +20,12 @@ from kinds import BEDS, FLOWS, GRAINS, SOLIDS, TERRAINS, resting
 from incipient.errors import IncipientError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
+from incipient.scene.section import is_number
 
 HANGING = (
     60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
 )
+NOWHERE = Path(os.devnull).parent  # a directory without scenes
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 
 FACTORS = (
@@ -191,7 +194,7 @@ def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
         case 0 | 1:
             holder[key] = copy.deepcopy(random.choice(NASTY))
         case 2 | 3 | 4:
-            numbers = [place for place in places if _is_number(place[0][place[1]])]
+            numbers = [place for place in places if is_number(place[0][place[1]])]
             if numbers:
                 holder, key = random.choice(numbers)
                 holder[key] = _times(holder[key], random.choice(FACTORS))
@@ -234,10 +237,6 @@ def _places(node: Any) -> Iterator[tuple[Any, Any]]:
 def _times(number: float, factor: float) -> float:
     """The product, infinite where whole numbers are too large for it."""
     return number * factor if abs(number) < 1e300 else math.inf
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _spoilt(random: Random, text: str) -> str:

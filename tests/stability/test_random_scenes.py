@@ -1,19 +1,16 @@
 """Scene files at random: each is planned, meshed or run, or refused in one line; none hangs, none gives no number."""
 
-import os
 from collections import Counter
-from pathlib import Path
 from random import Random
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_scenes import fate, odd_scene_text, scene_text
+from random_scenes import NOWHERE, fate, odd_scene_text, scene_text
 
 USUAL = settings(
     derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck)
 )
-NOWHERE = Path(os.devnull).parent
 
 
 def test_scene_files_are_planned_or_refused_in_one_line() -> None:

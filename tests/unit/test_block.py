@@ -24,7 +24,7 @@ from incipient.fluid import (
     solve_steady,
 )
 from incipient.fluid.conditions import Friction
-from incipient.fluid.projection import restore_incompressibility
+from incipient.fluid.projection import Projection
 from incipient.fluid.space import boundary_blocks
 from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
@@ -148,7 +148,8 @@ def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
             x = fluid.constraints.points
             bump = np.prod(x * (1 - x), axis=1)
             fluid.state.x.array[fluid.space.velocity_map.reshape(-1, 3)[:, 0]] = bump
-            restore_incompressibility(fluid)
+            with Projection(fluid) as projection:
+                projection.apply()
             found.append(fluid.velocity.x.array.copy())
     assert found[1] == pytest.approx(found[0], abs=1e-9)
 

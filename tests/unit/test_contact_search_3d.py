@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from every_shape import TETRAHEDRON
 
 from incipient.contact import touching
 from incipient.errors import SceneError
@@ -23,7 +24,6 @@ from incipient.geometry import (
 from incipient.geometry.placement import product, rotation_by
 
 TOLERANCE = 1e-6
-TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
 PYRAMID = Polyhedron([(0, 0, 0), (0.5, 0.5, 1), (-0.5, 0.5, 1), (0.5, -0.5, 1), (-0.5, -0.5, 1)])
 UP = np.array([0.0, 0.0, 1.0])
 

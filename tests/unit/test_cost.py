@@ -14,30 +14,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scenes import TANK
+from scenes import on_bed as scene
 
 from incipient.accuracy import next_mesh
 from incipient.accuracy.first_mesh import first_mesh, planned
 from incipient.cost import frontier, measurement, quantities
 from incipient.cost.ladder import RATIO, Rung, ladder, own_rung
 from incipient.cost.measurement import MeasuredRun
-from incipient.cost.process import environment_of_one_rank
 from incipient.cost.quantities import Quantity
 from incipient.cost.study import Study, run_ladder
 from incipient.effects.plan import make_plan
 from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.parallel import environment_alone
 from incipient.pictures.charts.cost import draw
 from incipient.scene import Scene, load, loads
-from incipient.scene.example import commented, grain_on_bed
 
 DEMOS = Path(__file__).parents[2] / "demos/scenes"
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 QUIET = "numerics.error_bars=false"
 EXACT = {"force_x": 3.0, "force_y": 4.0, "torque_z": 0.5, "safety_factor": 1.5}
 SAME = {"force": Quantity({"force_x": 3.0, "force_y": 4.0}, 5.0)}
-
-
-def scene(*overrides: str) -> Scene:
-    return loads(commented(grain_on_bed()), overrides=overrides)
 
 
 class Runner:
@@ -381,8 +377,8 @@ def test_a_process_that_fails_says_why(
 def test_a_run_takes_no_part_in_a_parallel_one(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "SLURM_JOB_ID"):
         monkeypatch.setenv(name, "2")
-    found = environment_of_one_rank()
-    assert found["OMP_NUM_THREADS"] == "1" and found["PATH"] == os.environ["PATH"]
+    found = environment_alone()
+    assert found["PATH"] == os.environ["PATH"]
     assert not any(name.startswith(("OMPI_COMM", "PMIX", "SLURM")) for name in found)
 
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import CARRIED
+from scenes import CARRIED, IN_STREAM, SETTLED
+from scenes import on_bed as example
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, coarse, comparisons, farther
@@ -41,26 +42,12 @@ from incipient.results.errorbars import Correction, Loads, Term
 from incipient.results.loads import Couples, Forces
 from incipient.results.wall_report import WallReport
 from incipient.scene import Scene, Time, load, loads
-from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
+from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of, solved
 from incipient.simulation.state import Accounts
 from incipient.thresholds.critical import find_threshold
 
-IN_STREAM = """
-[domain]
-length = 8.0
-height = 4.0
-[fluid]
-reynolds = 20.0
-scale = "grain"
-[flow]
-kind = "uniform"
-[body]
-shape = "disc"
-diameter = 1.0
-centre = [3.0, 2.0]
-"""
 # A light disc that rises in still fluid at Re 1000; its boundary layer is 0.02 thick at the end.
 RISING = """
 [domain]
@@ -214,7 +201,7 @@ def test_a_stream_without_a_bed_is_endless_downwards_too() -> None:
 @pytest.mark.parametrize("flow", ["poiseuille", "open-channel"])
 def test_height_of_a_channel_is_no_error(flow: str) -> None:
     """Where the domain is the channel itself only inflow and outflow are moved away."""
-    channel = loads(commented(grain_on_bed()), overrides=(f"flow={{kind='{flow}', velocity=2.0}}",))
+    channel = example(f"flow={{kind='{flow}', velocity=2.0}}")
     larger = farther(channel)
     assert larger.domain.height == channel.domain.height
     assert larger.domain.left < channel.domain.left and larger.domain.right > channel.domain.right
@@ -396,9 +383,7 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ConvergenceError("no steady flow found")
 
     monkeypatch.setattr("incipient.accuracy.finish.loads_of", fail)
-    scene = loads(
-        commented(grain_on_bed()), overrides=("numerics.mesh_size=2", "output.fields=false")
-    )
+    scene = example("numerics.mesh_size=2", "output.fields=false")
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
@@ -596,33 +581,6 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
 
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
-POCKET = """
-[domain]
-length = 16.0
-height = 10.0
-[fluid]
-reynolds = 20.0
-scale = "grain"
-[flow]
-kind = "shear"
-[body]
-shape = "disc"
-diameter = 1.0
-x = 7.6
-settle = true
-density = 2.65
-[gravity]
-acceleration = 10.0
-[contact]
-friction = 0.5
-[bed]
-kind = "half-discs"
-radius = 0.5
-spacing = 1.2
-offset = 1.0
-[output]
-fields = false
-"""
 
 
 def term(force: Any, couple: Any = ZERO) -> Term:
@@ -762,7 +720,7 @@ def test_what_has_not_shown_what_it_is_worth_is_not_corrected() -> None:
 
 def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     """The verdict and the coefficients are those of the corrected load; without corrections all is as computed."""
-    scene = loads(POCKET, overrides=("numerics.mesh_size=2",))
+    scene = example(*SETTLED, "output.fields=false", "numerics.mesh_size=2")
     found = incipient.run(scene, tmp_path, MPI.COMM_SELF, overwrite=True)
     plain = incipient.run(changed(scene, numerics={"correction": False}), comm=MPI.COMM_SELF)
     assert found.force is not None and plain.force is not None and found.couple is not None
@@ -802,7 +760,7 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_threshold_is_of_the_corrected_load() -> None:
     """The tutorial's pocket, 2.953 without gap in a large domain (`CONVERGED` of end_to_end/test_critical_flow.py)."""
-    found = find_threshold(loads(POCKET), MPI.COMM_SELF)
+    found = find_threshold(example(*SETTLED, "output.fields=false"), MPI.COMM_SELF)
     assert found.bars is not None and found.computed is not None
     assert found.bars.error < 0.04 and found.computed < 2.88
     assert abs(found.factor - 2.953) < found.bars.error

@@ -7,10 +7,10 @@ import pytest
 from scenes import scene
 
 from incipient.effects.plan import make_plan
-from incipient.evaluation.contact_verdict import mass_and_inertia
 from incipient.planning.body import rigid_body
 from incipient.planning.flow_setup import Setup
 from incipient.scene import Contact, Disc, Gravity, Time
+from incipient.scene.mass import mass_and_inertia
 
 AREA, MASS = math.pi / 4, 2.0
 WEIGHED = [{"density": MASS / AREA}, {"mass": MASS}]

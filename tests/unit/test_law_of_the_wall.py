@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from one_dimensional import law_of_the_wall
-from turbulent import channel, grain
+from turbulent import channel, entering_of, grain
 
 from incipient import make_plan
 from incipient.effects.turbulence.limits import grain_number, slowest
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
-from incipient.planning.wall_conditions import entering
 from incipient.planning.wall_law import WallLaw
 from incipient.scene import (
     Disc,
@@ -21,11 +20,6 @@ from incipient.scene import (
 )
 
 MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
-
-
-def entering_of(scene):
-    setup = Setup(scene)
-    return entering(setup.walls, setup.turbulence)
 
 
 def test_u_star_by_a_measured_profile_is_that_of_the_row_next_to_the_wall():

@@ -12,7 +12,7 @@ import pytest
 import ufl
 from domains import spoilt, square_in_box, square_outline, square_without_a_name, unit_box
 from mpi4py import MPI
-from test_modelling import POCKET
+from scenes import SETTLED, on_bed
 
 from incipient import compat
 from incipient.effects.plan import make_plan
@@ -29,7 +29,6 @@ from incipient.meshes.session import session
 from incipient.meshes.simplices import Simplices
 from incipient.planning import meshing
 from incipient.planning.flow_setup import Setup
-from incipient.scene import loads
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
@@ -241,7 +240,8 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
 
     With spacing 1.02 the force on the grain, 1.07417, is the same on cells half as large.
     """
-    scene = loads(POCKET, overrides=[f"bed.spacing={spacing}", f"numerics.order={order}", *more])
+    chosen = ("numerics.accuracy=0.01", f"bed.spacing={spacing}", f"numerics.order={order}")
+    scene = on_bed(*SETTLED, *chosen, *more)
     mesh = meshing.lay_out(Setup(scene), make_plan(scene)).mesh()
     nodes = mesh.points[np.unique(mesh.sides["bed"])]
     assert MeshMotion(build(MPI.COMM_SELF, lambda: mesh)).quality().worst > 0.0

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from turbulent import channel, grain
+from turbulent import channel, entering_of, grain
 
 from incipient import make_plan
 from incipient.fluid.conditions import Friction
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshing import lay_out
-from incipient.planning.wall_conditions import conditions, entering
+from incipient.planning.wall_conditions import conditions
 from incipient.scene import (
     Domain,
     Fluid,
@@ -21,11 +21,6 @@ from incipient.scene import (
     Sphere,
     Turbulence,
 )
-
-
-def entering_of(scene):
-    setup = Setup(scene)
-    return entering(setup.walls, setup.turbulence)
 
 
 def test_the_mesh_ends_where_the_law_of_the_wall_begins():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import SETTLED, on_bed
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, coarse, farther
@@ -28,35 +29,7 @@ from incipient.simulation.recorder import Recorder
 from incipient.simulation.simulate import loads_of
 from incipient.thresholds.meshes import to_accuracy
 
-POCKET = """
-[domain]
-length = 16.0
-height = 10.0
-[fluid]
-reynolds = 20.0
-scale = "grain"
-[flow]
-kind = "shear"
-rate = 1.0
-[body]
-shape = "disc"
-diameter = 1.0
-x = 7.6
-settle = true
-density = 2.65
-[gravity]
-acceleration = 10.0
-[contact]
-friction = 0.5
-[bed]
-kind = "half-discs"
-radius = 0.5
-spacing = 1.2
-offset = 1.0
-[numerics]
-accuracy = 0.01
-accuracy_includes = "all"
-"""
+ALL = 'numerics.accuracy_includes="all"'
 NARROW = {"length": 8.0, "height": 4.0}
 
 
@@ -228,7 +201,7 @@ def test_an_error_of_the_domain_that_falls_is_brought_below_the_accuracy(power: 
 @pytest.mark.slow
 def test_over_half_discs_the_search_ends() -> None:
     """A stream from the crests takes a very long way to adapt to the bed, which the datum's error knows of."""
-    scene = loads(POCKET)
+    scene = on_bed(*SETTLED, "numerics.accuracy=0.01", ALL)
     solve = KeptRuns({}, lambda: "", solved)
 
     def sought(one: Scene) -> tuple[Suited, np.ndarray]:
@@ -268,15 +241,12 @@ def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
 def test_an_error_that_is_not_estimated_is_not_reached() -> None:
     """A bed of points is known only as far as they reach."""
     polyline = 'bed={kind="polyline", points=[[-1, 0], [30, 0]]}'
-    scene = loads(commented(grain_on_bed()), overrides=(polyline, "numerics.accuracy=0.01", ALL))
+    scene = on_bed(polyline, "numerics.accuracy=0.01", ALL)
     search = seeking(scene)
     search.suited = Suited(scene, (), 0.001)
     search.conclude(0.001)
     assert search.reason.startswith("not known to be reached: that of the domain is not estimated")
     assert not search.met
-
-
-ALL = 'numerics.accuracy_includes="all"'
 
 
 def test_a_budget_is_kept() -> None:
@@ -291,7 +261,7 @@ def test_a_budget_is_kept() -> None:
 
 def test_what_it_includes_needs_an_accuracy() -> None:
     with pytest.raises(SceneError, match=r"numerics\.accuracy_includes: .*add numerics\.accuracy"):
-        loads(commented(grain_on_bed()), overrides=(ALL,))
+        on_bed(ALL)
 
 
 def test_a_threshold_does_not_choose_gap_and_domain() -> None:
@@ -324,7 +294,7 @@ def test_all_errors_of_flow_in_time() -> None:
 
 def test_a_gap_is_not_closed_where_its_error_is_that_of_coarse_meshes() -> None:
     """A smaller gap whose error is no smaller is given up for the one before, and the search says so."""
-    wide = loads(POCKET)
+    wide = on_bed(*SETTLED, "numerics.accuracy=0.01", ALL)
     narrow = changed(wide, contact={"gap": 0.001})
     before, found = (
         Suited(scene, errors={"gap": error, "domain": 1e-4})

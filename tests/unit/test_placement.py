@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from every_shape import vectors
 from hypothesis import given, settings
-from solids_and_terrains import vectors
 
 from incipient.errors import SceneError
 from incipient.geometry import Placement

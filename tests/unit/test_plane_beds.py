@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from every_shape import BEDS, dense
 from scenes import CHANNEL, message, scene
 from scipy.spatial import cKDTree
 
@@ -16,23 +17,7 @@ from incipient.planning.flow_setup import Setup
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
 from incipient.scene.example import grain_in_pocket
 
-BEDS = {
-    "flat": Flat(0.2),
-    "wavy": SinusoidalBed(0.1, 1.0, 0.4, 0.2),
-    "steep wavy": SinusoidalBed(0.4, 0.7),
-    "touching half-discs": HalfDiscsBed(0.5, 1.0, 0.1, 0.2),
-    "spaced half-discs": HalfDiscsBed(0.2, 0.7),
-    "polyline": PolylineBed([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (1, 0), (6, 0.2)], 0.1),
-    "smooth curve": Curved(
-        [(-6, 0.2), (-2, 0.2), (-0.5, 0.3), (0.1, 0.6), (0.8, 0.1), (1.5, 0), (6, 0)], 0.1
-    ),
-}
 beds = pytest.mark.parametrize("bed", BEDS.values(), ids=BEDS.keys())
-
-
-def dense(curves, count=4001):
-    """Points all along a chain of curves."""
-    return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
 
 
 class TestBeds:

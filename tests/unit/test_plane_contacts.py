@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from every_shape import BEDS, GRAINS, dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,7 +13,6 @@ from incipient.contact import Contacts, Load, touching
 from incipient.coupled.enclosed import load_of
 from incipient.errors import SceneError
 from incipient.geometry import (
-    Curved,
     Disc,
     Discs,
     Ellipse,
@@ -32,34 +32,6 @@ from incipient.geometry.closest import NearBed
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.closing import closing
 from incipient.geometry.plane.curves import part
-
-GRAINS = {
-    "disc": Disc(1.2),
-    "ellipse, long side along x": Ellipse((0.7, 0.3)),
-    "ellipse, long side along y": Ellipse((0.2, 0.5)),
-    "sharp box": Rectangle(1.0, 0.6),
-    "rounded box": Rectangle(1.0, 0.6, 0.1),
-    "stadium": Rectangle(1.0, 0.6, 0.3),
-    "quadrilateral": Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
-    "clockwise arrow": Polygon([(0, 0), (-1, 2), (1, 0), (-1, -2)]),
-}
-BEDS = {
-    "flat": Flat(0.2),
-    "wavy": Sinusoidal(0.1, 1.0, 0.4, 0.2),
-    "steep wavy": Sinusoidal(0.4, 0.7),
-    "touching half-discs": HalfDiscs(0.5, 1.0, 0.1, 0.2),
-    "spaced half-discs": HalfDiscs(0.2, 0.7),
-    "polyline": Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (1, 0), (6, 0.2)], 0.1),
-    "smooth curve": Curved(
-        [(-6, 0.2), (-2, 0.2), (-0.5, 0.3), (0.1, 0.6), (0.8, 0.1), (1.5, 0), (6, 0)], 0.1
-    ),
-}
-
-
-def dense(curves, count=4001):
-    """Points all along a chain of curves."""
-    return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
-
 
 # Heights of centres at rest, by elementary geometry: triangles of centres, the support function of an ellipse, ...
 AT_REST = {

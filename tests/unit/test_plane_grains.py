@@ -3,13 +3,13 @@
 import pickle
 from itertools import pairwise
 
+import every_shape
 import numpy as np
 import pytest
 
 from incipient.errors import SceneError
 from incipient.geometry import (
     Arc,
-    Disc,
     Discs,
     Ellipse,
     Line,
@@ -22,14 +22,7 @@ from incipient.geometry import (
 )
 
 GRAINS = {
-    "disc": Disc(1.2),
-    "ellipse, long side along x": Ellipse((0.7, 0.3)),
-    "ellipse, long side along y": Ellipse((0.2, 0.5)),
-    "sharp box": Rectangle(1.0, 0.6),
-    "rounded box": Rectangle(1.0, 0.6, 0.1),
-    "stadium": Rectangle(1.0, 0.6, 0.3),
-    "quadrilateral": Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
-    "clockwise arrow": Polygon([(0, 0), (-1, 2), (1, 0), (-1, -2)]),
+    **every_shape.GRAINS,
     "superellipse": Superellipse((0.7, 0.3), 4.0),
     "rounder superellipse": Superellipse((0.5, 0.5), 2.5),
     "star": Star(0.5, (0.1, 0.2, 0.05), (0.0, 0.1)),

@@ -4,9 +4,9 @@ import functools
 
 import numpy as np
 import pytest
+from every_shape import SOLIDS, TERRAINS, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from solids_and_terrains import SOLIDS, TERRAINS, vectors
 
 from incipient.geometry import (
     Box,

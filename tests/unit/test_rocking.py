@@ -25,7 +25,6 @@ from incipient.evaluation.contact_verdict import (
     ROCKS,
     bar_with_rocking,
     find_contacts,
-    mass_and_inertia,
     may_rock,
     with_rocking,
 )
@@ -44,6 +43,7 @@ from incipient.geometry import (
 from incipient.planning.effects import Decision, EffectName
 from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, loads
+from incipient.scene.mass import mass_and_inertia
 
 HEIGHT, LENGTH = 0.05, 2.0  # of the sinusoidal bed, which is lowest at 1.5
 WAVE = 2.0 * math.pi / LENGTH

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import on_bed
 
 from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.goal import bar_of_safety
@@ -15,8 +16,6 @@ from incipient.evaluation.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, Term
 from incipient.results.loads import Couples, Forces
 from incipient.results.safetybar import SafetyBar
-from incipient.scene import loads
-from incipient.scene.example import commented, grain_on_bed
 
 ZERO = np.zeros(3)
 # A disc of weight one between two contacts at 45 degrees without friction is tipped over one of them by a horizontal
@@ -144,7 +143,7 @@ def term(doubt: str = "") -> Term:
 
 @pytest.mark.parametrize("doubt", ["", "for a reason"])
 def test_nothing_is_certain_in_doubt(doubt: str) -> None:
-    scene = loads(commented(grain_on_bed()), overrides=["contact.friction=5", "body.density=9"])
+    scene = on_bed("contact.friction=5", "body.density=9")
     run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
     force = Forces(
         np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0])

@@ -12,7 +12,7 @@ from incipient.accuracy.coarse_runs import farther
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.contact.verdict import judge
 from incipient.effects.plan import make_plan
-from incipient.evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
+from incipient.evaluation.contact_verdict import find_contacts, load_of
 from incipient.planning.flow_setup import Setup
 from incipient.results.loads import Couples, Forces
 from incipient.scene import (
@@ -46,6 +46,7 @@ from incipient.scene import (
 )
 from incipient.scene.effects import Effects
 from incipient.scene.file import dumps, load, loads, schema
+from incipient.scene.mass import mass_and_inertia
 from incipient.simulation.loads import weights
 
 TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))

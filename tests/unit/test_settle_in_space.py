@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from every_shape import TETRAHEDRON
 from settling import above, after_a_period, down, flaws
 
 from incipient.geometry import (
@@ -23,7 +24,6 @@ from incipient.geometry import (
 )
 from incipient.geometry.placement import rotation_by
 
-TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
 CUBE = Polyhedron([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
+from every_shape import POINTS, SOLIDS, TORUS, solids, vectors
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from solids_and_terrains import POINTS, SOLIDS, TORUS, solids, vectors
 
 from incipient.errors import SceneError
 from incipient.geometry import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from solids_and_terrains import terrains
+from every_shape import terrains
 
 from incipient.errors import SceneError
 from incipient.geometry import HeightMap, Sphere, SphereBed, rest

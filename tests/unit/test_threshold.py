@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import POCKET
+from scenes import on_bed as scene
 from scipy.optimize import brentq
 from turbulent import channel, grain
 
@@ -38,13 +40,8 @@ from incipient.thresholds.outcome import with_error
 from incipient.thresholds.path import LoadPath
 from incipient.thresholds.search import CriticalFlow, CriticalSearch, SolvedFlow
 
-POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.
 DRAG, PRESS = np.array([1.0, 0.5, 0, 0, 0, -0.15]), np.array([0.0, -1.0, 0, 0, 0, 0])
-
-
-def scene(*overrides: str):
-    return loads(commented(grain_on_bed()), overrides=overrides)
 
 
 class Pretended:

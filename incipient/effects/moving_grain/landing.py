@@ -16,13 +16,14 @@ from ...contact import Contacts
 from ...contact.safety import safety_factor
 from ...contact.verdict import judge
 from ...errors import IncipientError
-from ...evaluation.contact_verdict import load_of, mass_and_inertia, standing
+from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
 from ...geometry.plane.beds import Flat
 from ...geometry.space.beds import Plane
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
+from ...scene.mass import mass_and_inertia
 from ...scene.model import Contact
 from .bed_contact import REST
 

@@ -13,10 +13,10 @@ from petsc4py import PETSc
 from ... import compat
 from ...arrays import Floats, Integers
 from ...compat import petsc
-from ...errors import IncipientError
 from ...fluid import Fluid
 from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
+from ...parallel import Holder
 from .fields import TurbulenceFields
 from .linear import BlockByBlock
 
@@ -27,7 +27,7 @@ DEGREE_OF_DERIVATIVE = {2: 5, 3: 4}
 MOST_CHANGE = 1.0, 0.3
 
 
-class CoupledFlow:
+class CoupledFlow(Holder):
     """Flow and turbulence as one system of equations. Every method is collective.
 
     In pseudo-time each cell takes a step of its own, a Courant number times the time in which the flow passes it, by
@@ -39,9 +39,9 @@ class CoupledFlow:
     """
 
     def __init__(self, fluid: Fluid, turbulence: TurbulenceFields):
+        super().__init__(fluid.domain.comm)
         self._fluid, self._turbulence = fluid, turbulence
         self._scale = 1.0
-        self._held: list[Any] = []
         self._courant = dolfinx.fem.Function(
             compat.space(fluid.domain.mesh, ("Discontinuous Lagrange", 0))
         )
@@ -55,20 +55,20 @@ class CoupledFlow:
             [compat.form(self._derivative(form, own, state)) for state in states]
             for form, own in zip(forms, states, strict=True)
         ]
-        self._vectors = [self._holding(petsc.assemble_vector(one)) for one in self._residuals]
+        self._vectors = [self.holding(petsc.assemble_vector(one)) for one in self._residuals]
         self._blocks = [
-            [self._holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
+            [self.holding(petsc.create_matrix(one)) for one in row] for row in self._derivatives
         ]
         self._assemble_blocks()
-        self._nest = self._holding(PETSc.Mat().createNest(self._blocks, comm=fluid.domain.comm))
+        self._nest = self.holding(PETSc.Mat().createNest(self._blocks, comm=fluid.domain.comm))
         self._nest.assemble()
-        self._matrix = self._holding(PETSc.Mat())
-        self._solver = self._holding(
+        self._matrix = self.holding(PETSc.Mat())
+        self._solver = self.holding(
             self._factors() if fluid.domain.gdim == 2 else BlockByBlock(fluid, self._nest)
         )
         self._last: Floats | float = 0.0
         self._right, self._correction = (
-            self._holding(one) for one in self._solver.matrix.createVecs()
+            self.holding(one) for one in self._solver.matrix.createVecs()
         )
 
     def _factors(self) -> Direct:
@@ -189,23 +189,6 @@ class CoupledFlow:
         else:
             self._scale = self._solver.balance(tuple(self._vectors))
         self._solver.prepare()
-
-    def _holding(self, made: Any) -> Any:
-        self._held.append(made)
-        return made
-
-    def __enter__(self) -> CoupledFlow:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
-        if kind is None or issubclass(kind, IncipientError) or self._fluid.domain.comm.size == 1:
-            self.destroy()
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        while self._held:
-            self._held.pop().destroy()
 
 
 def relative_change(fluid: Fluid, change: Floats) -> float:

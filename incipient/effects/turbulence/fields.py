@@ -15,12 +15,13 @@ from petsc4py import PETSc
 
 from ... import compat
 from ...compat import petsc
-from ...errors import ConvergenceError, IncipientError
+from ...errors import ConvergenceError
 from ...fluid import Fluid
 from ...fluid.solvers.direct import Direct
 from ...fluid.space import cell_size
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
+from ...parallel import Holder
 
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
@@ -47,7 +48,7 @@ class TurbulenceConditions:
     distance: float = 0.0
 
 
-class TurbulenceFields(ABC):
+class TurbulenceFields(Holder, ABC):
     """The logarithms of k and of a second quantity in Lagrange elements of an order. Every method is collective.
 
     Each model of turbulence derives from it. Holds PETSc objects: use it as a context manager, or call `destroy`.
@@ -70,13 +71,13 @@ class TurbulenceFields(ABC):
     of_molecules: Any
 
     def __init__(self, domain: Domain, surroundings: TurbulenceConditions, order: int):
+        super().__init__(domain.comm)
         self.domain, self.surroundings, self.order = domain, surroundings, order
         self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
         self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
         self.rate = tuple(self.constant(0.0) for _ in range(3))
         self._given = dolfinx.fem.Function(self.space)
         self._conditions = self._at_inflow()
-        self._held: list[Any] = []
         self.state.interpolate(surroundings.values)
 
     @property
@@ -115,13 +116,13 @@ class TurbulenceFields(ABC):
         """u* of a layer of this k, for `FlowModel.shear_velocity`; None where walls have no law."""
         return None
 
-    def watch(self, fluid: Fluid) -> None:  # noqa: B027
+    def watch(self, fluid: Fluid) -> None:
         """Enter the flow, where the eddy viscosity depends on more than both quantities."""
 
-    def look(self) -> None:  # noqa: B027
+    def look(self) -> None:
         """Take note of the flow as it is, where the eddy viscosity depends on more than both quantities."""
 
-    def follow(self) -> None:  # noqa: B027
+    def follow(self) -> None:
         """Take note of where the mesh is, where the model depends on distances."""
 
     def at_walls(self, values: np.ndarray) -> np.ndarray:
@@ -211,11 +212,11 @@ class TurbulenceFields(ABC):
         self._jacobian = compat.form(
             ufl.derivative(self.form, self.state, ufl.TrialFunction(self.space))
         )
-        self._matrix = self._holding(petsc.create_matrix(self._jacobian))
-        self._vector = self._holding(petsc.assemble_vector(self._residual))
-        self._correction = self._holding(self._vector.duplicate())
-        self._view = self._holding(compat.vec_view(self.state))
-        return self._holding(Direct(self._matrix))
+        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
+        self._vector = self.holding(petsc.assemble_vector(self._residual))
+        self._correction = self.holding(self._vector.duplicate())
+        self._view = self.holding(compat.vec_view(self.state))
+        return self.holding(Direct(self._matrix))
 
     @property
     def _reach(self) -> Any:
@@ -310,7 +311,7 @@ class TurbulenceFields(ABC):
         )
         return float(np.sqrt(0.5 * total / count))
 
-    def prepare(self) -> None:  # noqa: B027
+    def prepare(self) -> None:
         """Make ready for a correction, where a model has data that depend on the state."""
 
     # -- its values -----------------------------------------------------------------------------------
@@ -319,20 +320,3 @@ class TurbulenceFields(ABC):
         """The largest size of values over all ranks; infinite if one is no number."""
         mine = float(np.abs(values).max(initial=0.0))
         return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))
-
-    def _holding(self, made: Any) -> Any:
-        self._held.append(made)
-        return made
-
-    def destroy(self) -> None:
-        """Free PETSc's memory."""
-        while self._held:
-            self._held.pop().destroy()
-
-    def __enter__(self) -> TurbulenceFields:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # Freeing is collective: after a defect of one rank it would wait for the others for ever.
-        if kind is None or issubclass(kind, IncipientError) or self.domain.comm.size == 1:
-            self.destroy()

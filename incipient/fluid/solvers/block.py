@@ -14,8 +14,8 @@ from .equations import Equations
 from .multigrid import Components
 from .options import defaults
 from .schur import schur_complement
+from .solver import LinearSolver, LinearStatistics
 from .split import Split
-from .statistics import LinearStatistics
 
 PREFIX = "fluid_"
 # Steady; in time, where a shorter step does more than further iterations; and with a varying viscosity, where a
@@ -31,7 +31,7 @@ USELESS = 4.0
 ROUGH, ROUGH_IN_TIME, ROUGH_IF_VARYING = 1e-3, 3e-2, 1e-2
 
 
-class Block:
+class Block(LinearSolver):
     """Solves A x = b, A = [[F, B^T], [B, 0]], by GMRES with a block triangle as preconditioner.
 
     One application is z_p = -S^-1 r_p, z_v = F^-1 (r_v - B^T z_p), with one multigrid cycle a component for F
@@ -86,16 +86,6 @@ class Block:
         self._preconditioner.assemble()
         self.statistics.factorisations += 1
         self._state, self._usual = self.matrix.stateGet(), np.inf
-
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
-        """Solve A x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
-        if fresh:
-            self.prepare()
-        self._solve(b, x, rtol, transposed=False)
-
-    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
-        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
-        self._solve(b, x, rtol, transposed=True)
 
     def approximate(self, b: Any, x: Any) -> None:
         """Solve A x = b with the matrix as it is, as well as one of several corrections can use. Collective."""

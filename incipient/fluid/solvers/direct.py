@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
 from .equations import Equations
-from .statistics import LinearStatistics
+from .solver import LinearSolver, LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
 # percent, and how rows and columns are scaled (MUMPS's ICNTL(8)), at first and when that was not enough. At first MUMPS
@@ -39,7 +39,7 @@ def fits(matrix: Any, part: float = 1.0) -> bool:
     return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 
 
-class Direct:
+class Direct(LinearSolver):
     """Solves A x = b by the LU factors of A, or by GMRES preconditioned with those of an earlier, similar A.
 
     Factors serve until more than `patience` iterations are needed; for the matrix that they are of, one
@@ -72,21 +72,6 @@ class Direct:
             preconditioner.getFactorMatrix().setMumpsIcntl(8, scaling)
         solver.setFromOptions()
         return solver
-
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
-        """Solve A x = b to a residual of `rtol` times b. Collective.
-
-        Raises:
-            UnsolvedError: the matrix is singular or not finite, or GMRES did not converge with new factors.
-            ConvergenceError: the factorisation failed for another reason, also with more workspace.
-        """
-        if fresh:
-            self._factorise()
-        self._solve(b, x, rtol, transposed=False)
-
-    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
-        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError as `solve` does."""
-        self._solve(b, x, rtol, transposed=True)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
         if self._aged and not self._exact:

@@ -16,7 +16,7 @@ from ..action import PressureForce
 from .equations import Equations
 from .multigrid import Components, component_rows
 from .schur import ScaledMass
-from .statistics import LinearStatistics
+from .solver import LinearSolver, LinearStatistics
 
 # One cycle: so many steps of smoothing, in creeping flow and where something convects, then the coarse system solved to
 # this residual.
@@ -32,7 +32,7 @@ ROUGH, CONVECTED_ROUGH = 0.05, 0.02
 UPWINDED = 0.15
 
 
-class TwoLevel:
+class TwoLevel(LinearSolver):
     """Solves A x = b for a flow in elements of a higher order than k, which is solved in order k on the same mesh.
 
     Without a matrix: A is known by its action alone. Steps of a minimal residual, whose direction is in turn that of a
@@ -93,16 +93,6 @@ class TwoLevel:
         free = np.setdiff1d(self._velocity.rows.ravel(), np.flatnonzero(self._held))
         weights[free] = np.abs(self._velocity.diagonal()[free])
         self._scale = 1.0 / weights
-
-    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
-        """Solve A x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
-        if fresh:
-            self.prepare()
-        self._solve(b, x, rtol, transposed=False)
-
-    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
-        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
-        self._solve(b, x, rtol, transposed=True)
 
     def approximate(self, b: Any, x: Any) -> None:
         """Solve A x = b as well as an estimate of an error needs. Collective. Raises ConvergenceError."""

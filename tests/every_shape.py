@@ -1,4 +1,4 @@
-"""Grains and beds in space of every kind, for tests that hold for all of them."""
+"""Grains and beds of every kind, in the plane and in space, for tests that hold for all of them."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,20 @@ from hypothesis import strategies as st
 
 from incipient.geometry import (
     Box,
+    Curved,
+    Disc,
+    Ellipse,
     Ellipsoid,
+    Flat,
+    HalfDiscs,
     HeightMap,
     Plane,
+    Polygon,
     Polyhedron,
+    Polyline,
+    Rectangle,
     Ridges,
+    Sinusoidal,
     Sphere,
     SphereBed,
     Spheres,
@@ -19,10 +28,31 @@ from incipient.geometry import (
     Triangulated,
 )
 
+TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
 TORUS = trimesh.creation.torus(0.5, 0.2, 16, 12)
 POINTS = np.random.default_rng(5).normal(size=(14, 3)) * [0.5, 0.4, 0.3]
 
-
+GRAINS = {
+    "disc": Disc(1.2),
+    "ellipse, long side along x": Ellipse((0.7, 0.3)),
+    "ellipse, long side along y": Ellipse((0.2, 0.5)),
+    "sharp box": Rectangle(1.0, 0.6),
+    "rounded box": Rectangle(1.0, 0.6, 0.1),
+    "stadium": Rectangle(1.0, 0.6, 0.3),
+    "quadrilateral": Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
+    "clockwise arrow": Polygon([(0, 0), (-1, 2), (1, 0), (-1, -2)]),
+}
+BEDS = {
+    "flat": Flat(0.2),
+    "wavy": Sinusoidal(0.1, 1.0, 0.4, 0.2),
+    "steep wavy": Sinusoidal(0.4, 0.7),
+    "touching half-discs": HalfDiscs(0.5, 1.0, 0.1, 0.2),
+    "spaced half-discs": HalfDiscs(0.2, 0.7),
+    "polyline": Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (1, 0), (6, 0.2)], 0.1),
+    "smooth curve": Curved(
+        [(-6, 0.2), (-2, 0.2), (-0.5, 0.3), (0.1, 0.6), (0.8, 0.1), (1.5, 0), (6, 0)], 0.1
+    ),
+}
 SOLIDS = {
     "sphere": Sphere(1.2),
     "ellipsoid": Ellipsoid((0.7, 0.4, 0.3)),
@@ -51,3 +81,8 @@ TERRAINS = {
 solids = pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
 terrains = pytest.mark.parametrize("bed", TERRAINS.values(), ids=TERRAINS.keys())
 vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
+
+
+def dense(curves, count=4001):
+    """Points all along a chain of curves."""
+    return np.vstack([curve.point(np.linspace(0.0, 1.0, count)) for curve in curves])
