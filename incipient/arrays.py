@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-Point = tuple[float, float]  # in the plane
+Point = tuple[float, float]  # in 2-D
 
 # Beyond these sizes products of a few numbers leave what a computer can represent.
 LARGEST, SMALLEST = 1e30, 1e-30

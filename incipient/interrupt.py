@@ -150,7 +150,7 @@ def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
     Not collective.
 
     Raises:
-        Interrupted: in place of a KeyboardInterrupt.
+        Interrupted: instead of a KeyboardInterrupt.
     """
     try:
         yield

@@ -146,7 +146,7 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
     def pocket(computed: Loads, solve: Solve) -> Term:
         assert run.probe is not None and run.probe.enclosed is not None
         force, couple = run.probe.enclosed.unknown(run.probe.about)
-        how = "between contacts the pressure upstream or downstream of them, in place of the mean"
+        how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * couple, how)
 
     by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))

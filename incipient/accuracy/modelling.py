@@ -59,7 +59,7 @@ class Suited:
     def changes(self, wished: Scene) -> tuple[str, ...]:
         """Differences from the scene that was wished for, in words."""
         changed = _keys(self.scene, wished).items()
-        return tuple(f"{key} = {now} in place of {before}" for key, (now, before) in changed)
+        return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
 
 
 def suited(

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 Estimate = Callable[[Loads, Solve], Term]
 
 # Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D, steps of waves
-# and levels of streams (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
+# and levels of flows (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
 SAFETY = 1.6
 # Orders in the size of cells: of turbulence, which is upwinded, and of laminar flow with corners. What two coarser
 # meshes differ by, which may agree with the finest by chance, is believed to fall at most at order two, and not at all
@@ -166,7 +166,7 @@ def _require_coarser(scene: Scene) -> None:
 def by_coarser_runs(
     scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
 ) -> Term:
-    """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
+    """The term of time step and mesh: from a run with longer steps, and one of the next-higher order with these steps.
 
     The error of the mesh hardly depends on the steps: it is seen in the longer ones, and `of_mesh` spares that run.
     """
@@ -192,7 +192,7 @@ def by_coarser_runs(
 def shares(scene: Scene) -> tuple[float, float]:
     """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
 
-    All that elements of one order more change is an error of the mesh. Not collective.
+    All that elements of the next-higher order change is an error of the mesh. Not collective.
     """
     to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
     by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
@@ -413,7 +413,7 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
     if not no_gap(scene):
         estimates["gap"] = partial(of_gap, scene)
     if not has_no_far_sides(scene):
-        # Far sides otherwise tell of how slowly a stream adapts that does not suit its bed.
+        # Otherwise far sides show the slow adaptation of a flow that is not in equilibrium with its bed.
         suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
         estimates["domain"] = partial(of_domain, scene if suits else other or scene)
     if other is not None:

@@ -1,7 +1,7 @@
 """The verdict on one case: both criteria, whether they agree, and why not.
 
 Two questions are compared: whether the grain moves, and if both say so, how: which of lifting, sliding and turning
-there is. Every difference has one reason, found by asking the exact criterion again with less: with the significant
+there is. Every difference has one reason, found by repeating the exact criterion with less: with the significant
 contacts alone, or of contact forces that brace one another.
 """
 
@@ -122,7 +122,7 @@ class Exact:
     """The safety factor, and the incipient motion where the grain moves.
 
     `motion` is None where the grain rests, where mass and inertia are not given, and where no solution was
-    found, which `unsolved` then says.
+    computed, which `unsolved` then says.
     """
 
     safety: SafetyFactor
@@ -173,7 +173,7 @@ def compare(paper: Classification, exact: Exact) -> Agreement:
 
 
 def _families(exact: Exact) -> set[Family]:
-    """The families of all motions that the exact judge found possible."""
+    """The families of all motions that are possible by the exact criterion."""
     if exact.motion is None or not exact.moves:
         return {Family.REST}
     return {FAMILY[solution.mode] for solution in exact.motion.solutions}
@@ -228,12 +228,12 @@ class Verdict:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain begins to move, by the exact judge."""
+        """Whether the grain begins to move, by the exact criterion."""
         return self.equilibrium.moves
 
     @property
     def sentence(self) -> str:
-        """The exact judge's verdict with the safety factor, the paper's, and whether they agree."""
+        """The exact criterion's verdict with the safety factor, the paper's, and whether they agree."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -270,7 +270,7 @@ def judge(
 
 
 def exact_sentence(exact: Exact) -> str:
-    """Rest or motion by the exact judge, and the safety factor with what it means."""
+    """Rest or motion by the exact criterion, and the safety factor with what it means."""
     margin = _margin(exact.safety)
     if not exact.moves:
         return f"the grain stays at rest, {margin}"

@@ -10,7 +10,7 @@ from .effect import Effect
 
 
 class TractionEffect(Effect):
-    """Force and couple of the fluid on the grain."""
+    """Force and torque of the fluid on the grain."""
 
     name = EffectName.TRACTION
     quantities = (

@@ -32,7 +32,7 @@ def find_contacts(scene: Scene) -> Contacts:
 
 
 def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load:
-    """The load on the contacts: the flow's force and couple, and the submerged weight at the centre of mass.
+    """The load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
 
     The placement is that of the grain where it touches the bed, not where the gap has lifted it.
     """
@@ -41,7 +41,7 @@ def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load
 
 
 def mass_and_inertia(body: Body, placement: Placement | None = None) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in the plane per unit depth.
+    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in 2-D per unit depth.
 
     None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
     rest nor the safety factor.
@@ -66,7 +66,7 @@ def followed(scene: Scene, load: Load) -> Rocking | None:
 
 
 def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
-    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or in place of that.
+    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or instead of that.
 
     What the judges say of the first pose is kept.
     """

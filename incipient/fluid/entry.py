@@ -30,7 +30,7 @@ class Entry:
         boundary, axis, given, wave: those of the condition.
         space: of a component of the velocity.
         values: of it, with the velocity on the boundary.
-        influx: what enters per time through the mesh as it was at the last `update`.
+        influx: volume flux through the mesh as it was at the last `update`.
     """
 
     def __init__(

@@ -146,7 +146,7 @@ def approach(
             path.accept(share)
             if last:
                 return tuple(steps)
-            # Steps grow more where Newton's method found its way quickly.
+            # Steps grow faster where Newton's method converged quickly.
             growth = float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
             reached, stride = share, stride * growth
         else:

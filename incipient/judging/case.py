@@ -1,6 +1,6 @@
 """Cases: a grain, its contacts and its load as numbers in a TOML file.
 
-Any consistent units. In 2-D vectors have two components, and couples and the moment of inertia are numbers, couples
+Any consistent units. In 2-D vectors have two components, and torques and the moment of inertia are numbers, torques
 positive counter-clockwise; in 3-D all have three, and the inertia is three moments or a matrix.
 """
 
@@ -168,7 +168,7 @@ class Case(Section):
 
     @property
     def about(self) -> Floats:
-        """The point of the flow's couple, (3,)."""
+        """The point of the flow's torque, (3,)."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
@@ -178,7 +178,7 @@ class Case(Section):
         return self.body.placed(self.centre[: self.gdim].tolist())
 
     def to_load(self) -> Load:
-        """The load; the couple about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
+        """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
         force = spatial(self.load.flow_force)
         couple = spatial_couple(self.load.flow_couple) + np.cross(self.about - self.centre, force)
         return Load(force, couple, spatial(self.load.weight), self.centre)
@@ -204,7 +204,7 @@ class Case(Section):
 
 
 class _CaseWithoutFlow(Case):
-    """A case whose force and couple of the flow are zero unless they are given."""
+    """A case whose force and torque of the flow are zero unless they are given."""
 
     @model_validator(mode="before")
     @classmethod
@@ -231,7 +231,7 @@ def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
 
 
 def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
-    """The case in a file whose force and couple of the flow come from elsewhere; raises as `load_case`."""
+    """The case in a file whose force and torque of the flow come from elsewhere; raises as `load_case`."""
     text = read_text(path, "give the name of a case file")
     return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
 
@@ -272,7 +272,7 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
 
 
 def spatial_couple(couple: float | Sequence[float]) -> Floats:
-    """A couple (3,); one of 2-D is about the third axis."""
+    """A torque (3,); one of 2-D is about the third axis."""
     return np.array([0.0, 0.0, couple] if isinstance(couple, float) else couple, dtype=float)
 
 
@@ -297,7 +297,7 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    """In 2-D vectors have two components, and couples and the inertia are numbers."""
+    """In 2-D vectors have two components, and torques and the inertia are numbers."""
     load, errors = case.load, case.errors or CaseErrors()
     values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,

@@ -6,7 +6,7 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-# In space, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
+# In 3-D, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
 FEW_CELLS = 5000
 DEAR = "an LU factorisation in space would take much time and memory"
 

@@ -1,4 +1,4 @@
-"""Where a bed in space is meshed as it is, and where a planar far bed takes its place."""
+"""Where a 3-D bed is meshed as it is, and where a planar far bed takes its place."""
 
 import numpy as np
 

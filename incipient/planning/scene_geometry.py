@@ -50,7 +50,7 @@ class Geometry:
     gap: float  # that stands for contact while the flow is computed
     tolerance: float  # distance that counts as touching [length]
     top: str  # what the upper side is
-    sides: str  # what both sides across the width of a domain in space are
+    sides: str  # what both sides across the width of a 3-D domain are
     symmetric: bool  # whether half of the domain is computed
     meshed_bed: float  # numerics.meshed_bed
 
@@ -71,7 +71,7 @@ class Geometry:
 
     @property
     def half(self) -> tuple[float, float]:
-        """The least and the largest y of what is computed of a domain in space."""
+        """The least and the largest y of what is computed of a 3-D domain."""
         low, high = self.domain.across
         return (self.domain.middle if self.symmetric else low), high
 

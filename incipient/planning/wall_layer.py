@@ -118,7 +118,7 @@ def walls_of(
 def height_at_inflow(geometry: Geometry, datum: float) -> float:
     """Height of the bed where the flow enters. Not collective.
 
-    In space it is the mean, or that of the planar bed that takes its place there.
+    In 3-D it is the mean, or that of the planar bed that takes its place there.
     """
     bed, domain = geometry.bed, geometry.domain
     if geometry.gdim == 2:

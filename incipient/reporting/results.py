@@ -93,7 +93,7 @@ def _of_run(stored: Context, record: Path) -> Context:
 
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
-    """The verdict in sentences, the exact judge's first; without one the path of the grain."""
+    """The verdict in sentences, the exact criterion's first; without one the path of the grain."""
     if case is not None:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")

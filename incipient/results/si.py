@@ -26,8 +26,8 @@ def in_si(
 ) -> dict[str, Any] | None:
     """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
 
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and couple
-    [N m] is, the last two in the plane per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
+    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque
+    [N m] is, the last two in 2-D per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
     datum. Not collective.
     """
     scales, units = scene.scales, scene.units

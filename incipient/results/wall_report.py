@@ -15,7 +15,7 @@ from .trajectory import place_words
 REATTACHES = (
     "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 )
-MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
+MOST_OUTSIDE = 0.1  # of the walls' length, in 3-D of their area, where some are no planes
 
 
 class Iteration(Protocol):
@@ -47,14 +47,14 @@ class WallReport:
     friction: float  # C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
     viscosity: float
     c_mu: float
-    # Share of the walls' length, in space of their area, where the law does not hold at that distance
+    # Share of the walls' length, in 3-D of their area, where the law does not hold at that distance
     outside: float = 0.0
     plane: bool = (
         True  # whether all walls are planes; else the flow may separate, where y+ may be small
     )
-    # In the plane from where to where along the bed the flow runs upstream next to it
+    # In 2-D intervals along the bed of reverse flow next to it
     backward: tuple[tuple[float, float], ...] = ()
-    # In the plane by names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs upstream, at
+    # In 2-D by names of walls: x, y_plus, and friction 2 tau/V^2, below zero in reverse flow, at
     # nodes of ascending x
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
@@ -97,7 +97,7 @@ class WallReport:
     def leading(self) -> int:
         """Which of `shear_velocities` stands for the flow: next to a bed that is not level that of one place does not.
 
-        Where the stream leaves over a slope the stress at the last node has no limit that meshes tend to.
+        Where the flow leaves over a slope the stress at the last node does not converge with the mesh.
         """
         return 0 if self.plane else 1
 
@@ -157,7 +157,7 @@ class WallReport:
         return found | self._separation()
 
     def _separation(self) -> dict[str, float]:
-        """Columns of where the flow separates and reattaches, in the plane: x of `separated`, NaN without."""
+        """Columns of where the flow separates and reattaches, in 2-D: x of `separated`, NaN without."""
         if not self.along:
             return {}
         separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
@@ -187,7 +187,7 @@ class WallReport:
         return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
     def _of_model(self) -> str:
-        """What is known of the model where the flow runs upstream, in words."""
+        """Known errors of the model in reverse flow, in words."""
         return f" ({REATTACHES})"
 
     def _judged(self) -> list[str]:
@@ -214,7 +214,7 @@ class WallReport:
         return f"a distance of {lowest:.3g} to {highest:.3g}"
 
     def _spans(self, ends: Floats | None) -> str:
-        """The intervals of x in which the flow next to the bed runs upstream."""
+        """The intervals of x of reverse flow next to the bed."""
         told, others = longest(self.backward)
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)

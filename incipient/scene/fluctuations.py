@@ -1,4 +1,4 @@
-"""The fluctuations of the stream about its mean, for the probability that a grain moves: `incipient entrainment`."""
+"""Velocity fluctuations about the mean, for the probability that a grain moves: `incipient entrainment`."""
 
 from __future__ import annotations
 

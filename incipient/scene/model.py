@@ -153,7 +153,7 @@ class SceneSections(Section):
     fluid: Fluid = key("The fluid, of density 1")
     flow: Flow = key("What drives the fluid")
     body: Body | None = key("The grain", None)
-    bed: Bed | None = key("The bed, in place of the domain's lower side", None)
+    bed: Bed | None = key("The bed, instead of the domain's lower side", None)
     gravity: Gravity | None = key(
         "Gravity, downwards, turned by the slope of an inclined bed", None
     )
@@ -185,7 +185,7 @@ class SceneSections(Section):
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in space without a free surface, too."""
+        """Whether the scene is a closed box without grain and bed; in 3-D without a free surface, too."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
@@ -226,7 +226,7 @@ class SceneSections(Section):
 
     @property
     def sides(self) -> Sides:
-        """Both sides across the width of a scene in space."""
+        """Both sides across the width of a 3-D scene."""
         walled = self.domain.kind == "box" and not self.has_surface
         return self.domain.sides or ("wall" if walled else "slip")
 
@@ -269,7 +269,7 @@ class SceneSections(Section):
 
     @property
     def resolves_uneven_walls(self) -> bool:
-        """Whether in space walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
+        """Whether in 3-D walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
         uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
         return uneven and self.resolves_walls and self.domain.width is not None
 
@@ -300,7 +300,7 @@ class SceneSections(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether no fluid passes a grain's contacts, as none does in the plane: about them the space is closed.
+        """Whether no fluid passes a grain's contacts, as none does in 2-D: about them the space is closed.
 
         It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
         """

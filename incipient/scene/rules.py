@@ -585,7 +585,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
         Rule("flow.gust", lambda s: _gust(s) and s.sides == "wall",
              "is not simulated between walls across the width", 'set domain.sides = "slip" or "stream"'),
     ),
-    # Contact is found on beds that are graphs.
+    # Contact is computed on beds that are graphs.
     (
         Rule("bed.points", lambda s: s.body is not None and _step(s) is not None,
              lambda s: f"has a vertical step at x = {_step(s):g}, and grains over steps are not simulated",

@@ -39,7 +39,7 @@ class Surface(Section):
         examples=["elevation.csv"],
     )
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        "In the plane, in place of the formula: x and elevation, straight between [length]", ()
+        "In the plane, instead of the formula: x and elevation, straight between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
         "Places x, in space [x, y], whose elevations are columns of the history; without: a few", ()
@@ -105,7 +105,7 @@ class Surface(Section):
 
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
-    """Where elevations are reported: the stations, or without any five from end to end, in space three by three."""
+    """Where elevations are reported: the stations, or without any five from end to end, in 3-D three by three."""
     given = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (

@@ -148,7 +148,7 @@ class Turbulence(Section):
     def rows_beyond(self, walls: int, depth: float) -> str:
         """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not.
 
-        Below a surface, that no row is in the stream.
+        Below a surface, that no row is in the flow.
         """
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"

@@ -79,12 +79,12 @@ class Scales:
 
     @property
     def force(self) -> float:
-        """[N], in the plane [N/m]."""
+        """[N], in 2-D [N/m]."""
         return self.stress * self.length ** (self.gdim - 1)
 
     @property
     def couple(self) -> float:
-        """[N m], in the plane [N]."""
+        """[N m], in 2-D [N]."""
         return self.force * self.length
 
 

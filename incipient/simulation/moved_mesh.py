@@ -1,4 +1,4 @@
-"""The mesh of a steady run in space, moved to other gaps and domains, and the flow there in elements of order two."""
+"""The mesh of a steady 3-D run, moved to other gaps and domains, and the flow there in elements of order two."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class MovedMesh:
     centre: Floats
 
     def loads(self, speed: float) -> Loads:
-        """Force and couple there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
+        """Force and torque there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
         run, places = self.run, self.run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
         places[:] = self.places

@@ -38,7 +38,7 @@ class Threshold:
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
     nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
-    mode:            how the grain begins to move, by the exact judge
+    mode:            how the grain begins to move, by the exact criterion
     load:            the critical load, which the contact forces balance; where any flow moves the grain
                      that of a weak one, where none does that of the strongest one computed
     verdict:         both judges there

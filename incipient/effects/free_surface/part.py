@@ -217,7 +217,7 @@ class MovingSurface(RunPart):
         return {"surface": found | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """What enters per time at the inflow of a channel, of the whole where half is meshed."""
+        """Volume flux at the inflow of a channel, of the whole where half is meshed."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
         return {"inflow": whole * held.influx} if held.entries else {}
 

@@ -108,7 +108,7 @@ def _note(state: BodyState) -> str:
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with {standing(state.placement)} in place of centre and motion"
+        f"grain that has come to rest run a scene with {standing(state.placement)} instead of centre and motion"
     )
 
 

@@ -242,7 +242,7 @@ class MovingGrain(RunPart):
         return load + self.displaced_load(state)
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
-        """Force and couple (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
+        """Force and torque (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
         force, couple = self._fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
         load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
@@ -299,6 +299,6 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
 
 
 def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
-    """A load (3,), in space (6,), by the names of the history's columns. Not collective."""
+    """A load (3,), in 3-D (6,), by the names of the history's columns. Not collective."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
     return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)

@@ -35,7 +35,7 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     return low, high
 
 
-# Per unknown of a flow in space, of both quantities and what solves them together with the flow: 2.3 GB of 105,000
+# Per unknown of a 3-D flow, of both quantities and what solves them together with the flow: 2.3 GB of 105,000
 # unknowns past a grain of a random bed (docs/contribute/defaults.md).
 BYTES = 17000.0
 # What a threshold is of, beside its Shields number.
@@ -157,12 +157,12 @@ class TurbulenceEffect(Effect):
         return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of both quantities in space, and of what solves them together with the flow."""
+        """MiB of both quantities in 3-D, and of what solves them together with the flow."""
         in_space = setup.scene.gdim == 3 and setup.scene.is_averaged
         return BYTES * unknowns / 2**20 if in_space else 0.0
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""
+        """Whether the law of the wall holds, and where the flow next to the bed is reversed."""
         if (found := stored.get("turbulence")) is None:
             return None
         from ...results.wall_report import longest

@@ -56,7 +56,7 @@ class TurbulenceFields(ABC):
         second: name of the second quantity.
         wanted: changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration to a steady
             flow.
-        stretched: whether cells in the plane are so along boundary layers.
+        stretched: whether cells in 2-D are so along boundary layers.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
@@ -129,7 +129,7 @@ class TurbulenceFields(ABC):
         return values
 
     def watching(self, form: Any, velocity: Any) -> Any:
-        """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
+        """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
         return form
 
     # -- a steady state, solved together with the flow ------------------------------------------------
@@ -196,7 +196,7 @@ class TurbulenceFields(ABC):
             self._reach,
             self.stretched,
             self._across,
-            # In space steps are as many without, and no more flows are found with it.
+            # In 3-D as many steps are needed without, and no more flows converge with it.
             balanced=self._reach is not None and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
@@ -219,7 +219,7 @@ class TurbulenceFields(ABC):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along the streams."""
+        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines."""
         return None
 
     @property

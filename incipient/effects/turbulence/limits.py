@@ -15,7 +15,7 @@ FINEST_FORM = 0.5  # of the law's distance: half a form at the least
 SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
 THICK = 0.05  # of a grain, from which on the layer of the law is reported: 50 nu/u* of one of u* d/nu = 1000
 THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
-FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are reported uncertain
+FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
 BISECTIONS = 40
 SMALLER = 'use turbulence.model = "k-omega-sst", or flow.kind = "log-law" without turbulence'
 
@@ -126,7 +126,7 @@ def doubts(setup: Setup) -> Iterator[str]:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    """How few cells a grain in space has."""
+    """How few cells a 3-D grain has."""
     asked = setup.scene.numerics.mesh_size
     size = WALL_CELL * coarsening(setup.order.number) * setup.walls.distance * asked
     if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:

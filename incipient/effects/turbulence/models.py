@@ -13,8 +13,8 @@ from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
-COARSEST = 0.2  # sand roughness over the depth, the size of a grain and the forms of a bed
-HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
+COARSEST = 0.2  # roughness over the depth, the size of a grain and bedforms
+HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
 # As measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
@@ -80,7 +80,7 @@ class KOmegaModel(TurbulenceModel):
         return f"k-omega SST model; {setup.resolved_walls.text()}"
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Flows that are laminar by the model, fine sand; coarse sand raises."""
+        """Warn of flows that are laminar by the model and of a small roughness; a large roughness raises."""
         walls = setup.resolved_walls
         for name, size in (("roughness", walls.roughness), ("upstream_roughness", walls.upstream)):
             if (share := size / walls.depth) > COARSEST:
@@ -110,7 +110,7 @@ class KOmegaModel(TurbulenceModel):
         return KOmegaFlow
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """A slow laminar flow; in space, where flows take minutes, a search begins at a low Shields number."""
+        """A slow laminar flow; in 3-D, where flows take minutes, a search begins at a low Shields number."""
         walls = setup.resolved_walls
         slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
         start, expected = 0.0, ""
@@ -120,7 +120,7 @@ class KOmegaModel(TurbulenceModel):
 
 
 def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
-    """That sand is not small beside forms of the bed that are no lines in the plane, which may be short."""
+    """Warn where the roughness is not small compared with bedforms."""
     sand, bed, domain = setup.resolved_walls.roughness, setup.geometry.bed, setup.geometry.domain
     if bed is None or sand <= COARSEST * bed.feature:
         return
@@ -133,7 +133,7 @@ def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
 
 
 def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
-    """That sand on the bed is as high as the gap below the grain; sand too high for the grain raises."""
+    """Warn where the bed's roughness is as high as the gap below the grain; one too high for the grain raises."""
     walls, grain = setup.resolved_walls, setup.geometry.grain
     if grain is None or not walls.roughness:
         return
@@ -151,7 +151,7 @@ def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
 
 
 def _of_forms_beyond(setup: Setup) -> Iterator[str]:
-    """That the inflow cuts forms of the bed."""
+    """Warn where the inflow cuts bedforms."""
     if cut_at_inflow(setup):
         yield (
             "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "

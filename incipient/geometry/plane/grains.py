@@ -460,7 +460,7 @@ class Polygon(Grain):
 
 
 class _Smoothed(Polygon):
-    """A polygon with curves in place of its short sides."""
+    """A polygon with curves instead of its short sides."""
 
     def outline(self) -> tuple[Curve, ...]:
         """Lines, and smooth curves through the vertices between short sides."""
