@@ -194,7 +194,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
         LEFT * unit_of(run, speed) * (getattr(fine, of) - getattr(other, of))
         for of in ("force", "couple")
     )
-    how = f"{LEFT:g} of what order {run.plan.order} changes in order 2 on the same mesh"
+    how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
     return Term("discretisation", np.abs(force), np.abs(couple), how).with_components_alike()
 
 

@@ -76,14 +76,14 @@ UNSETTLED = (
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
 )
-NOT_RESOLVED = (
-    "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
-)
+NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
     "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
     "larger domain, or a flow that does not depend on its size"
 )
-NO_MORE_BED = "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
+NO_MORE_BED = (
+    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed reduces it"
+)
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 
@@ -100,7 +100,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
     force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
     return Term(
-        "discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt
+        "discretisation", force, couple, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
@@ -429,7 +429,7 @@ def not_there(scene: Scene) -> dict[str, str]:
     if scene.is_averaged:
         seen = "vary constants and wall_distance of [turbulence] to see it"
         reasons[MODEL] = (
-            f"not estimated: {'no other one reaches the walls' if scene.resolves_walls else seen}"
+            f"not estimated: {'no other model is integrated to the walls' if scene.resolves_walls else seen}"
         )
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = NO_MORE_BED
@@ -455,7 +455,7 @@ def no_gap(scene: Scene) -> str:
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or ""."""
     if (scene.is_averaged and scene.body is None) or scene.has_separation:
-        return "does not apply: how long the channel is, and what enters, belong to the scene"
+        return "does not apply: the length of the channel and its inflow belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
     if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):

@@ -90,7 +90,7 @@ class Uniqueness(Enum):
     ONLY = "the only solution"
     SEVERAL = "one of several solutions"
     FAMILY = "one of a continuous family of solutions"
-    NOT_EXCLUDED = "no other solution was found; others are not excluded"
+    NOT_EXCLUDED = "no other solution converged; others are not excluded"
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
     if force is None or couple is None or grain is None:
-        how = "of the velocity in the mean, linear"
+        how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
     forces, couples = change_of_loads(
         fluid, term, "body", couple.about[: fluid.space.gdim].tolist()

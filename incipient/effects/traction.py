@@ -16,7 +16,7 @@ class TractionEffect(Effect):
     quantities = (
         OutputQuantity("force.flow", "force of the flow", column="force", error="error_bars.force"),
         OutputQuantity(
-            "couple.flow", "couple of the flow", column="couple", error="error_bars.couple"
+            "couple.flow", "torque of the flow", column="couple", error="error_bars.couple"
         ),
         *(
             OutputQuantity(f"coefficients.{name}", name, column=name, heading="other numbers")

@@ -86,7 +86,7 @@ def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
     solver.solve(right, solution)
     if solver.getConvergedReason() <= 0:
         raise ConvergenceError(
-            "the potential of a flow that grows was not found: use a smaller numerics.mesh_size"
+            "the potential of a growing flow did not converge: use a smaller numerics.mesh_size"
         )
     phi.x.array[: solution.getLocalSize()] = solution.array_r
     phi.x.scatter_forward()

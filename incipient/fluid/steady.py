@@ -156,7 +156,7 @@ def approach(
             stride = 0.5 * (share - reached)
             if stride < smallest_step:
                 raise ConvergenceError(
-                    f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number, {_how(report, share)}: "
+                    f"no steady flow beyond {100 * reached:.3g}% of the Reynolds number, {_how(report, share)}: "
                     "it may be unsteady (add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
                 )
         share = min(1.0, reached + stride)

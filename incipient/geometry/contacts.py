@@ -37,7 +37,7 @@ class Contacts:
         )
         for name, table in (("points", points), ("normals", normals)):
             flat = table.ndim == 2 and table.shape[1] == 3
-            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in the plane with zeros")
+            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in 2-D with zeros")
             remedy = "contain a number that is not finite; give finite numbers"
             _require(np.isfinite(table).all(), f"{name} {remedy}")
         number = f"{len(points)} points but {len(normals)} normals; give one normal a point"

@@ -76,7 +76,7 @@ def _not_negative(value: Any) -> Any:
 
 
 Vector = Annotated[tuple[float, ...], _array("a vector", "[x, y], or [x, y, z] in 3-D", (2,), (3,))]
-Couple = Annotated[Any, _array("a couple", "a number, or [x, y, z] in 3-D", (), (3,))]
+Couple = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
 Inertia = Annotated[
     Any,
     _array("a moment of inertia", "a number, in 3-D three or a 3 x 3 matrix", (), (3,), (3, 3)),
@@ -94,7 +94,7 @@ class CaseLoad(Section):
 
     weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
     flow_force: Vector = key("force of the flow on the grain")
-    flow_couple: Couple = key("couple of the flow about the point `about`")
+    flow_couple: Couple = key("torque of the flow about the point `about`")
     centre: Vector | None = key("centre of mass; left out where [body] has it", None)
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
 
@@ -131,7 +131,7 @@ class CaseErrors(Section):
     flow_force: VectorError | None = key(
         "standard error of each component of the flow's force", None
     )
-    flow_couple: CoupleError | None = key("standard error of the flow's couple", None)
+    flow_couple: CoupleError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
     seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)

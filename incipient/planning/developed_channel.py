@@ -204,7 +204,7 @@ class _Column:
             if not self._laminar and logarithms[:, 0].max() < LAMINAR:
                 self._laminar = True
                 logarithms[:, 0] = LAMINAR
-        raise ConvergenceError("the developed flow of the k-omega model was not found")
+        raise ConvergenceError("the developed flow of the k-omega model did not converge")
 
     def profiles(self, logarithms: Floats) -> DevelopedChannel:
         """The flow with these logarithms."""
@@ -261,5 +261,5 @@ def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
         before = re_tau, away
         re_tau *= math.exp(away / slope)
     raise ConvergenceError(
-        "the developed flow of the k-omega model was not found for the discharge"
+        "the developed flow of the k-omega model did not converge for the discharge"
     )

@@ -250,7 +250,7 @@ class ResolvedWalls:
         return Grid(shape, ends, names.of_box(half), half, parallel=True)
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
-        """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
+        """Cells along 2-D walls of which some are no planes, with a grain of a size. Not collective."""
         largest = self.along
         size = min(largest, NEAR_GRAIN * grain, ALONG_RISE * self.rise)
         far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
@@ -260,7 +260,7 @@ class ResolvedWalls:
         )
 
     def thin_layers(self, order: int) -> WallLayers:
-        """Layers at walls in the plane of which some are no planes. Not collective."""
+        """Layers at 2-D walls of which some are no planes. Not collective."""
         return WallLayers(self._first_cells(order), MOST_LAYERS, GROWTH_OF_LAYERS, graded=True)
 
     def layers(self, order: int, along: float) -> WallLayers:

@@ -47,7 +47,7 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         return Stabilisation(
-            True, f"streamline upwinding of steady flow in space; {found}", number, True
+            True, f"streamline upwinding of steady 3-D flow; {found}", number, True
         )
     if asked == "auto" and _stretches_cells(setup):
         return Stabilisation(False, f"cells are stretched along walls; {found}", number)

@@ -383,7 +383,7 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
         most, at_end = (float(one.max(initial=0.0)) for one in (term.elevation, term.level))
         said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
     if term.shear is not None:
-        said.append("u* {:.1e} at the outflow, {:.1e} in the mean".format(*term.shear))
+        said.append("u* {:.1e} at the outflow, {:.1e} on average".format(*term.shear))
     if term.separated is not None:
         said.append("x of separation {:.1e}, of reattachment {:.1e}".format(*term.separated))
     if term.centreline is not None:

@@ -127,4 +127,4 @@ def couple_words(vector: np.ndarray, gdim: int, digits: str = ".6g") -> str:
 
 def loads_words(force: np.ndarray, couple: np.ndarray, gdim: int, digits: str = ".6g") -> str:
     """Force and torque (3,) for a reader."""
-    return f"{force_words(force, gdim, digits)}   couple {couple_words(couple, gdim, digits)}"
+    return f"{force_words(force, gdim, digits)}   torque {couple_words(couple, gdim, digits)}"

@@ -89,7 +89,7 @@ class ResolvedWallReport(WallReport):
         if self.outside:
             told += f", along {100 * self.outside:.3g}% of the walls more than {self.thickest:.3g}"
             if self.on_sand not in (0.0, self.thickest):
-                told += f", on sand than {self.on_sand:.3g}"
+                told += f", on rough walls than {self.on_sand:.3g}"
         if self.applicable:
             judged = (
                 "" if self.coarse_along is not None else " across; cells along them are not judged"

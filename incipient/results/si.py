@@ -69,7 +69,7 @@ def si_lines(found: dict[str, Any] | None) -> list[str]:
             couple_words(found["couple"], gdim, ".4g"),
         )
         units = ("N/m", "N") if gdim == 2 else ("N", "N m")
-        lines.append(f"{'':<20}force of the flow {force} {units[0]}, couple {couple} {units[1]}")
+        lines.append(f"{'':<20}force of the flow {force} {units[0]}, torque {couple} {units[1]}")
     if "end" in found:
         unit = found["units"]["time"]
         lines.append(f"{'':<20}ends after {found['end']:.4g} s; one unit of time is {unit:.4g} s")

@@ -182,7 +182,9 @@ class WallReport:
         (first, *others), friction = self._judged(), self._friction(errors)
         first = self._unconverged() + first
         if self.backward:
-            friction += f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
+            friction += (
+                f"; reverse flow next to the bed from x = {self._spans(ends)}{self._of_model()}"
+            )
         lines = [first, friction] if others else [first + friction]
         return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
@@ -236,7 +238,7 @@ class WallReport:
         told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
         if self.plane or errors is None:
             return told
-        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, in the mean along the walls"
+        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, on average along the walls"
 
 
 def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:

@@ -68,7 +68,7 @@ class Contact(Section):
     friction: NotNegative = key("Coefficient of static friction [-]")
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
-        "flow in the plane the width up to which the space next to contacts is closed [grain sizes]",
+        "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
         _DEFAULT_GAP,
     )
     tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
@@ -80,7 +80,7 @@ class Contact(Section):
         "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
     )
     rolling_resistance: NotNegative = key(
-        "Couple that resists rolling, over the normal force and half of the grain's size, at most [-]",
+        "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
         0.0,
     )
 
@@ -88,7 +88,7 @@ class Contact(Section):
     @classmethod
     def _is_narrow(cls, gap: float) -> float:
         if gap > WIDEST_GAP:
-            why = f"is {gap:g}: so far from the bed the flow pushes otherwise than on a grain that touches it"
+            why = f"is {gap:g}: this gap is too large to represent contact"
             raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
         return gap
 
@@ -247,7 +247,7 @@ class SceneSections(Section):
     def no_gusts(self) -> str:
         """Why gusts that move the grain are not searched in the flow; empty: they are."""
         return (
-            "effects.turbulence: gusts are found in laminar flow only; leave it out"
+            "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
             else ""
         )

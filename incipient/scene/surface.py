@@ -32,17 +32,18 @@ class Wave(Section):
 class Surface(Section):
     """The free surface, which at rest lies at the top of the domain."""
 
-    elevation: str = key("Formula in x, in space y too: height above the still level [length]", "0")
+    elevation: str = key("Formula in x, in 3-D also y: height above the still level [length]", "0")
     file: str | None = key(
         "CSV file of x, elevation relative to the scene; the resolved scene has points instead",
         None,
         examples=["elevation.csv"],
     )
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        "In the plane, instead of the formula: x and elevation, straight between [length]", ()
+        "In 2-D, instead of the formula: x and elevation, straight between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
-        "Places x, in space [x, y], whose elevations are columns of the history; without: a few", ()
+        "Positions x, in 3-D [x, y], whose elevations are columns of the history; without: a few",
+        (),
     )
     bottom: Literal["no-slip", "slip"] = key("A level bottom without [bed]", "no-slip")
     ends: Literal["wall", "no-slip"] = key(

@@ -25,7 +25,7 @@ class Turbulence(Section):
         0.0,
     )
     upstream_roughness: NotNegative = key(
-        "Equivalent sand roughness of the bed upstream, over which what enters past smooth walls developed [length]",
+        "Equivalent sand roughness of the bed upstream, over which the inflow past smooth walls developed [length]",
         0.0,
     )
     wall_distance: Positive | None = key(
@@ -34,7 +34,7 @@ class Turbulence(Section):
         examples=[0.05],
     )
     inflow: Literal["developed", "given", "profile"] = key(
-        "What enters: nearly developed; uniform, by intensity and length; or a measured profile",
+        "Inflow: nearly developed; uniform, by intensity and length; or a measured profile",
         "developed",
     )
     intensity: Positive | None = key(
@@ -98,7 +98,7 @@ class Turbulence(Section):
         if self.roughness:
             return (
                 'is for smooth walls, but wall is "rough"',
-                "leave it out: what enters developed over these walls",
+                "leave it out: the inflow developed over these walls",
             )
         if self.inflow == "given":
             return 'is not read with inflow = "given"', "leave it out"

@@ -24,7 +24,7 @@ class Units(Section):
         examples=["mm"],
     )
     diameter: Positive | None = key(
-        "Nominal diameter, if no length: of the sphere of the grain's volume, in the plane the disc of its area [m]",
+        "Nominal diameter, if no length: of the sphere of the grain's volume, in 2-D of the disc of its area [m]",
         None,
         examples=[1e-3],
     )
@@ -89,7 +89,7 @@ class Scales:
 
 
 def nominal_diameter(grain: Any) -> float:
-    """The diameter [length] of the sphere of a grain's volume, in the plane of the disc of its area."""
+    """The diameter [length] of the sphere of a grain's volume, in 2-D of the disc of its area."""
     if grain.gdim == 2:
         return math.sqrt(4.0 * grain.volume / math.pi)
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))

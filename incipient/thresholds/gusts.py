@@ -201,7 +201,7 @@ def _missing(scene: Scene) -> str:
     """Why the scene has no critical gusts; empty if it has."""
     body, bed, flow = scene.body, scene.bed, scene.flow
     if body is None or body.motion != "released":
-        return 'body.motion: gusts are found for a grain that rests on its bed; use "released"'
+        return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'
     if bed is None or bed.kind == "flat":
         return "bed.kind: a flat bed has no pocket to leave; use a bed with forms"
     if not hasattr(flow, "gust"):

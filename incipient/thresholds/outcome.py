@@ -120,7 +120,7 @@ class Threshold:
             lines.append(f"error bars          {self.without_bars}")
         if self.adaptation is not None:
             lines += self.adaptation.lines()
-        unsolved = f", {len(self.unsolved)} not found" if self.unsolved else ""
+        unsolved = f", {len(self.unsolved)} not converged" if self.unsolved else ""
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
     def why_none(self) -> str:

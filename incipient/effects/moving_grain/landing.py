@@ -31,7 +31,7 @@ FARTHER = 1.01
 SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
 STANDS = "at rest where it is, under the loads at the end of the run"
 AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
-ROLLING = "contact.rolling_resistance, which holds the grain besides, is not in the safety factor"
+ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def landing(
         contacts = contacts_at(setup, state, met.distance)
     except IncipientError as error:
         return Landing(
-            why_not=f"the contacts where the grain met the {bed} were not found: {error}"
+            why_not=f"the contacts where the grain met the {bed} were not computed: {error}"
         )
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)

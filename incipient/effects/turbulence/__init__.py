@@ -40,7 +40,7 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 BYTES = 17000.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
-    "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
+    "in mean turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
     "incipient entrainment"
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
@@ -145,9 +145,9 @@ class TurbulenceEffect(Effect):
 
     def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
         """What flow the threshold is for, and whether that can be laminar."""
-        plane = " in the plane" if setup.geometry.gdim == 2 else ""
+        plane = " in 2-D" if setup.geometry.gdim == 2 else ""
         about = TURBULENT if setup.is_averaged else LAMINAR
-        stress = "of the flow that enters" if setup.resolves_walls else "by the law of the wall"
+        stress = "of the inflow" if setup.resolves_walls else "by the law of the wall"
         yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
         if found := transition(setup, setup.numbers, factor):
             yield found.text(" at the threshold")
@@ -176,13 +176,14 @@ class TurbulenceEffect(Effect):
         holds, fails = RESOLVED if resolved else BY_LAW
         doubt = f"Warning: {fails}; {remedy}."
         told, others = longest(found["backward"])
-        upstream = "next to the bed the flow runs upstream from x, to x"
+        upstream = "reverse flow next to the bed from x, to x"
         rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
         if not found["plane"]:
             rows.insert(
-                0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"])
+                0,
+                (f"fraction of the walls at which {fails.replace('NOT', 'not')}", found["outside"]),
             )
-        rows += [("shorter places where it does", others)] if others else []
+        rows += [("further, shorter intervals", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
         if not found.get("converged", True):
             sentence += (

@@ -31,7 +31,7 @@ def refusals(setup: Setup) -> Iterator[str]:
     ):
         yield (
             f"turbulence.roughness: is {walls.law.roughness:g}, and the law of the wall begins within the "
-            f"sand, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
+            f"roughness, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
             "smaller roughness"
         )
     if (
@@ -41,7 +41,7 @@ def refusals(setup: Setup) -> Iterator[str]:
     ):
         yield (
             f"bed: has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins "
-            f"{walls.distance:.3g} from them: it stands for more than one of them; use a larger fluid.reynolds, "
+            f"{walls.distance:.3g} from them, farther than their size; use a larger fluid.reynolds, "
             'or a flat bed and turbulence.wall = "rough" with their height as roughness'
         )
     yield from (f"turbulence: {why}" for why in (too_small(setup), too_near(setup)) if why)
@@ -72,7 +72,7 @@ def too_small(setup: Setup) -> str:
     share, number = setup.walls.distance / setup.geometry.grain.size, grain_number(setup)
     if share > THICKEST:
         return (
-            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
+            f"the layer that the law of the wall covers is {percent(share)} of the grain, at most "
             f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
         )
     least = f"for the law of the wall it must be {SMALLEST_GRAIN:g} at least"
@@ -148,7 +148,7 @@ def _narrow_gap(setup: Setup) -> Iterator[str]:
         return
     yield (
         f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
-        f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
+        f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
     )
 
 

@@ -99,7 +99,7 @@ class KOmegaModel(TurbulenceModel):
         if walls.is_laminar:
             re_tau = walls.depth / walls.unit
             yield (
-                f"the flow that enters is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
+                f"the inflow is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"
             )
 
@@ -126,8 +126,8 @@ def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
         return
     if setup.geometry.gdim == 3 or not len(bed.corners(domain.left, domain.right)):
         yield (
-            f"the sand of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of its "
-            f"forms, {bed.feature:.3g}: the model takes it as thin beside them, which it is up to "
+            f"the roughness of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of "
+            f"its forms, {bed.feature:.3g}: the model assumes that it is small compared with them, as it is up to "
             f"{limits.percent(COARSEST)}"
         )
 
@@ -140,13 +140,13 @@ def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
     if (share := walls.roughness / grain.size) > COARSEST:
         raise SceneError(
             f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the grain, at most "
-            f"{limits.percent(COARSEST)}: among larger sand it does not stand on a level bed; use a smaller one, or "
-            "forms of the bed next to the grain and turbulence.upstream_roughness"
+            f"{limits.percent(COARSEST)}: on coarser roughness it does not rest on a planar bed; use a smaller one, or "
+            "bedforms next to the grain and turbulence.upstream_roughness"
         )
     if walls.roughness > (gap := setup.geometry.stance.gap):
         yield (
-            f"the sand of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: what "
-            "flows between them is no result of the model, for which sand is thin against all that the mesh resolves"
+            f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
+            "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
         )
 
 
@@ -154,8 +154,8 @@ def _of_forms_beyond(setup: Setup) -> Iterator[str]:
     """Warn where the inflow cuts bedforms."""
     if cut_at_inflow(setup):
         yield (
-            "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "
-            "level ground: put the grain farther behind the inflow"
+            "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
+            "a planar bed: put the grain farther downstream of the inflow"
         )
 
 

@@ -56,7 +56,7 @@ class CompressedFactors:
         self._factors.setReusePreconditioner(True)
         if made.getMumpsInfog(OUTCOME) < 0:
             raise ConvergenceError(
-                "the flow's matrix has no factors: use a smaller numerics.mesh_size"
+                "LU factorisation of the flow's matrix failed: use a smaller numerics.mesh_size"
             )
 
     def apply(self, _: Any, right: Any, left: Any) -> None:

@@ -148,7 +148,7 @@ class TwoLevel:
             if is_last and step > smoothing and self._size(residual) <= rtol * size:
                 return found
         raise UnsolvedError(
-            f"the correction in elements of a higher order was not found in {step + 1} iterations: "
+            f"the correction in elements of a higher order did not converge in {step + 1} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
         )
 
