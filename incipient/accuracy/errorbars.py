@@ -144,6 +144,7 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return Term("not steady", force, couple, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
+        """Error from the unknown pressure in closed pockets between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
         force, couple = run.probe.enclosed.unknown(run.probe.about)
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"

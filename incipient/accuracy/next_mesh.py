@@ -119,7 +119,8 @@ def cheapest(
 ) -> Refined:
     """Steps, cells and an order not below the given one for an error of `aim` with the least work; none is coarser."""
 
-    def at(higher: int) -> Refined:
+    def with_order(higher: int) -> Refined:
+        """The least work with elements of an order."""
         s = float(order_in_space(higher))
         to_step = aim / q / (1.0 / q + WORK_POWER / s)
         if of_step < to_step:
@@ -129,7 +130,7 @@ def cheapest(
         shorter, finer = _ratio(to_step, of_step, q), _ratio(aim - to_step, of_mesh, s)
         return _with_work(shorter, finer, order, higher)
 
-    return min((at(k) for k in ORDERS if order <= k <= highest), key=lambda each: each.work)
+    return min((with_order(k) for k in ORDERS if order <= k <= highest), key=lambda each: each.work)
 
 
 def _with_work(shorter: float, finer: float, order: int, higher: int) -> Refined:

@@ -206,7 +206,7 @@ class ReleaseProblem:
         return count, motions[:, :, :-1], forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-        """Of accelerations (n, m): (n, 6), and local (n, k, 3), places (n, k) in `ContactState`, (n,) in `MODES`.
+        """Accelerations (n, m) in 3-D (n, 6), and those of contacts (n, k, 3), their states (n, k), and modes (n,).
 
         What counts as zero is zero in the first.
         """

@@ -84,7 +84,7 @@ class Cases:
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, float, MassAndInertia | None]:
-        """One of them, as `judged` takes it; raises SceneError."""
+        """A single case, as `judged` takes it; raises SceneError."""
         held = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])

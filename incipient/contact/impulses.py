@@ -58,7 +58,7 @@ class CoulombLaw:
         return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
 
     def residual(self, local: Floats) -> float:
-        """How far p (k, 3) misses the laws."""
+        """Residual of impulses p (k, 3) in the contact laws."""
         trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
         pressure = np.maximum(trial[:, 0], 0.0)
         shear = np.hypot(trial[:, 1], trial[:, 2])

@@ -86,7 +86,7 @@ class Rocking:
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
-        """How far a rest is from the first, in words."""
+        """Displacement from the first rest, in words."""
         turned, moved = math.degrees(self.turned(rest)), self.moved(rest) / self.size
         return f"turned by {turned:.3g} degrees and moved by {moved:.3g} of its size"
 

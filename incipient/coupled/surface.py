@@ -133,7 +133,7 @@ class SurfacePart:
         self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
-        """How far the mesh is from where the flow takes the surface, as a velocity over that of the flow.
+        """Distance of the mesh from the surface convected by the flow, as a velocity over that of the flow.
 
         Raises:
             ConvergenceError: the flow has taken it beyond all bounds.

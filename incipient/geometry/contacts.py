@@ -111,7 +111,7 @@ class ClosestPoints:
     def replaced(
         self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
     ) -> "ClosestPoints":
-        """These with some rows from `other`: the same ones, or `those`."""
+        """The contacts with some rows replaced by rows of `other`: the same ones, or `those`."""
         tables = {name: table.copy() for name, table in self._tables().items()}
         for name, table in tables.items():
             table[rows] = getattr(other, name)[rows if those is None else those]
@@ -127,7 +127,7 @@ class ClosestPoints:
         return replace(parts[0], **tables)
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
-        """Without those that repeat a lower one: the same point, to a length, and the same normal."""
+        """The contacts without repetitions of a lower one: the same point, to a length, and the same normal."""
         if len(self) < 2:
             return self
         from scipy.spatial import cKDTree  # which takes time to import

@@ -50,7 +50,7 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where a grain came to rest, or how it did not."""
+    """The rest of a grain, or why it found none."""
 
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
@@ -100,7 +100,7 @@ def settle_under(
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
-    """Where the grain comes to rest from `start` under a dead load, which does not turn with it; else as `settle`.
+    """The rest of the grain from `start` under a dead load, which does not turn with it; otherwise as `settle`.
 
     `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
     """

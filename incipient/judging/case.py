@@ -32,7 +32,7 @@ ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by han
 def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
     """The validator of a number or of nested lists of numbers, of one of these shapes."""
 
-    def check(value: Any) -> Any:
+    def nested_tuples(value: Any) -> Any:
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths
@@ -43,7 +43,7 @@ def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
             raise contradiction("is not finite", "give finite numbers")
         return _tuples(array.astype(float).tolist())
 
-    return PlainValidator(check)
+    return PlainValidator(nested_tuples)
 
 
 def _tuples(value: Any) -> Any:
@@ -297,7 +297,7 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    """In 2-D vectors have two components, and torques and the inertia are numbers."""
+    """Require vectors of two components and scalar torques and inertia in 2-D."""
     load, errors = case.load, case.errors or CaseErrors()
     values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,

@@ -57,7 +57,7 @@ class History:
         return np.asarray(self.times[new])
 
     def at(self, time: float) -> Placement:
-        """Where the grain is at a time, between rows on the straight line from one to the next."""
+        """Position of the grain at a time, interpolated linearly between rows."""
         place = [
             float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
         ]

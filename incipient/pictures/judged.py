@@ -111,7 +111,7 @@ class Judged:
 
     @property
     def occasion(self) -> str:
-        """Which load the contact forces answer."""
+        """The load that the contact forces balance, in words."""
         if not math.isfinite(self.share):
             return "no contact forces balance the load"
         if self.share != 1.0:
@@ -194,7 +194,7 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
-    """Where forces (n, 3) are in their cones."""
+    """States of forces (n, 3) in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
     states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(

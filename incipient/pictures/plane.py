@@ -148,7 +148,7 @@ def mark_contacts(
 
 
 def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
-    """At each contact the cone of all forces that friction allows, and in it the force."""
+    """Draw the friction cone at each contact, and in it the force."""
     opening = np.degrees(case.cone_angle)
     for point, normal, force, state in _rows(case):
         colour = STATES[state][0]

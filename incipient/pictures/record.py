@@ -48,7 +48,7 @@ class StoredRun:
 
     @property
     def place(self) -> Placement | None:
-        """Where the grain is at the end of the run: at rest where it touches the bed; None without one."""
+        """Placement of the grain at the end of the run, at rest where it touches the bed; None without a grain."""
         centre = self.value("grain", "centre")
         if centre is None:
             return None

@@ -27,7 +27,7 @@ class Forces:
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: np.ndarray) -> Forces:
-        """These forces with a change (3,) added to the computed force of the flow."""
+        """The forces with a change (3,) added to the computed force of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
     @property
@@ -51,7 +51,7 @@ class Couples:
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: np.ndarray) -> Couples:
-        """These torques with a change (3,) added to the computed torque of the flow."""
+        """The torques with a change (3,) added to the computed torque of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
 

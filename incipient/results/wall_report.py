@@ -31,7 +31,7 @@ class Iteration(Protocol):
 
     @property
     def spread(self) -> float:
-        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
+        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class WallReport:
 
     @property
     def leading(self) -> int:
-        """Which of `shear_velocities` stands for the flow: next to a bed that is not level that of one place does not.
+        """Index of the representative of `shear_velocities`: over a bed that is not planar, the mean along the walls.
 
         Where the flow leaves over a slope the stress at the last node does not converge with the mesh.
         """
@@ -121,7 +121,7 @@ class WallReport:
 
     @property
     def doubt(self) -> str:
-        """Where walls are not as the model asks, or the flow has not converged, what is said of them; else empty."""
+        """Warning where walls violate the model's assumptions or the flow has not converged; otherwise empty."""
         if self.applicable and self.converged:
             return ""
         return self._unconverged() + self._judged()[0].removesuffix("; ")
@@ -133,7 +133,7 @@ class WallReport:
 
     @property
     def spread(self) -> float:
-        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
+        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
         return 0.0 if self.iteration is None else self.iteration.spread
 
     def _unconverged(self) -> str:

@@ -316,7 +316,7 @@ class SceneSections(Section):
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:
-        """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap.
+        """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
         With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
         does not.

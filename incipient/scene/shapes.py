@@ -208,7 +208,7 @@ class BedSection(Section):
         return 0.0
 
     def forms(self, length: float) -> float:
-        """About how many forms, such as ripples, there are on a length; 0 in 3-D, where not all are meshed."""
+        """Approximate number of bedforms on a length; 0 in 3-D, where not all are meshed."""
         return 0.0
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:

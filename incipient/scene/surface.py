@@ -106,7 +106,7 @@ class Surface(Section):
 
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
-    """Where elevations are reported: the stations, or without any five from end to end, in 3-D three by three."""
+    """Positions of reported elevations: the stations; by default five from end to end, in 3-D three by three."""
     given = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (

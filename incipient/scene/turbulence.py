@@ -146,7 +146,7 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not.
+        """Error message for rows of the profile beyond a wall on top, two depths above the lower one; otherwise empty.
 
         Below a surface, that no row is in the flow.
         """

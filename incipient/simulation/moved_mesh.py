@@ -52,7 +52,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
 
 @dataclass(frozen=True, eq=False)
 class MovedMesh:
-    """Where the nodes of a run's mesh (n, 3) and the grain's centre (3,) are in a scene that differs a little."""
+    """Positions of the nodes of a run's mesh (n, 3) and of the grain's centre (3,) in a slightly different scene."""
 
     run: Run
     setup: Setup
@@ -101,7 +101,7 @@ class MovedMesh:
 
 
 def _centre(run: Run, setup: Setup) -> Floats:
-    """Where the grain's centre is with the gap of another setup."""
+    """The grain's centre with the gap of another setup."""
     layout, geometry = run.layout, setup.geometry
     assert (
         layout.placement is not None and layout.resting is not None and geometry.grain is not None

@@ -92,7 +92,7 @@ class FlowPast(Section):
 
 
 class Surveyed(Section):
-    """Which grains are surveyed."""
+    """Selection of the surveyed grains."""
 
     visible: NotNegative = key(
         "Share of a grain that is seen from above, from which on it is exposed [-]", 0.5, le=1

@@ -29,7 +29,7 @@ COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
 def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """About how many simulations a search for a number of durations takes."""
+    """Expected number of simulations in a search for a number of durations."""
     each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
     return 1 + durations * each * (2 if with_error_bars else 1)
 

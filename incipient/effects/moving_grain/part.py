@@ -219,7 +219,7 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        """How far the grain is from what is nearest to it. Not collective."""
+        """Distance of the grain from the nearest other boundary. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
     def _in_the_way(self) -> Surroundings:
@@ -227,7 +227,7 @@ class MovingGrain(RunPart):
         return self.surroundings
 
     def _room(self, state: BodyState) -> float:
-        """How far the grain may still go before the gap to something is that which counts as contact."""
+        """Distance that the grain may still move before a gap closes to the contact gap."""
         gap = self.scene.contact_gap
         return self._in_the_way().clearance(state.placement, 2.0 * gap).distance - gap
 

@@ -192,7 +192,7 @@ class TurbulenceEffect(Effect):
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
+        """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene
         if scene.flow.kind == "log-law":
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"

@@ -34,7 +34,7 @@ LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 @dataclass(frozen=True)
 class TurbulenceConditions:
-    """Where both quantities are given, and where walls are.
+    """Boundaries with given quantities, and walls.
 
     inflow: names of boundaries at which the logarithms are given, with a function of places (3, n) that returns (2, n)
     walls:  names of boundaries that are walls, or have a wall a distance beyond them
@@ -136,7 +136,7 @@ class TurbulenceFields(ABC):
 
     @property
     def conditions(self) -> list[Any]:
-        """Where one or both logarithms are given."""
+        """Dirichlet conditions on one or both logarithms."""
         return self._conditions
 
     @property

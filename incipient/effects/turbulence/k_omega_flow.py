@@ -77,7 +77,7 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _least_carried(self) -> float:
-        """That below which k is not destroyed."""
+        """Bound below which k is not destroyed."""
         return math.log(max(self._least, self._added))
 
     @property

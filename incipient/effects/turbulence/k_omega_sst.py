@@ -245,7 +245,7 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _across(self) -> Any:
-        """In 3-D wakes, by the slope in the reference cell.
+        """The base class's bound; in 3-D wakes, from the slope in the reference cell.
 
         Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
         """

@@ -89,7 +89,7 @@ def grain_number(setup: Setup) -> float:
 
 
 def _through_the_top(setup: Setup) -> Iterator[str]:
-    """Where the grain reaches what the mesh leaves out below a wall on top."""
+    """Refuse a grain that reaches the layer below a wall on top that the mesh leaves out."""
     body, placement = setup.scene.body, setup.geometry.placement
     if body is None or placement is None:
         return
@@ -137,7 +137,7 @@ def _coarse(setup: Setup) -> Iterator[str]:
 
 
 def _narrow_gap(setup: Setup) -> Iterator[str]:
-    """That the law of each wall knows of no second one: its friction is too little, however narrow the gap is."""
+    """Warn of narrow gaps: the law of each wall ignores the other, and friction in the gap is too small."""
     body, placement = setup.scene.body, setup.geometry.placement
     if body is None or body.centre is None or body.moves or placement is None:
         return

@@ -139,7 +139,7 @@ class Flat(Bed):
         return np.column_stack([x, self.height(x)])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One line."""
+        """A single line."""
         return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
 
 

@@ -377,7 +377,7 @@ class Star(Smooth):
 
     @cached_property
     def pole(self) -> Floats:
-        """Where the radius is measured from, in the body frame (2,)."""
+        """The point from which the radius is measured, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
         r = self._radius(angle)[0]
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
