@@ -39,7 +39,7 @@ SOURCES = {
     ),
     "Near contact": (
         "Stokes flow around a cylinder moving near a wall (gap in diameters), in a box of 20 x 10 diameters: error "
-        "of force or couple (torque) against the exact solution of Jeffrey & Onishi (1981), Q. J. Mech. Appl. Math. "
+        "of force or torque against the exact solution of Jeffrey & Onishi (1981), Q. J. Mech. Appl. Math. "
         "34, 129."
     ),
     "A new mesh every few steps": "An ellipse carried round a box, 20 steps, compared with the run on one mesh.",

@@ -143,7 +143,7 @@ class OpenBoundary(FlowTerm):
     """A boundary through which fluid leaves freely; `measure` is its.
 
     carrier: velocity that carries momentum, where the momentum of returning fluid is prescribed; None: it is free
-    stream:  velocity whose momentum returning fluid brings; None: it brings none
+    stream:  velocity whose momentum the backflow carries; None: it carries none
     """
 
     viscosity: Any

@@ -8,7 +8,7 @@ Each equation is that of k or omega over k or omega itself:
 
 with nu_t = k/max(omega, S F_2/a_1), S^2 = 2 D : D, P = min(nu_t S^2, 10 beta* k omega). Next to a smooth wall, where
 only molecules matter, omega = 6 nu/(beta_1 y^2) and k goes as y^n, n (n - 1) = 6 beta*/beta_1. Sources: Menter (1994),
-AIAA J. 32, 1598; constants and S in place of the vorticity: Menter, Kuntz & Langtry (2003), Turbulence, Heat and Mass
+AIAA J. 32, 1598; constants and S instead of the vorticity: Menter, Kuntz & Langtry (2003), Turbulence, Heat and Mass
 Transfer 4, 625; logarithms: Ilinca & Pelletier (1998), Int. J. Thermal Sciences 38, 560.
 """
 
@@ -206,7 +206,7 @@ def at_rough_wall(sand: Any, functions: Any = UFL) -> tuple[Any, Any]:
     pair for his law.
 
     Args:
-        sand: u* k_s/nu.
+        sand: roughness Reynolds number u* k_s/nu.
         functions: `exp`, `tanh`, `log`, `sqrt`, `larger` for what it is: UFL, or numbers and arrays.
     """
     s, tanh = functions.larger(sand, SMOOTHEST_SAND), functions.tanh

@@ -73,7 +73,7 @@ def surface_vector(n: Any, reference_map: ReferenceMap) -> Any:
 
 
 def rigid_velocity(velocity: Any, spin: Any, arm: Any) -> Any:
-    """Velocity of a rigid body at an arm from its centre; the spin has one component in the plane, three in space."""
+    """Velocity of a rigid body at an arm from its centre; the spin has one component in 2-D, three in 3-D."""
     if len(arm) == 2:
         return velocity + spin[0] * ufl.perp(arm)
     return velocity + ufl.cross(spin, arm)

@@ -16,7 +16,7 @@ LAYER = 0.1  # thickness of the layer of cells at the surface that a pressure th
 
 @dataclass(frozen=True)
 class SurfaceTerms:
-    """What enters the residual of the flow on a free surface.
+    """Terms of a free surface in the residual of the flow.
 
     gravity:   acceleration (gdim,), whose last component is negative or zero
     origin:    a place (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero

@@ -184,8 +184,8 @@ def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistan
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     """-min(c . n, 0) v . w on an end through which fluid enters, its velocity along n being given.
 
-    Across n the natural condition, with `open_boundary`, then is (c . n) v = nu dv/dn: what enters brings no momentum
-    across the stream with it. Else kinetic energy would enter with every motion across the stream there, as it does
+    Across n the natural condition, with `open_boundary`, then is (c . n) v = nu dv/dn: the inflow brings no momentum
+    across the flow with it. Otherwise kinetic energy would enter with every motion across the flow there, as it does
     through an open boundary where fluid comes back (Braack & Mucha 2014, J. Comput. Math. 32, 507).
     """
     inwards = ufl.conditional(ufl.lt(ufl.dot(carrier, n), 0), ufl.dot(carrier, n), 0)

@@ -37,7 +37,7 @@ STEEPEST = 3.0
 class Stream:
     """What carries and makes the turbulence: the velocity, viscosity of the molecules, and measure of the cells.
 
-    size:  that of a cell over the order of the elements, for upwinding along the streams; None: without
+    size:  that of a cell over the order of the elements, for upwinding along streamlines; None: without
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
     added: (2,) what else makes both quantities, over these quantities themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity

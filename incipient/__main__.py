@@ -22,7 +22,7 @@ def main() -> int:
     except OutputError as error:
         print(f"incipient: {error}", file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:  # once more, while the first is told
+    except KeyboardInterrupt:  # once more, while the first is reported
         return 128 + signal.SIGINT
     finally:
         if ends:

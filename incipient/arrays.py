@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-Point = tuple[float, float]  # in the plane
+Point = tuple[float, float]  # in 2-D
 
 # Beyond these sizes products of a few numbers leave what a computer can represent.
 LARGEST, SMALLEST = 1e30, 1e-30
@@ -113,5 +113,5 @@ def percentile(values: ArrayLike, share: float) -> Floats:
 
 
 def known_percentiles(shares: Sequence[int], count: int) -> list[int]:
-    """Those percentiles that so many values tell: with more than a whole value on their smaller side."""
+    """The percentiles that a sample of this size resolves: with more than one value on their smaller side."""
     return [share for share in shares if count * min(share, 100 - share) > 100]

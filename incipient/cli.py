@@ -126,13 +126,13 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
             "entrainment",
             "gusts",
             options.of_entrainment,
-            "find how probable motion is in a fluctuating stream",
+            "find the probability of motion in a fluctuating flow",
         ),
         (
             "plan",
             "costs",
             options.of_plan,
-            "say what would be computed and what not, and what it needs",
+            "show models, mesh size and cost of a run without solving",
         ),
         (
             "cost",
@@ -222,7 +222,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         if output_is_lost(error):
             return _leave(comm, _unwritten(error))
         words = traceback.format_exc().rstrip()
-        say(f"incipient: a defect of the program, on rank {comm.rank}:\n{words}")
+        say(f"incipient: internal error, please report it; rank {comm.rank}:\n{words}")
         return _leave(comm, DEFECT)
 
 

@@ -311,7 +311,7 @@ def cut_after(path: Path, time: float, least: int = 0) -> None:
 
 
 def write_fully(stream: io.RawIOBase, data: bytes) -> None:
-    """Write without a buffer, which would be written once more when the stream is closed after a failure."""
+    """Write without a buffer, which would be written once more when the file is closed after a failure."""
     while data:
         data = data[stream.write(data) or 0 :]
 

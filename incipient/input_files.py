@@ -1,4 +1,4 @@
-"""Input files: what is no regular file is refused, and what goes wrong while a file is read is told in one line.
+"""Input files: anything but a regular file is refused, and an error while a file is read is one line.
 
 Nothing here is collective.
 """

@@ -42,7 +42,7 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
     parameters = signature(compute)
 
     @wraps(compute)
-    def alone(*arguments: P.args, **options: P.kwargs) -> T:
+    def serialised(*arguments: P.args, **options: P.kwargs) -> T:
         if threading.current_thread() is not threading.main_thread():
             comm = parameters.bind(*arguments, **options).arguments.get("comm")
             if (world() if comm is None else comm).size > 1:
@@ -53,7 +53,7 @@ def one_at_a_time(compute: Callable[P, T]) -> Callable[P, T]:
         with _COMPUTING:
             return compute(*arguments, **options)
 
-    return alone
+    return serialised
 
 
 class Interruption:
@@ -150,7 +150,7 @@ def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
     Not collective.
 
     Raises:
-        Interrupted: in place of a KeyboardInterrupt.
+        Interrupted: instead of a KeyboardInterrupt.
     """
     try:
         yield

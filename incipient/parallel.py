@@ -172,7 +172,7 @@ class NumberedRows:
         return joined(self._comm, rows)[self._order]
 
     def places_of(self, numbers: NDArray[Any]) -> NDArray[Any]:
-        """At which rows numbers, of any shape, come to be. Not collective."""
+        """Rows of the given numbers, of any shape. Not collective."""
         return np.searchsorted(self._numbers, numbers)
 
 
@@ -210,7 +210,7 @@ def leave_parallel_run() -> None:
 
 
 def start_alone_quickly() -> None:
-    """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
+    """Keep OpenMPI from starting a daemon and searching networks without mpirun, which takes 0.3 s.
 
     The settings are for this process alone: one that it starts may be an mpirun.
 

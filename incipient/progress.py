@@ -28,7 +28,7 @@ class Silent:
         """Time has come so far."""
 
     def count(self, what: str, done: int, total: int) -> None:
-        """So many are done, of many alike."""
+        """Report the number done of many alike."""
 
 
 class Logged(Silent):

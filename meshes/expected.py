@@ -18,7 +18,7 @@ PARTS = 50  # of a boundary along which sizes grow
 
 
 def expected_cells(shape: Region | SolidRegion | Grid, sizes: Sizes) -> dict[str, float]:
-    """About how many cells each part of the sizes asks for, by name: the sum is that of all.
+    """Expected number of cells due to each part of the sizes, by name; their sum is the total.
 
     The sizes grow with the distance from boundaries and points, so that their integrals are known.
     """

@@ -259,7 +259,7 @@ def _around(points: Floats, edges: Integers) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """Where columns stand on a boundary, several on a corner that protrudes.
+    """Positions of layer columns on a boundary, several on a corner that protrudes.
 
     foot (n,):       point of the boundary
     direction (n, 2): into the fluid; longer than one where a column is not normal to its wall

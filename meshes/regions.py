@@ -77,7 +77,7 @@ class PlacedSolid:
 
 @dataclass(frozen=True)
 class Resolved:
-    """Where a bed is meshed as it is: within `radius` of `centre`, horizontally.
+    """The region in which bedforms are meshed: within `radius` of `centre`, horizontally.
 
     Over the length `passage` it goes over smoothly to its mean level.
     """
@@ -157,7 +157,7 @@ class Grid:
 
 
 def graded_ends(count: int, grading: float) -> tuple[float, ...]:
-    """Where cells end that are finer at both ends, as ascending fractions of a length, the last of them one.
+    """Ends of cells that are finer at both ends, as ascending fractions of a length, the last of them one.
 
     The spacing at a fraction s is proportional to 1 - (1 - grading) (2 s - 1)^2.
 

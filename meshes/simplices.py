@@ -52,7 +52,7 @@ class Simplices:
         return cls(points, elements(dimension, order), sides, order)
 
     def of_order(self, order: int) -> Simplices:
-        """These straight cells of order one with the nodes of a higher order."""
+        """The straight cells of order one with the nodes of a higher order."""
         if order == 1:
             return self
         count, dimension = self.points.shape
@@ -60,6 +60,7 @@ class Simplices:
         keys, first = np.unique(unordered_keys(rows, count), return_index=True)
 
         def with_nodes(cells: Integers, dim: int) -> Integers:
+            """Corners (m, dim + 1) of cells, and after them the numbers of their other nodes."""
             own = unordered_keys(_means(cells, dim, order), count)
             return np.column_stack(
                 [cells, count + np.searchsorted(keys, own).reshape(len(cells), -1)]
@@ -70,7 +71,7 @@ class Simplices:
         return Simplices(points, with_nodes(self.cells, dimension), sides, order)
 
     def used(self) -> Simplices:
-        """These cells without points of no cell."""
+        """The cells without points that belong to no cell."""
         kept, cells = np.unique(self.cells, return_inverse=True)
         sides = {name: np.searchsorted(kept, part) for name, part in self.sides.items()}
         return replace(
@@ -84,7 +85,7 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """These cells of order two with middles (k,) of edges moved, and the middles of edges that stay straight.
+        """The cells of order two with middles (k,) of edges moved, and the middles of edges that stay straight.
 
         Where cells would fold over, edges are straight; in layers they are bent less, step by step.
 

@@ -48,7 +48,7 @@ class SizeMap:
         return cls(region, sizes, frame, Ground(region, frame), bodies)
 
     def finer_at(self, points: Floats) -> SizeMap:
-        """These sizes, but half as large at points (n, 3) of the frame, one of those that are nearer than a cell."""
+        """The sizes halved at points (n, 3) of the frame, at only one of points nearer than a cell."""
         sizes = self(points)
         _, first = np.unique(np.round(points / sizes[:, None]), axis=0, return_index=True)
         points, sizes = points[first], 0.5 * sizes[first]

@@ -167,7 +167,7 @@ class Ground(ExactSurface):
         return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._mean)
 
     def _level(self, x: Floats) -> Floats:
-        """About the distance (n,) of points (n, 3) above the bed, all in the scene: zero on it."""
+        """Approximate distance (n,) of points (n, 3) above the bed, all in the scene: zero on it."""
         if self._balls is None:
             slope = self.region.bed.gradient(x[:, :2]) * (1.0 - self._share(x))[:, None]
             return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
@@ -205,7 +205,7 @@ class Ground(ExactSurface):
         return np.concatenate([above, away])
 
     def distance(self, x: Floats) -> Floats:
-        """About the distance (n,) of points (n, 3) of the frame above the bed, in the frame."""
+        """Approximate distance (n,) of points (n, 3) of the frame above the bed, in the frame."""
         return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
 
     def project(self, x: Floats, held: np.ndarray) -> Floats:

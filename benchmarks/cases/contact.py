@@ -30,7 +30,7 @@ def measure(session: Session) -> dict[str, Any]:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    head = "### Contact: the exact judge"
+    head = "### Contact: the exact criterion"
     if "error" in data:
         return f"{head}\n\nCould not run here: `{data['error']}`."
     times = ", ".join(f"{WORK[name]} {data['milliseconds'][name]:.2f} ms" for name in GOALS)

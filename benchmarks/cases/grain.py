@@ -79,12 +79,12 @@ def describe(data: dict[str, Any]) -> str:
 
 {listed}
 
-Error of force and couple (torque) with mesh_size = {SIZES[0]:g}, over the force, against the finest mesh
+Error of force and torque with mesh_size = {SIZES[0]:g}, over the force, against the finest mesh
 ({fine["name"]}): {", ".join(refined)}.
 
 Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5):
 
-{table(["gap", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", *limit]])}
+{table(["gap", "F_x", "F_y", "torque"], [*gaps, ["0 (extrapolated)", *limit]])}
 
 {_verdict_on_gap(data["gaps"])}"""
 

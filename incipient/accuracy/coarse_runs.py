@@ -34,7 +34,7 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 
 
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
-    """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
+    """The scene in time with longer steps, and with these in elements of the next-higher order, on a mesh of their own.
 
     With wall layers, where k and epsilon keep their order, for elements of the highest order, and where no cell
     resolves the boundary layer of a grain, these are compared with such on a coarser mesh. Where there is neither grain

@@ -1,7 +1,7 @@
-"""How far a steady force and couple are from converged: the dual-weighted residual, goal by goal.
+"""How far a steady force and torque are from converged: the dual-weighted residual, goal by goal.
 
-The computed flow is put into elements of one order more on the same mesh. One Newton correction there, with
-fresh factors, gives force and couple as they would be with that order: the difference is the estimated error.
+The computed flow is put into elements of the next-higher order on the same mesh. One Newton correction there, with
+fresh factors, gives force and torque as they would be with that order: the difference is the estimated error.
 The same number is minus the residual of the computed flow weighted with the solution of the dual problem, the
 sensitivity of the goal to forces anywhere in the fluid (Becker and Rannacher 2001). The weighted residual,
 split by the hat functions of the mesh (Richter and Wick 2015), says where the error comes from.
@@ -37,14 +37,14 @@ LEAST_COUPLE = 0.1  # of what the force at the boundary would turn by: smaller c
 
 
 class GoalErrors:
-    """Estimated errors of the force and couple on a boundary. Every method is collective.
+    """Estimated errors of the force and torque on a boundary. Every method is collective.
 
     Holds PETSc objects: use it as a context manager.
 
     Args:
         fluid: the solved steady flow; left as it is.
-        boundary: whose force and couple are looked at.
-        about: point (gdim,) that couples refer to.
+        boundary: whose force and torque are looked at.
+        about: point (gdim,) that torques refer to.
     """
 
     def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
@@ -78,11 +78,11 @@ class GoalErrors:
 
     @property
     def couple(self) -> Floats:
-        """(3,) computed couple less that of the finer elements."""
+        """(3,) computed torque less that of the finer elements."""
         return self.computed.couple - self.improved.couple
 
     def loads(self, unit: float) -> Loads:
-        """Force and couple with the estimated errors taken away, in a unit of the fluid's loads."""
+        """Force and torque with the estimated errors taken away, in a unit of the fluid's loads."""
         return Loads(unit * self.improved.force, unit * self.improved.couple)
 
     @property
@@ -91,10 +91,10 @@ class GoalErrors:
         return self.fluid.model.upwind and self.finer.model.exact
 
     def correct_again(self) -> float:
-        """Make one more correction; how much of all that is corrected by now it was, the more of force and couple.
+        """Make one more correction; how much of all that is corrected by now it was, the more of force and torque.
 
         The residual is that without upwinding, the Jacobian that with it: a correction leaves some of what upwinding
-        changes, and the next one tells how much. `force` and `couple` then are those of both. A couple that hardly
+        changes, and the next one tells how much. `force` and `couple` then are those of both. A torque that hardly
         changes, against the force at the boundary's largest distance, tells nothing.
         """
         before = self.improved
@@ -111,7 +111,7 @@ class GoalErrors:
 
     @property
     def _reach(self) -> float:
-        """The largest distance of the boundary from what couples refer to. Collective."""
+        """The largest distance of the boundary from what torques refer to. Collective."""
         space = self.finer.space
         blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
         arms = self.finer.constraints.points[blocks, : space.gdim] - self._about
@@ -121,7 +121,7 @@ class GoalErrors:
     def shares(self, goal: Floats) -> Floats:
         """What each local vertex of the mesh contributes to the error of a goal: (vertices, ghosts included).
 
-        `goal` (k,), k = 3 in the plane and 6 in space, weights force and couple: the goal is their sum. The
+        `goal` (k,), k = 3 in 2-D and 6 in 3-D, weights force and torque: the goal is their sum. The
         contributions of all owned vertices add up to the error up to what the correction leaves of it.
         """
         finer, corrected = self.finer, self.finer.state.x.array.copy()

@@ -144,9 +144,10 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return Term("not steady", force, couple, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
+        """Error from the unknown pressure in closed pockets between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
         force, couple = run.probe.enclosed.unknown(run.probe.about)
-        how = "between contacts the pressure upstream or downstream of them, in place of the mean"
+        how = "between contacts the pressure upstream or downstream of them, instead of the mean"
         return Term("pocket", speed**2 * force, speed**2 * couple, how)
 
     by_runs = by_coarse_runs(run.scene, run.accounts.known.terms.get(OF_MESH))
@@ -194,7 +195,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
         LEFT * unit_of(run, speed) * (getattr(fine, of) - getattr(other, of))
         for of in ("force", "couple")
     )
-    how = f"{LEFT:g} of what order {run.plan.order} changes in order 2 on the same mesh"
+    how = f"{LEFT:g} of the change from order 2 to order {run.plan.order} on the same mesh"
     return Term("discretisation", np.abs(force), np.abs(couple), how).with_components_alike()
 
 

@@ -59,7 +59,7 @@ class Suited:
     def changes(self, wished: Scene) -> tuple[str, ...]:
         """Differences from the scene that was wished for, in words."""
         changed = _keys(self.scene, wished).items()
-        return tuple(f"{key} = {now} in place of {before}" for key, (now, before) in changed)
+        return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
 
 
 def suited(
@@ -88,15 +88,13 @@ def suited(
                 if (error := errors[term.name]) > part:
                     scene = lessened(scene, term, AIM * part / error) or scene
         except IncipientError as error:
-            return replace(
-                last, unmet=f"errors of gap and domain are not known beyond that: {error}"
-            )
+            return replace(last, unmet=f"errors of gap and domain are unknown beyond that: {error}")
         if scene is last.scene:
             largest = max(errors, key=lambda name: errors[name])
             remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
             why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
             return replace(last, unmet=why + remedy)
-    return replace(last, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
+    return replace(last, unmet=f"errors of gap and domain are too large after {MOST_STEPS} steps")
 
 
 def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
@@ -199,7 +197,7 @@ def _written(value: Any) -> str:
 def _of_datum(flow: Flow) -> str:
     if getattr(flow, "datum", "auto") in ("auto", "effective"):
         return "with inertia the effective height of the bed is not known better"
-    return 'flow.datum = "auto" has less of it'
+    return 'flow.datum = "auto" reduces it'
 
 
 def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:

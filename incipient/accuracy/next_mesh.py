@@ -31,7 +31,7 @@ from .terms import is_stream, order_in_space
 AIM = 0.6  # of the accuracy, so that the run expected to reach it does
 MOST_MESHES, MOST_RUNS = 12, 6  # steady, in time
 ORDERS = (2, 3, 4)
-# Unknowns per vertex of a large mesh, by the dimension and the order; what one order more is expected to leave of the
+# Unknowns per vertex of a large mesh, by dimension and order; what the next-higher order is expected to leave of the
 # error on the same mesh.
 UNKNOWNS, GAIN = {2: {2: 9, 3: 22, 4: 41}, 3: {2: 25, 3: 89, 4: 219}}, 0.1
 # Cells of the first mesh over those by default; where they are upwinded larger ones mislead. In time also the steps.
@@ -63,7 +63,7 @@ def next_order(
 ) -> tuple[int, float]:
     """The order expected to need the fewest unknowns, and what it would leave on this mesh over the error aimed at.
 
-    It is not below the given order. One order more on the same mesh is expected to leave a tenth; what is then too much
+    It is not below the given order. The next order on the same mesh is expected to leave a tenth; what is then too much
     needs (error / aim)^(d/2k) times the unknowns in d dimensions.
 
     Args:
@@ -115,7 +115,8 @@ def cheapest(
 ) -> Refined:
     """Steps, cells and an order not below the given one for an error of `aim` with the least work; none is coarser."""
 
-    def at(higher: int) -> Refined:
+    def with_order(higher: int) -> Refined:
+        """The least work with elements of an order."""
         s = float(order_in_space(higher))
         to_step = aim / q / (1.0 / q + WORK_POWER / s)
         if of_step < to_step:
@@ -125,7 +126,7 @@ def cheapest(
         shorter, finer = _ratio(to_step, of_step, q), _ratio(aim - to_step, of_mesh, s)
         return _with_work(shorter, finer, order, higher)
 
-    return min((at(k) for k in ORDERS if order <= k <= highest), key=lambda each: each.work)
+    return min((with_order(k) for k in ORDERS if order <= k <= highest), key=lambda each: each.work)
 
 
 def _with_work(shorter: float, finer: float, order: int, higher: int) -> Refined:
@@ -140,8 +141,8 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 def first(scene: Scene) -> Scene:
     """The first scene of a search in time: a coarse mesh, and steps as long as leaves a few of them.
 
-    Where a stream enters below a free surface the zone at the inflow, one cell at least, is as long on all meshes,
-    those of one order more included: otherwise its length errs, which the comparison does not tell.
+    Where flow enters below a free surface the zone at the inflow, one cell at least, is as long on all meshes,
+    those of the next-higher order included: otherwise its length errs, which the comparison does not tell.
     """
     assert scene.time is not None
     longer, cells = LONGEST, COARSEST_IN_TIME

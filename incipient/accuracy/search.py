@@ -304,6 +304,6 @@ class Search:
 
 
 def _lu_mib(unknowns: float) -> float:
-    """Memory [MiB] of the LU factorisations of a flow and of its dual, in elements of one order more."""
+    """Memory [MiB] of the LU factorisations of a flow and of its dual, in elements of the next-higher order."""
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)

@@ -161,7 +161,7 @@ class Steady(Strategy):
         if self.search.numerics.accuracy != "verdict" or estimate.error is None:
             return super().following(attempt, run, on_mesh, estimate)
         search, comm = self.search, self.search.comm
-        # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
+        # Coarse runs come next, for the error bars: the search's results outlast an interrupt.
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
             bars = error_bars(

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 Estimate = Callable[[Loads, Solve], Term]
 
 # Error over estimate where two solutions outside the asymptotic range stand for a bound: cells in 3-D, steps of waves
-# and levels of streams (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
+# and levels of flows (tests/convergence/test_errors_of_waves.py). The largest measured (docs/contribute/defaults.md).
 SAFETY = 1.6
 # Orders in the size of cells: of turbulence, which is upwinded, and of laminar flow with corners. What two coarser
 # meshes differ by, which may agree with the finest by chance, is believed to fall at most at order two, and not at all
@@ -76,14 +76,14 @@ UNSETTLED = (
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {:g} or less"
 )
-NOT_RESOLVED = (
-    "cells twice as large do not tell of these in space: use numerics.mesh_size = {:.2g} or less"
-)
+NOT_RESOLVED = "cells twice as large are too coarse for an error estimate: use numerics.mesh_size = {:.2g} or less"
 NO_LIMIT = (
     "the sides 1.5 times as far change the force by {:.2g}, 2.25 times as far by {:.2g} more: it has no limit; use a "
     "larger domain, or a flow that does not depend on its size"
 )
-NO_MORE_BED = "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed has less of it"
+NO_MORE_BED = (
+    "not estimated with numerics.accuracy, but without it; a larger numerics.meshed_bed reduces it"
+)
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 
@@ -100,7 +100,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     doubt = UNSETTLED.format(left=left) if left > SETTLED else ""
     force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
     return Term(
-        "discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt
+        "discretisation", force, couple, "dual-weighted residual, next-higher order", doubt=doubt
     )
 
 
@@ -166,7 +166,7 @@ def _require_coarser(scene: Scene) -> None:
 def by_coarser_runs(
     scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None
 ) -> Term:
-    """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
+    """The term of time step and mesh: from a run with longer steps, and one of the next-higher order with these steps.
 
     The error of the mesh hardly depends on the steps: it is seen in the longer ones, and `of_mesh` spares that run.
     """
@@ -192,7 +192,7 @@ def by_coarser_runs(
 def shares(scene: Scene) -> tuple[float, float]:
     """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
 
-    All that elements of one order more change is an error of the mesh. Not collective.
+    All that elements of the next-higher order change is an error of the mesh. Not collective.
     """
     to_step = 1.0 / abs(ratio_of_steps(scene) ** order_in_time(scene) - 1.0)
     by_cells = 1.0 / (COARSER_MESH ** _order_of_mesh(scene) - 1.0)
@@ -413,7 +413,7 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Estimate]:
     if not no_gap(scene):
         estimates["gap"] = partial(of_gap, scene)
     if not has_no_far_sides(scene):
-        # Far sides otherwise tell of how slowly a stream adapts that does not suit its bed.
+        # Otherwise far sides show the slow adaptation of a flow that is not in equilibrium with its bed.
         suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
         estimates["domain"] = partial(of_domain, scene if suits else other or scene)
     if other is not None:
@@ -429,7 +429,7 @@ def not_there(scene: Scene) -> dict[str, str]:
     if scene.is_averaged:
         seen = "vary constants and wall_distance of [turbulence] to see it"
         reasons[MODEL] = (
-            f"not estimated: {'no other one reaches the walls' if scene.resolves_walls else seen}"
+            f"not estimated: {'no other model is integrated to the walls' if scene.resolves_walls else seen}"
         )
     if scene.numerics.accuracy is not None and _has_level_ground(Setup(scene)):
         reasons[GROUND] = NO_MORE_BED
@@ -455,7 +455,7 @@ def no_gap(scene: Scene) -> str:
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or ""."""
     if (scene.is_averaged and scene.body is None) or scene.has_separation:
-        return "does not apply: how long the channel is, and what enters, belong to the scene"
+        return "does not apply: the length of the channel and its inflow belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
     if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):

@@ -149,9 +149,7 @@ class Freedom:
 
     def __post_init__(self) -> None:
         if len(self.free) not in DEGREES:
-            raise SceneError(
-                "a body has three degrees of freedom in the plane, six in space; name as many"
-            )
+            raise SceneError("a body has three degrees of freedom in 2-D, six in 3-D; name as many")
 
     @classmethod
     def whole(cls, gdim: int) -> Freedom:

@@ -30,7 +30,7 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def entrainment(options: argparse.Namespace, comm: Comm) -> int:
-    """Finds how probable motion is in a fluctuating stream."""
+    """Computes the probability of motion in a fluctuating flow."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_entrainment"
     asked = (options.probabilities, options.strengths, options.gusts, options.data)

@@ -96,11 +96,11 @@ def of_entrainment(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     _scene_to(parser, "_entrainment")
     usual = "0.001 0.01 0.05 0.5, of those what data can tell"
-    text = f"of motion at an instant, for which the Shields number is found (default: {usual})"
+    text = f"of motion at an instant, for which the Shields number is computed (default: {usual})"
     add("--probabilities", type=float, nargs="+", default=[], metavar="P", help=text)
-    text = "mean flows over the scene's, for a curve (default: some that show it)"
+    text = "ratios of the mean flow to the scene's, for a curve (default: a range that shows it)"
     add("--strengths", type=float, nargs="+", default=[], metavar="FACTOR", help=text)
-    text = "directory of incipient gust: finds how often gusts last long enough, too"
+    text = "directory of incipient gust: also finds how often gusts last long enough"
     add("--gusts", type=named, metavar="DIRECTORY", help=text)
     text = "CSV of Shields number, probability, measured: drawn on the picture"
     add("--data", type=named, metavar="FILE", help=text)
@@ -166,7 +166,7 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     )
     text = "as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations"
     add("--over", action="append", default=[], metavar="KEY=VALUES", help=text)
-    add("--zip", action="store_true", help="take the values of several keys side by side instead")
+    add("--zip", action="store_true", help="combine the values of several keys one by one instead")
     add(
         "--cases",
         type=Path,
@@ -175,7 +175,12 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
     )
     text = "add cases where the mode changes or the curve bends, to this fraction of the range (default: 0.02)"
     add("--refine", type=_share, nargs="?", const=True, metavar="FRACTION", help=text)
-    add("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
+    add(
+        "--most",
+        type=int,
+        metavar="N",
+        help="with --refine: largest number of cases (default: 1000)",
+    )
     text = "with --refine: the column whose curve is to be known (see table)"
     add("--quantity", metavar="COLUMN", help=text)
     overrides(parser, "numerics.mesh_size=2")
@@ -191,9 +196,9 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         help="file of the sweep (default: results/SCENE_TASK.sqlite)",
     )
     _workers(parser, "case")
-    text = "of each case (default: 4/5 of the free memory over the cases at a time)"
+    text = "of each case (default: 4/5 of the free memory, divided by concurrent cases)"
     add("--memory", type=float, metavar="MIB", help=text)
-    text = "times that a case is begun whose process dies (default: 3)"
+    text = "attempts at a case whose worker process dies (default: 3)"
     add("--tries", type=int, default=3, metavar="N", help=text)
     add(
         "--wall",
@@ -207,20 +212,18 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
 def of_survey(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient survey`."""
     add = parser.add_argument
-    add(
-        "bed", type=Path, help="survey file (TOML); with --orientations or --seeds a scene in space"
-    )
+    add("bed", type=Path, help="survey file (TOML); with --orientations or --seeds a 3-D scene")
     overrides(parser, "bed.seed=2")
     add(
         "--out",
         type=named,
         help="directory for the results (default: results/NAME OF THE FILE_survey)",
     )
-    text = "compute so many full runs more, of grains whose loads are least sure (default: runs.number in all)"
+    text = "add this many full runs, of grains with the largest predictive variance (default: runs.number in all)"
     add("--runs", type=int, default=0, metavar="N", help=text)
-    text = "find the thresholds of a scene's grain in so many random orientations, the first being its own"
+    text = "find the thresholds of a scene's grain in this many random orientations, the first being its own"
     add("--orientations", type=int, metavar="N", help=text)
-    add("--seeds", type=int, metavar="N", help="the same on random beds of so many seeds")
+    add("--seeds", type=int, metavar="N", help="find its thresholds on this many random beds")
     _workers(parser, "run")
     add(
         "--wall",
@@ -296,13 +299,13 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     add("--density", type=float, metavar="RATIO", help=text)
     text = "with --forces, instead of a case: STL, PLY or OBJ file of the grain, in the coordinates of that run"
     add("--grain", type=named, metavar="FILE", help=text)
-    text = "the same of the bed; flat: a plane below the grain"
+    text = "STL, PLY or OBJ file of the bed; flat: a plane below the grain"
     add("--bed", type=named, metavar="FILE", help=text)
     text = "judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/howto/forces.md)"
     ways.add_argument("--series", type=named, metavar="FILE", help=text)
-    text = "with --forces or --series: time from which on they are taken (default: all, and the mean of the last half)"
+    text = "with --forces or --series: start time (default: all, and the mean of the last half)"
     add("--since", type=float, metavar="TIME", help=text)
-    text = "with --forces or --series: loads grow as the velocity, U, or its square, U2: in which flow the grain moves"
+    text = "with --forces or --series: loads scale with velocity, U, or its square, U2; finds the critical flow"
     add("--law", choices=("U", "U2"), help=text)
     text = "judge a table of cases, one a row: .csv or .parquet (docs/howto/forces.md)"
     ways.add_argument("--batch", type=named, metavar="FILE", help=text)

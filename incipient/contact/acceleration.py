@@ -1,9 +1,9 @@
 """Incipient motion: the accelerations with which a grain at rest answers a load, under Coulomb's law.
 
-In 2-D every motion is found by enumeration. An acceleration y of the grain opens contact i where N_i y > 0 and slides
+In 2-D every motion is enumerated. An acceleration y of the grain opens contact i where N_i y > 0 and slides
 on it where N_i y = 0, T_i y != 0; these planes cut space into cells in each of which the admissible forces are fixed:
 the free acceleration, those that slide on one contact, and the lines where two contacts stay or one sticks. The ends of
-continuous families are among the motions found, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
+continuous families are among these motions, since they lie on lines. In 3-D Coulomb's equations (`impulses`) are
 solved by Newton's method from several starts. All else is one code.
 """
 
@@ -36,7 +36,7 @@ NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry
 MOST = 12  # solutions kept of a case, those of least energy
-PARTS = 9  # of the friction, at which solutions are continued where none is found
+PARTS = 9  # of the friction, steps of continuation where no solution converges
 
 
 class ContactState(Enum):
@@ -90,7 +90,7 @@ class Uniqueness(Enum):
     ONLY = "the only solution"
     SEVERAL = "one of several solutions"
     FAMILY = "one of a continuous family of solutions"
-    NOT_EXCLUDED = "no other solution was found; others are not excluded"
+    NOT_EXCLUDED = "no other solution converged; others are not excluded"
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class ReleaseProblem:
     def motions(self, most: int) -> tuple[Integers, Floats, Floats]:
         """The motions other than rest: how many (n,), accelerations (n, most, m), and local forces (n, most, 3k).
 
-        In 2-D all, in 3-D those found, in the order of energy.
+        In 2-D all, in 3-D those that converged, in order of energy.
         """
         count, motions, forces = MOTIONS(
             self.columns,
@@ -206,7 +206,7 @@ class ReleaseProblem:
         return count, motions[:, :, :-1], forces
 
     def classified(self, accelerations: Floats) -> tuple[Floats, Floats, Integers, Integers]:
-        """Of accelerations (n, m): (n, 6), and local (n, k, 3), places (n, k) in `ContactState`, (n,) in `MODES`.
+        """Accelerations (n, m) in 3-D (n, 6), and those of contacts (n, k, 3), their states (n, k), and modes (n,).
 
         What counts as zero is zero in the first.
         """
@@ -270,7 +270,7 @@ def incipient_motion(
     solution; in 3-D solutions are sought from several starts. Infinite friction is computed as 1e6.
 
     Raises SceneError on negative friction, a mass that is not positive, an inertia that is not symmetric and
-    positive definite, and ConvergenceError if no solution is found.
+    positive definite, and ConvergenceError if no solution converges.
     """
     known = checked_inertia(mass, inertia)
     return motion_of(ContactProblem.of(load, contacts, friction, known[1][0]), *known)
@@ -300,7 +300,7 @@ def motion_of(
 
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
-    """Accelerations (s, m) and forces (s, k, 3) found, rest first if it is one of them, and whether these are all."""
+    """Converged accelerations (s, m) and forces (s, k, 3), rest first if among them, and whether these are all."""
     law, scale = case.contacts.law, case.scale[0]
     free = _frictionless(case)
     if np.abs(free[0]).max() <= ZERO * scale:
@@ -403,7 +403,7 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
 def inner_forces(
     case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats
 ) -> tuple[Floats | None, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others do; None: not found.
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others do; None: not converged.
 
     Contacts that lift have none, those that slide friction in full against the sliding. Of several the shortest if
     they are inside the cones, otherwise those farthest inside.
@@ -479,7 +479,7 @@ def motion_rows(
     """The motions of n cases other than rest: how many (n,), accelerations (n, most, m + 1), forces (n, most, 3k).
 
     columns: (n, m, 3k) wrenches of unit local forces; inverse: (n, m, m) of mass and inertia; wrench: (n, m). With
-    m = 3 all, with m = 6 those found, in the order of energy, which is the last entry of the accelerations.
+    m = 3 all, with m = 6 those that converged, in order of energy, which is the last entry of the accelerations.
     """
     count, m, width = columns.shape
     reached = np.zeros(count, dtype=np.int64)

@@ -1,7 +1,7 @@
 """Many contact problems at once: the safety factor and mode of each, by the kernels that judge a single one.
 
 Cases with equally many contacts are judged together. Those without friction, with coincident contacts, or for which no
-motion is found are judged one by one.
+motion converges are judged one by one.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ LABELS = ("rest", "moves", *(mode.label for mode in MODES if mode is not Mode.RE
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """n cases of up to k contacts; in the plane third components are zero.
+    """n cases of up to k contacts; in 2-D third components are zero.
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
-    force, couple, weight, centre: (n, 3) of the flow, the couple about the centre of mass, and all else that acts there
+    force, couple, weight, centre: (n, 3) of the flow, its torque about the centre of mass, and all else that acts there
     friction: (n,); mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
     """
 
@@ -84,7 +84,7 @@ class Cases:
         return np.asarray((there * np.arange(1, there.shape[1] + 1)).max(axis=1, initial=0))
 
     def case(self, number: int) -> tuple[Load, Contacts, float, MassAndInertia | None]:
-        """One of them, as `judged` takes it; raises SceneError."""
+        """A single case, as `judged` takes it; raises SceneError."""
         held = [getattr(self, name)[number] for name in ("force", "couple", "weight", "centre")]
         count = int(self.contacts[number])
         contacts = Contacts(self.points[number, :count], self.normals[number, :count])

@@ -58,7 +58,7 @@ class CoulombLaw:
         return cls(gain, free, friction, np.ascontiguousarray(onto), -step * free)
 
     def residual(self, local: Floats) -> float:
-        """How far p (k, 3) misses the laws."""
+        """Residual of impulses p (k, 3) in the contact laws."""
         trial = (local.ravel() @ self.onto + self.offset).reshape(-1, 3)
         pressure = np.maximum(trial[:, 0], 0.0)
         shear = np.hypot(trial[:, 1], trial[:, 2])
@@ -104,7 +104,7 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
         friction: (k,) coefficients of the contacts.
 
     Raises:
-        ConvergenceError: no impulses were found.
+        ConvergenceError: the impulses did not converge.
     """
     count, speed = len(friction), float(np.abs(free).max(initial=0.0))
     if speed == 0.0 or free[::3].min(initial=0.0) >= 0.0:
@@ -129,7 +129,7 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats) -> Floats:
             if law.residual(local) <= GOOD * max(1.0, float(np.abs(local).max())):
                 return np.asarray(unit * weight * local)
     raise ConvergenceError(
-        "the impulses at the contacts of the moving grain were not found: use shorter steps"
+        "the impulses at the contacts of the moving grain did not converge: use shorter steps"
     )
 
 
@@ -145,7 +145,7 @@ def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: flo
         friction: (k,) coefficients of the contacts.
         rolling: the largest torque over that length and the pressure.
 
-    Raises ConvergenceError if no impulses were found.
+    Raises ConvergenceError if the impulses do not converge.
     """
     count = len(friction)
     pressures = 3 * np.arange(count)
@@ -167,7 +167,7 @@ def _by_cases(law: CoulombLaw) -> Floats | None:
         return None
     sticks = np.eye(2, 3)
     slides = [np.array([[1.0, way * law.friction, 0.0]]) for way in (1.0, -1.0)]
-    # Between two contacts that stick friction may hold any load: that is taken only if nothing else is found.
+    # Between two contacts that stick friction may hold any load: that is taken only if there is no other solution.
     each = (sticks, *slides, np.zeros((0, 3)))
     for cases in product(each if count == 1 else each[::-1], repeat=count):
         pushes, zero = block_diag(*cases), block_diag(*(sticks[: len(case)] for case in cases))

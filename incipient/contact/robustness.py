@@ -106,7 +106,7 @@ def safety_range(load: Load, contacts: Contacts, friction: Law, box: ErrorBox) -
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
-    """At which multiples of the flow's load a grain is held, for one whose safety factor is zero."""
+    """The multiples of the flow's load that hold a grain whose safety factor is zero, in words."""
     if some is None:
         return "no multiple of the flow's load holds it"
     if some[1] == 0.0:
@@ -231,7 +231,7 @@ class StandardErrors:
         return {name: float(size) for name, size in zip(INPUTS, values, strict=True)}
 
     def arm(self, centre: Floats) -> Floats:
-        """From the centre of mass to the point that the torque is measured about, (3,)."""
+        """Vector (3,) from the centre of mass to the point that the torque is measured about."""
         return np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
 
     def box(self, centre: Floats) -> ErrorBox:

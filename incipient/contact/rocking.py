@@ -1,12 +1,12 @@
 """A grain that rocks in its pocket as the flow's load grows: its rest followed from the weight alone upwards.
 
-Contacts that hold a grain against its weight but not against every load (one in the plane, one or two in space) give
+Contacts that hold a grain against its weight but not against every load (one in 2-D, one or two in 3-D) give
 way to any flow. In a stable trough the grain then finds another rest, turned and moved a little. This follows the rest
-under weight + s (flow force, flow couple) from s = 0, with the settling of `geometry.settle`: where contacts hold more
+under weight + s (flow force, flow torque) from s = 0, with the settling of `geometry.settle`: where contacts hold more
 than the load they have, up to what they hold at most, else in steps in which the grain settles anew. Where no step is
 short enough for a rest close by, the grain leaves its pocket.
 
-The flow's load is frozen: force and couple about the centre of mass are those of the first pose, also for a grain that
+The flow's load is frozen: force and torque about the centre of mass are those of the first pose, also for a grain that
 has turned and moved. `drift` says by how much that may be wrong.
 """
 
@@ -36,7 +36,7 @@ POCKET, SIDE = 0.3, 0.75
 # Steps of the fraction a/(1 + a) that the flow's load has in all of it, a in weights.
 FIRST, LONGEST, GROWTH = 0.02, 0.1, 3.0
 SHRINK = 0.005  # of steps from no flow at all
-RESOLVED = 5e-3  # of the factor: how near the critical one is found
+RESOLVED = 5e-3  # relative tolerance of the critical factor
 NOTHING = 1e-4  # fraction that counts as none
 ALL = 0.999  # fraction that counts as all
 BEYOND = 0.02  # by how much the load that shows the motion is more than critical
@@ -59,7 +59,7 @@ class Rocking:
 
     rests: tuple[Rest, ...]  # in the order of factors, the first under the weight alone
     critical: float  # the largest factor with a rest in the pocket; inf: every one has one
-    mode: str  # how the grain leaves the last rest, by the exact judge; "rest" if it does not
+    mode: str  # how the grain leaves the last rest, by the exact criterion; "rest" if it does not
     size: float  # the grain's largest diameter
     round: bool  # whether turning leaves its shape as it is
 
@@ -86,7 +86,7 @@ class Rocking:
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:
-        """How far a rest is from the first, in words."""
+        """Displacement from the first rest, in words."""
         turned, moved = math.degrees(self.turned(rest)), self.moved(rest) / self.size
         return f"turned by {turned:.3g} degrees and moved by {moved:.3g} of its size"
 
@@ -134,7 +134,7 @@ def follow(
     """Follow the rest of a grain from its weight alone until it leaves its pocket; None if it has no rest at `start`.
 
     `load.centre` is not used: the load acts at the grain's centroid. Without mass and inertia the mode is not known.
-    `resolved` is how near the critical factor is found, relative.
+    `resolved` is the relative tolerance of the critical factor.
 
     Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
     """
@@ -169,7 +169,7 @@ class _Pocket:
 
     @cached_property
     def unit(self) -> float:
-        """The factor with which the flow's force, and couple over the size, are as large as the weight."""
+        """The factor with which the flow's force, and torque over the size, are as large as the weight."""
         flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
         return math.hypot(*self.load.weight) / flow if flow else math.inf
 
@@ -201,7 +201,7 @@ class _Pocket:
 
     def rests(self, rest: Rest) -> Iterator[Rest]:
         """The rests from the first one on as the factor grows; the `high` of the last is the critical factor."""
-        # The smallest fraction at which no rest close by was found, and the step to the next: a short one beyond all
+        # The smallest fraction at which no nearby rest was computed, and the step to the next: a short one beyond all
         # that the contacts hold, since they rarely give way to another rest.
         lost, step = 1.0, FIRST if self._fraction(rest.high) <= NOTHING else 0.0
         for _ in range(MOST_STEPS):

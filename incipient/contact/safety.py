@@ -110,7 +110,7 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
 
 
 class Intervals(NamedTuple):
-    """Of n problems: the smallest and largest balanced factor, NaN if none, the state of the weight (n,), and forces.
+    """Smallest and largest balanced factors (n,) of n problems, NaN if none, states of their weights (n,), and forces.
 
     The local forces (n, k, 3), in the load's unit, balance the load at the largest factor if that is finite.
     """

@@ -1,7 +1,7 @@
 """The verdict on one case: both criteria, whether they agree, and why not.
 
 Two questions are compared: whether the grain moves, and if both say so, how: which of lifting, sliding and turning
-there is. Every difference has one reason, found by asking the exact criterion again with less: with the significant
+there is. Every difference has one reason, found by repeating the exact criterion with less: with the significant
 contacts alone, or of contact forces that brace one another.
 """
 
@@ -62,37 +62,39 @@ FAMILY: dict[ExactMode, Family] = {
 
 
 class Reason(Enum):
-    """Why the judges differ, in a sentence."""
+    """Why the two criteria differ, in a sentence."""
 
     BOUNDARY = "the load is on the boundary between rest and motion, where round-off decides"
-    JAMMED = "the contacts wedge the grain: bracing one another they hold any load, which no contact does alone"
-    STICK_ANSWERS_FORCE_AND_TORQUE = (
-        "the contact can hold the load, but the paper lets its friction answer the torque besides the force (24), "
-        "and a force is left over"
+    JAMMED = (
+        "the contacts wedge the grain: together they hold any load, which no contact does alone"
     )
-    EQUAL_SHARING = "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
+    STICK_ANSWERS_FORCE_AND_TORQUE = (
+        "the contact can hold the load, but the paper balances the torque, too, by its friction (24), "
+        "which leaves a residual force"
+    )
+    EQUAL_SHARING = "the significant contacts carry unequal fractions of the load, and the paper assumes equal ones"
     ONE_CONTACT_AT_A_TIME = (
-        "the paper asks the significant contact only, that pressed most, "
-        "and others hold or guide the grain with it"
+        "the paper considers the significant contact only, the one pressed most, "
+        "and other contacts also hold or guide the grain"
     )
     ROLLING_CALLED_SLIDING = (
         "the grain rolls or pivots, "
-        "and the force that its centre needs for that counts as sliding in (24)"
+        "and (24) counts the force that accelerates its centre as sliding"
     )
     SLIP_IS_OVERESTIMATED = (
-        "the paper lets a contact slip that cannot hold the load at rest; "
-        "turning as it moves, the grain asks less of it"
+        "the paper lets a contact slip if it cannot hold the load at rest; "
+        "a grain that turns as it moves loads it less"
     )
     FRICTION_TORQUE = (
         "friction's own torque turns the grain, "
-        "and without a torque of the flow the paper calls that translation"
+        "and without a torque of the flow the paper classifies this as translation"
     )
     FORCES_NOT_ACCELERATIONS = (
-        "the paper reads the motion off the force and torque left over; "
-        "it depends on mass and inertia as well"
+        "the paper infers the motion from the residual force and torque; "
+        "it also depends on mass and inertia"
     )
-    NOT_UNIQUE = "with dry friction several motions are possible here, or none, and the exact judge names that"
-    MODE_UNKNOWN = "both find motion; the exact judge names no mode, for want of mass and inertia or of a solution"
+    NOT_UNIQUE = "with dry friction several motions are possible here, or none; the exact criterion says which"
+    MODE_UNKNOWN = "both predict motion; the exact criterion names no mode, without mass and inertia or a solution"
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class Exact:
     """The safety factor, and the incipient motion where the grain moves.
 
     `motion` is None where the grain rests, where mass and inertia are not given, and where no solution was
-    found, which `unsolved` then says.
+    computed, which `unsolved` then says.
     """
 
     safety: SafetyFactor
@@ -173,7 +175,7 @@ def compare(paper: Classification, exact: Exact) -> Agreement:
 
 
 def _families(exact: Exact) -> set[Family]:
-    """The families of all motions that the exact judge found possible."""
+    """The families of all motions that are possible by the exact criterion."""
     if exact.motion is None or not exact.moves:
         return {Family.REST}
     return {FAMILY[solution.mode] for solution in exact.motion.solutions}
@@ -228,12 +230,12 @@ class Verdict:
 
     @property
     def moves(self) -> bool:
-        """Whether the grain begins to move, by the exact judge."""
+        """Whether the grain begins to move, by the exact criterion."""
         return self.equilibrium.moves
 
     @property
     def sentence(self) -> str:
-        """The exact judge's verdict with the safety factor, the paper's, and whether they agree."""
+        """The exact criterion's verdict with the safety factor, the paper's, and whether they agree."""
         return f"{exact_sentence(self.equilibrium)}; {paper_sentence(self)}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -270,7 +272,7 @@ def judge(
 
 
 def exact_sentence(exact: Exact) -> str:
-    """Rest or motion by the exact judge, and the safety factor with what it means."""
+    """Rest or motion by the exact criterion, and the safety factor with what it means."""
     margin = _margin(exact.safety)
     if not exact.moves:
         return f"the grain stays at rest, {margin}"
@@ -300,7 +302,7 @@ def _margin(safety: SafetyFactor) -> str:
     )
     held = "would hold" if safety.value < 1.0 else "could still be held"
     return {
-        SafetyStatus.NO_FLOW: "there being no load of the flow",
+        SafetyStatus.NO_FLOW: "the flow exerts no load",
         SafetyStatus.UNLIMITED: "safety factor infinite: no multiple of the flow's load moves it",
         SafetyStatus.NO_RESERVE: "safety factor 0: any part of the flow's load moves it",
         SafetyStatus.UNHELD: "safety factor 0: its weight alone moves it",

@@ -87,7 +87,7 @@ class Coupling:
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> InterfaceReport:
-        """Iterate on from the end found, whose report is given, for a flow that other things have changed since."""
+        """Iterate on from the converged end, whose report is given, for a flow that other things have changed since."""
         assert isinstance(before, InterfaceReport)
         return self._iterate(length, order, tolerance, before.residuals)
 

@@ -2,13 +2,13 @@
 
 With u the horizontal velocity on the surface, v . n ds is (v3 - u . grad h) over the area below it. The flow is solved
 on the mesh as it is tried, that is with the slopes of the elevation tried: without regard to that the iteration on the
-place of the mesh would fail where the stream crosses more than a node in a step. So a correction d of the elevation
-solves int q (a0 d + u . grad d) = int q a0 (found - tried), as if the velocities at the nodes stayed.
+place of the mesh would fail where the flow crosses more than a node in a step. So a correction d of the elevation
+solves int q (a0 d + u . grad d) = int q a0 (new - old), as if the velocities at the nodes stayed.
 
-Where fluid enters, the elevation needs a condition of its own: short waves can only go with the stream, and nothing
+Where fluid enters, the elevation needs a condition of its own: short waves can only go with the flow, and nothing
 would keep them from growing at the end. It is that the surface comes in level, by a diffusion over a short zone,
 int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
-constants have no gradient, volume is kept. A stream faster than long waves needs its level given there, too: it is
+constants have no gradient, volume is kept. A flow faster than long waves also needs its level given there: it is
 brought back to the still one in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
 Where a wave comes in, the elevation beside that of the wave takes the place of h in both.
 """

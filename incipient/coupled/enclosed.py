@@ -31,14 +31,14 @@ class EnclosedPressure:
         ]
 
     def load(self, about: Floats) -> tuple[Floats, Floats]:
-        """Force and couple (3,) about a point (3,)."""
+        """Force and torque (3,) about a point (3,)."""
         low, high = self._ends()
         contacts = self._closing.contacts
         places = np.vstack([self._closing.left.end, contacts, self._closing.right.end])
         return load_of(places - about[:2], np.linspace(low, high, len(contacts) + 1))
 
     def unknown(self, about: Floats) -> tuple[Floats, Floats]:
-        """What force and couple (3,) change where the pressure between contacts is that on either side of them."""
+        """What force and torque (3,) change where the pressure between contacts is that on either side of them."""
         low, high = self._ends()
         contacts = self._closing.contacts
         force, couple = load_of(
@@ -53,9 +53,9 @@ class EnclosedPressure:
 
 
 def load_of(arms: Floats, pressures: Floats) -> tuple[Floats, Floats]:
-    """Force and couple (3,) of pressures (k,) between places (k + 1, 2) of an outline, counter-clockwise.
+    """Force and torque (3,) of pressures (k,) between places (k + 1, 2) of an outline, counter-clockwise.
 
-    The force of a uniform pressure on a piece of any shape is that on its chord; the couple about the origin is half
+    The force of a uniform pressure on a piece of any shape is that on its chord; the torque about the origin is half
     the pressure times the difference of the squares of its ends' distances from there. Not collective.
     """
     force = (pressures[:, None] * quarter_turned(np.diff(arms, axis=0))).sum(axis=0)

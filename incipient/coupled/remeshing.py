@@ -160,7 +160,7 @@ class Carrier:
         return carried
 
     def places(self, old_places: Floats) -> Floats:
-        """Where the nodes of the new mesh would have been when those of the old one were at their old places."""
+        """Positions of the new mesh's nodes moved back to the time of the old mesh's old positions."""
         mesh = self.old.domain.mesh
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)

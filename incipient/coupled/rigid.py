@@ -2,8 +2,8 @@
 
 A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
 and passing forces and velocities back and forth diverges. The iteration here uses the derivative of the traction
-with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
-space) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
+with respect to the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in 2-D, 6
+in 3-D) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
 which the fluid has a solver anyway. What the displaced mesh adds to A R is a one-sided finite difference, and
 Broyden's updates correct A_u from one iteration to the next. With A_u beside the mass, bodies without mass are no
 exception.
@@ -37,13 +37,13 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 SAME_LENGTH = 0.1
 # Room left, relative to the body's extent, at which a body counts as having met something.
 CLOSE = 1e-6
-# The shortest step to a meeting, relative to the step it was found in.
+# The shortest step to a meeting, relative to the step in which it occurs.
 TOUCHING_STEP = 1e-6
 # Displacement of the body, relative to its extent, by which derivatives are formed.
 NUDGE = 1e-6
 # Residual of the flow's answers, relative: an iteration then leaves about as much, and factors are exact anyway.
 ANSWERED = 1e-3
-# Smallest change of the body's velocities, relative to the flow's, from which the change of load can be told.
+# Smallest change of the body's velocities, relative to the flow's, from which the change of load is resolved.
 SEEN = 1e-8
 
 
@@ -78,7 +78,7 @@ class RigidPart:
         body: its mass, moments and freedom.
         state: where it is and how it moves at the fluid's time.
         displacement: how the body displaces the mesh.
-        load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
+        load: force and torque (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
         room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
         stage: context managers by name that take the time.
         added_mass: False iterates without the derivative of the traction, as programs that pass forces and
@@ -378,7 +378,7 @@ class RigidPart:
         return changes
 
     def _load_of(self, resultant: Resultant) -> Floats:
-        """Force and couple as the body takes them, (k,)."""
+        """Force and torque as the body takes them, (k,)."""
         d = self.body.gdim
         return np.concatenate(
             [resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple]

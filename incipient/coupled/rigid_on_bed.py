@@ -12,7 +12,7 @@ from ..body.state import BodyState
 from .rigid import End, Response, RigidPart
 
 # Way between iterations beside that of velocities, relative to it, from which on these explain nothing: where they were
-# asked all the same, a sphere that begins half its gap too near to its pocket found no step
+# asked all the same, a sphere that begins half its gap too near to its pocket has no convergent step
 # (tests/end_to_end/test_sand_in_space.py).
 STRAYED = 0.5
 

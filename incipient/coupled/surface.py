@@ -133,7 +133,7 @@ class SurfacePart:
         self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
-        """How far the mesh is from where the flow takes the surface, as a velocity over that of the flow.
+        """Distance of the mesh from the surface convected by the flow, as a velocity over that of the flow.
 
         Raises:
             ConvergenceError: the flow has taken it beyond all bounds.
@@ -177,7 +177,7 @@ class SurfacePart:
         """None: the velocities of the surface are the flow's, whose errors are known."""
         return np.empty(0)
 
-    # -- what is told -----------------------------------------------------------------------------
+    # -- reported ----------------------------------------------------------------------------------
 
     @property
     def elevation(self) -> Floats:
@@ -225,7 +225,7 @@ class SurfacePart:
     def _raised(self) -> Floats:
         """(local nodes,) the rate of the elevation that the flow makes, in its space.
 
-        Without an open end the volume grows by what enters: what unfinished iterations have left of that is taken out.
+        Without an open end the volume grows by the inflow: what unfinished iterations have left of that is taken out.
         """
         with self._vector.localForm() as local:
             local.set(0.0)

@@ -1,4 +1,4 @@
-"""Force, couple and traction of the fluid on a boundary.
+"""Force, torque and traction of the fluid on a boundary.
 
 The force on a body is the integral of sigma n over its surface with n out of the body, into the fluid.
 The consistent (residual) method reads it off the assembled momentum residual: tested with the extension
@@ -32,12 +32,12 @@ from ..meshes import SYMMETRY
 from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry
-# Force and couple of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
+# Force and torque of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
 WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
 
 
 def shares_of_the_whole(domain: Domain) -> np.ndarray:
-    """(k,) force and couple, k = 3 or 6, of a whole body over those of what is meshed of it. Not collective."""
+    """(k,) force and torque, k = 3 or 6, of a whole body over those of what is meshed of it. Not collective."""
     if domain.halved:
         return WITH_MIRROR_IMAGE
     return np.ones(3 if domain.gdim == 2 else 6)
@@ -57,7 +57,7 @@ def rigid_motion(
 
 @dataclass(frozen=True)
 class Resultant:
-    """Force (3,) and couple (3,) about a point (3,), in scene units; in 2D the couple is along the third axis.
+    """Force (3,) and torque (3,) about a point (3,), in scene units; in 2D the torque is along the third axis.
 
     Where half of a symmetric domain is meshed they are those of the whole body, cut by the plane of symmetry.
     """
@@ -74,7 +74,7 @@ class TractionProbe:
         fluid: the solved flow.
         boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
             the residual force holds the share of the end nodes in that one's traction too.
-        about: point that couples refer to, (gdim,).
+        about: point that torques refer to, (gdim,).
         enclosed: of a body part of which no flow reaches: the pressure there, which is in the resultants.
     """
 
@@ -96,19 +96,19 @@ class TractionProbe:
         self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
-        """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
+        """Let torques refer to another point (gdim,), such as the centre of a body that has moved."""
         self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
-        """Force and couple by the residual method."""
+        """Force and torque by the residual method."""
         return self._with_enclosed(self._sum(self._nodal_forces()))
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
-        """Force and couple that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
+        """Force and torque that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
         return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
-        """Force and couple by integrating sigma n over the boundary, or a law of the wall: the cross-check."""
+        """Force and torque by integrating sigma n over the boundary, or a law of the wall: the cross-check."""
         space = self.fluid.space.velocity
         if self._surface_form is None and self.boundary in self.fluid.constraints.rubbing:
             w = ufl.TestFunction(space)
@@ -213,7 +213,7 @@ class TractionProbe:
         return Resultant(force, couple, self.about)
 
     def _places(self) -> np.ndarray:
-        """Places in space of the boundary's owned nodes, (n, gdim)."""
+        """Coordinates of the boundary's owned nodes, (n, gdim)."""
         gdim = self.fluid.space.gdim
         if self.fluid.model.reference_map is None:
             return self.fluid.constraints.points[self._blocks, :gdim]

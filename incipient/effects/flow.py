@@ -22,7 +22,7 @@ class FlowEffect(Effect):
     """The motion of the fluid."""
 
     name = EffectName.FLOW
-    # On the centrelines of a lid-driven box, whose errors result.json has in this order: upwards is v2, in space v3.
+    # On the centrelines of a lid-driven box, whose errors result.json has in this order: upwards is v2, in 3-D v3.
     quantities = tuple(
         OutputQuantity(
             *(f"centrelines.{name}.value", f"{name} on the centreline"),
@@ -65,7 +65,7 @@ class FlowEffect(Effect):
 def _reason(setup: Setup) -> str:
     scene = setup.scene
     if scene.flow.kind == "log-law":
-        return "mean profile of a turbulent flow, kept by a force in place of its turbulent stress"
+        return "mean profile of a turbulent flow, kept by a force instead of its turbulent stress"
     if scene.flow.kind != "still":
         mean = "; without [gusts], which incipient entrainment adds" if scene.gusts else ""
         return f"{scene.flow.kind} flow{mean}"

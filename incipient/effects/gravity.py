@@ -26,9 +26,7 @@ class GravityEffect(Effect):
             return Decision(self.name, False, "no [gravity] section")
         if scene.effects.gravity is False:
             return Decision(self.name, False, "effects.gravity = false", True)
-        reason = (
-            "weight and buoyancy of the grain; hydrostatic pressure in closed form, no unknowns"
-        )
+        reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
         if scene.has_surface:
             reason = "on the free surface; " + reason
         return Decision(self.name, True, reason, scene.effects.gravity is True)

@@ -40,7 +40,7 @@ class InertiaEffect(Effect):
     )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """As the setup has decided, which chooses the elements by it."""
+        """Repeat the setup's decision, on which the elements depend."""
         return setup.inertia
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:

@@ -1,9 +1,9 @@
 """A term that is missing in the equations: what it would change, to first order, in the flow that was computed.
 
-A term T changes force and couple by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
-problem of force or couple (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
+A term T changes force and torque by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
+problem of force or torque (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
 496, for errors of models). On the same elements that is one assembly, and a linear solution for each of force and
-couple. Nothing is known of the second order in the term: an estimate that is not small says that the effect matters,
+torque. Nothing is known of the second order in the term: an estimate that is not small says that the effect matters,
 not by how much.
 """
 
@@ -26,23 +26,23 @@ from .effect import Solved
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
-# Residual of the dual solutions of what is said in two digits: a thousandth of them, where it was measured in space.
+# Residual of the dual solutions of what is said in two digits: a thousandth of them, where it was measured in 3-D.
 ROUGH = 1e-4
 
 
 def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
-    """The change of force and couple by a missing term; without a grain, that of the velocity. Collective."""
+    """The change of force and torque by a missing term; without a grain, that of the velocity. Collective."""
     # To first order the flow of lower order does, whose matrix is there.
     run, force, couple = solved.run, solved.force, solved.couple
     fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
     if force is None or couple is None or grain is None:
-        how = "of the velocity in the mean, linear"
+        how = "of the velocity on average, linear"
         return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
     forces, couples = change_of_loads(
         fluid, term, "body", couple.about[: fluid.space.gdim].tolist()
     )
-    # A couple may vanish by symmetry: it then is compared with half the grain's size times the force.
+    # A torque may vanish by symmetry: it then is compared with half the grain's size times the force.
     arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
     of_couple = float(np.linalg.norm(couples)) / max(
         float(np.linalg.norm(couple.flow)), arm, 1e-300
@@ -68,12 +68,12 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
 def change_of_loads(
     fluid: Fluid, term: Term, boundary: str, about: Sequence[float]
 ) -> tuple[Floats, Floats]:
-    """The change of force (3,) and couple (3,) on a boundary by a missing term, to first order. Collective.
+    """The change of force (3,) and torque (3,) on a boundary by a missing term, to first order. Collective.
 
     Args:
         fluid: solved, with factors of its steady equations at hand.
         term: the integrand, on the left-hand side of the momentum equation.
-        about: point (gdim,) that the couple refers to.
+        about: point (gdim,) that the torque refers to.
     """
     tested, gdim = _tested(fluid, term), fluid.space.gdim
     shares = shares_of_the_whole(fluid.domain)

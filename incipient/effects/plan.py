@@ -109,7 +109,7 @@ def _geometry_order(setup: Setup) -> int:
 
 
 def _has_flat_faces(geometry: Geometry) -> bool:
-    """Whether every boundary of a geometry in space is made of planes."""
+    """Whether every boundary of a 3-D geometry is made of planes."""
     grain, bed = geometry.grain, geometry.bed
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0

@@ -111,12 +111,12 @@ class RunPart:
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.
 
-        The flow may be faster than the scene's by a factor, and may be found from the state at hand (`onwards`).
+        The flow may be faster than the scene's by a factor, and may be computed from the present state (`onwards`).
         """
         return False
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
-        """Force and couple (3,) on the grain that stand for a steady flow which has not converged."""
+        """Force and torque (3,) on the grain that stand for a steady flow which has not converged."""
         return None
 
     def start(self, steady: Self) -> None:

@@ -1,4 +1,4 @@
-"""The third dimension of a flow in space."""
+"""The third dimension of a 3-D flow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
 
 
 class ThirdDimensionEffect(Effect):
-    """Flow in space in place of the plane, in half of it where it is its own mirror image."""
+    """3-D flow instead of 2-D, in half of the domain where the flow is its own mirror image."""
 
     name = EffectName.THIRD_DIMENSION
 

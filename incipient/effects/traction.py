@@ -10,13 +10,13 @@ from .effect import Effect
 
 
 class TractionEffect(Effect):
-    """Force and couple of the fluid on the grain."""
+    """Force and torque of the fluid on the grain."""
 
     name = EffectName.TRACTION
     quantities = (
         OutputQuantity("force.flow", "force of the flow", column="force", error="error_bars.force"),
         OutputQuantity(
-            "couple.flow", "couple of the flow", column="couple", error="error_bars.couple"
+            "couple.flow", "torque of the flow", column="couple", error="error_bars.couple"
         ),
         *(
             OutputQuantity(f"coefficients.{name}", name, column=name, heading="other numbers")

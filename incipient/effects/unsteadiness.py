@@ -23,7 +23,7 @@ from .effect import Effect, Solved
 if TYPE_CHECKING:
     from ..fluid import FlowModel
 
-# A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
+# A cylinder in a uniform flow sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
 # Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
 # wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
 # within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).

@@ -31,7 +31,7 @@ def find_contacts(scene: Scene) -> Contacts:
 
 
 def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load:
-    """The load on the contacts: the flow's force and couple, and the submerged weight at the centre of mass.
+    """The load on the contacts: the flow's force and torque, and the submerged weight at the centre of mass.
 
     The placement is that of the grain where it touches the bed, not where the gap has lifted it.
     """
@@ -51,7 +51,7 @@ def followed(scene: Scene, load: Load) -> Rocking | None:
 
 
 def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
-    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or in place of that.
+    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or instead of that.
 
     What the judges say of the first pose is kept.
     """

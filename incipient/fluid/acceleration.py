@@ -31,13 +31,13 @@ def load_of_disturbance(
     outlet: str,
     centre: Sequence[float],
 ) -> Floats:
-    """Force and couple (2, 3) on the boundary "body" by the disturbance of a base flow that grows. Collective.
+    """Force and torque (2, 3) on the boundary "body" by the disturbance of a base flow that grows. Collective.
 
     Args:
         velocity: of the base flow, (gdim, n) at places (3, n), that it gains in unit time.
         walls: boundaries that nothing crosses, "body" among them. Others are taken as far from the disturbance.
         outlet: the one of the others where its potential is zero.
-        centre: (gdim,) of the couple.
+        centre: (gdim,) of the torque.
     """
     mesh, gdim = domain.mesh, domain.gdim
     space = compat.space(mesh, ("Lagrange", ORDER))
@@ -52,7 +52,7 @@ def load_of_disturbance(
 
 
 def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats:
-    """Force and couple (2, 3) of the pressure -phi on the body; n points into it."""
+    """Force and torque (2, 3) of the pressure -phi on the body; n points into it."""
     x = ufl.SpatialCoordinate(domain.mesh)
     ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
     if domain.gdim == 2:
@@ -86,7 +86,7 @@ def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
     solver.solve(right, solution)
     if solver.getConvergedReason() <= 0:
         raise ConvergenceError(
-            "the potential of a flow that grows was not found: use a smaller numerics.mesh_size"
+            "the potential of a growing flow did not converge: use a smaller numerics.mesh_size"
         )
     phi.x.array[: solution.getLocalSize()] = solution.array_r
     phi.x.scatter_forward()

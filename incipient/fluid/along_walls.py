@@ -1,4 +1,4 @@
-"""What is found along the walls of a mean flow, at the nodes of the velocity."""
+"""Wall quantities of a mean flow (distance, shear stress) at the nodes of the velocity."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..mesh.wall_distance import places_on_facets
 from .flow import Fluid
 from .space import boundary_blocks
 
-STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
+STEEP, CORNER = 0.7, 0.95  # of normals: from which streamwise fraction on, below which length
 ROUNDING = 1e-6  # of the length of a wall: how far apart places are that are one
 
 
@@ -29,7 +29,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for; facets (m, 2) by the numbers of their ends, of a resolved wall in the plane
+    those that k stands for; facets (m, 2) by the numbers of their ends, of a resolved 2-D wall
     """
 
     places: np.ndarray
@@ -58,7 +58,7 @@ class AlongWall:
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
     def coarse_share(self, largest: float) -> float:
-        """The fraction of the change of the stress along a wall in the plane in cells in which it changes too much.
+        """The fraction of the change of the stress along a 2-D wall in cells in which it changes too much.
 
         Too much is more than `largest` times the larger stress at both ends of the cell, or the mean stress if that is
         larger still. `velocities` are stresses. Where they are singular, at corners and at the ends of the wall, two
@@ -112,7 +112,7 @@ def at_end(x: np.ndarray) -> np.ndarray:
 def coarse_along(
     walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
 ) -> float | None:
-    """The largest `coarse_share` of walls in the plane but the rough ones; None without one, and in space."""
+    """The largest `coarse_share` of 2-D walls but the rough ones; None without one, and in 3-D."""
     shares = [
         one.coarse_share(largest)
         for name, one in walls.items()
@@ -122,9 +122,9 @@ def coarse_along(
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary, in space at corners of cells; `shear_velocity` is UFL. Collective."""
+    """Read the flow along a named boundary, in 3-D at corners of cells; `shear_velocity` is UFL. Collective."""
     domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
-    # In space the functions of corners in elements of order two integrate to zero: no area would go with them.
+    # In 3-D the functions of corners in elements of order two integrate to zero: no area would go with them.
     space = (
         fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
     )
@@ -154,9 +154,9 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
 def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> AlongWall:
     """Read the shear stress along a named wall, to which the fluid sticks. Collective.
 
-    `velocities` stand for the direction, along the wall, in which the fluid pulls. In the plane stresses are the
+    `velocities` stand for the direction, along the wall, in which the fluid pulls. In 2-D stresses are the
     consistent tractions of the nodes, away from bodies means over two facets, since triangles lean to one side and the
-    other; the ends of the wall are left out. In space they are those of the velocity's slope at corners of cells; on
+    other; the ends of the wall are left out. In 3-D they are those of the velocity's slope at corners of cells; on
     rough walls they are consistent tractions there, too, and the ends are left out.
     """
     if fluid.domain.gdim == 3:
@@ -190,7 +190,7 @@ def along_resolved_wall(fluid: Fluid, boundary: str, rough: bool = False) -> Alo
 
 
 def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
-    """The shear stress along a named wall in space, at corners of cells. Collective."""
+    """The shear stress along a named 3-D wall, at corners of cells. Collective."""
     domain = fluid.domain
     space = compat.space(domain.mesh, ("Lagrange", 1), (3,))
     nodes = _owned_nodes(space, domain, boundary)

@@ -50,7 +50,7 @@ class Friction:
 class Open:
     """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0.
 
-    velocity: of the stream whose momentum returning fluid brings, as that of `Prescribed`; None: its own
+    velocity: of the flow whose momentum returning fluid brings, as that of `Prescribed`; None: its own
     """
 
     boundary: str
@@ -76,7 +76,7 @@ class Entering:
     axis:     that of its normal
     velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)
     level:    length of the zone next to the end in which the surface is made level
-    given:    whether the level there is the still one: for streams faster than long waves
+    given:    whether the level there is the still one: for flows faster than long waves
     wave:     what of `velocity` is a wave, which also has a velocity across and an elevation; None: there is none
     """
 

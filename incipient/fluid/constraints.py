@@ -86,7 +86,7 @@ class Constraints:
 
     @property
     def influx(self) -> float:
-        """What enters per time through all entries, at the last `update`."""
+        """Volume flux through all entries, at the last `update`."""
         return sum(entry.influx for entry in self.entries)
 
     def crossed(self) -> Any:

@@ -30,7 +30,7 @@ class Entry:
         boundary, axis, given, wave: those of the condition.
         space: of a component of the velocity.
         values: of it, with the velocity on the boundary.
-        influx: what enters per time through the mesh as it was at the last `update`.
+        influx: volume flux through the mesh as it was at the last `update`.
     """
 
     def __init__(
@@ -69,12 +69,12 @@ class Entry:
         self.influx = factor * float(through)
 
     def zone(self, place: Any) -> Any:
-        """In UFL, the length of the level zone at the end, which falls to zero along it. Not collective."""
+        """The length of the level zone at the end, which falls to zero along it, in UFL. Not collective."""
         rest = 1 - abs(place[self.axis] - self._end) / self._level
         return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
 
     def rate(self, place: Any) -> Any:
-        """In UFL, the zone's length over its square at the end: by how much the level is given. Not collective."""
+        """The zone's length over its square at the end, the weight of the prescribed level, in UFL. Not collective."""
         return self.zone(place) / self._level**2
 
     def _areas(self) -> np.ndarray:

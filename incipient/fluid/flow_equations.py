@@ -162,7 +162,7 @@ class FlowEquations:
         if force is not None:
             yield forms.BodyForce(force)
         if self.constraints.crossings:
-            # In the plane flow past a grain on sand is not found with it (tests/end_to_end/test_rough_beds.py).
+            # 2-D flow past a grain on a rough bed does not converge with it (tests/end_to_end/test_rough_beds.py).
             in_space = self.domain.gdim == 3 and model.viscosity is not None
             stream = self.constraints.stream
             returning = carrier if in_space or stream is not None else None
@@ -218,7 +218,7 @@ class FlowEquations:
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
-        """UFL expression of the place x = X + d in space."""
+        """UFL expression of the position x = X + d."""
         return ufl.SpatialCoordinate(self.domain.mesh) + self.reference_map.displacement
 
     # -- parameters -----------------------------------------------------------------------------
@@ -262,7 +262,7 @@ class FlowEquations:
         return float(self._acceleration.value)
 
     def load_on_displaced(self, placement: Placement) -> Floats:
-        """(2, 3) force and couple of a base flow that changes on the fluid that a grain displaces. Not collective."""
+        """(2, 3) force and torque of a base flow that changes on the fluid that a grain displaces. Not collective."""
         driven = self.model.driven
         if driven is None or driven.displaced is None:
             return np.zeros((2, 3))

@@ -17,7 +17,7 @@ class Driven:
 
     velocity:  function of the place (UFL) giving the base flow at factor one
     factor:    function of the time
-    displaced: function of a grain's placement giving the load (2, 3), force and couple about its centroid, on the
+    displaced: function of a grain's placement giving the load (2, 3), force and torque about its centroid, on the
                fluid that it displaces while the factor rises by one in unit time; None without a grain
     """
 
@@ -42,7 +42,7 @@ class FlowModel:
                    straight; its reference is renewed
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
+    upwind:        whether it is by upwinding along streamlines (`forms.terms.streamline_upwind`), as `Block` needs
     exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     convected:     whether blocks of preconditioners hold convection in time, too

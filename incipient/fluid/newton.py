@@ -188,7 +188,7 @@ def _rough_inner_tolerance(sizes: list[float], tolerance: float) -> float:
     """The tolerance of the linear iterations: no finer than Newton's method gains in the correction, or is needed.
 
     The gain is 0.9 times the square of the last, after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice
-    2), the sizes of corrections in place of residuals. It is also how much smaller the correction is expected to be.
+    2), the sizes of Newton updates instead of residuals. It is also how much smaller the update is expected to be.
     """
     if len(sizes) < 2 or 0.0 in sizes[-2:]:
         return ROUGHEST

@@ -9,7 +9,7 @@ from .transient import Transient
 class QuasiSteady(Transient):
     """Advances a steady fluid whose boundary values change in time. All methods are collective.
 
-    As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is a steady solution, found from that
+    As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is steady, started from that
     of the step before. There is no error in time, and so no adaptive step.
     """
 

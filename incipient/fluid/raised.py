@@ -48,7 +48,7 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 
 
 def enriched(fluid: Fluid) -> Fluid:
-    """A copy of a solved flow in elements of one order more; the caller destroys it before that. Collective.
+    """A copy of a solved flow in elements of the next-higher order; the caller destroys it before that. Collective.
 
     Where the flow's solver iterates, it helps that of the copy. The copy's Jacobian then is upwinded as the flow is,
     its residual not at all: what is left of it is what the flow's elements cannot see, and what upwinding changed.

@@ -118,7 +118,7 @@ def _places(part: Any, within: Any) -> np.ndarray:
 
 
 def cell_size(mesh: Any) -> Any:
-    """UFL expression of a cell's size: the root of its doubled area, in space the cubic root of its sixfold volume."""
+    """UFL expression of a cell's size: the root of its doubled area, in 3-D the cubic root of its sixfold volume."""
     return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim)
 
 

@@ -146,7 +146,7 @@ def approach(
             path.accept(share)
             if last:
                 return tuple(steps)
-            # Steps grow more where Newton's method found its way quickly.
+            # Steps grow faster where Newton's method converged quickly.
             growth = float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
             reached, stride = share, stride * growth
         else:
@@ -156,7 +156,7 @@ def approach(
             stride = 0.5 * (share - reached)
             if stride < smallest_step:
                 raise ConvergenceError(
-                    f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number, {_how(report, share)}: "
+                    f"no steady flow beyond {100 * reached:.3g}% of the Reynolds number, {_how(report, share)}: "
                     "it may be unsteady (add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
                 )
         share = min(1.0, reached + stride)

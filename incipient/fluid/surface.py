@@ -20,7 +20,7 @@ from .space import TaylorHood, cell_size
 class SurfaceLoad:
     """The load of a free surface, by functions on the mesh's own nodes that a step sets. Making it is collective.
 
-    With it comes what acts where a stream enters, and in the sponge.
+    It includes the terms at an inflow and in the sponge.
 
     Args:
         rate: coefficient a0 of the present elevation in its backward difference, UFL.

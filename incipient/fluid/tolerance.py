@@ -15,7 +15,7 @@ class ShareOfError:
     """The tolerance of a time step as a share of the local error in time that the step before has made.
 
     share:       what the algebra may add to the error of a step
-    unknown:     tolerance while no step has told its error yet
+    unknown:     tolerance while no step has an error estimate yet
     least, most: between which the tolerance stays
     """
 

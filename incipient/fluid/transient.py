@@ -18,7 +18,7 @@ MOST_REJECTED = 11  # attempts at one step: ten halvings
 # Shortest step of a run over its first one: a flow that diverges would else halve step after step without end.
 SHORTEST = 0.5**MOST_REJECTED
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
-# Part of a first step whose flow is not found from the state before it: Newton's method finds the flow of such a part,
+# Fraction of a first step that does not converge from the state before it: Newton's method converges for this fraction,
 # set off at once and nothing else, and from there that of the whole step.
 IMPULSE = 0.01
 # Fixed steps that begin short or had to be halved, each over the one before.
@@ -192,7 +192,7 @@ class Transient:
     ) -> None:
         """Restore the history: `number` steps done, the `past` states newest first. Not collective.
 
-        The next `march` starts with `next_length` in place of its own. `last_error` is that of the last step,
+        The next `march` starts with `next_length` instead of its own. `last_error` is that of the last step,
         `new_mesh` the time of the last new mesh.
         """
         self._count, self._past, self.last_error = number, list(past), last_error

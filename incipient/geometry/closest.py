@@ -40,7 +40,7 @@ def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> PlanarProximity | Spa
         return PlanarProximity(grain, bed)
     raise SceneError(
         f"a {type(grain).__name__} cannot rest on a bed {type(bed).__name__}: one is planar, the other is not; "
-        "take both in the plane or both in space"
+        "take both in 2-D or both in 3-D"
     )
 
 

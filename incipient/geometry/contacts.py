@@ -37,7 +37,7 @@ class Contacts:
         )
         for name, table in (("points", points), ("normals", normals)):
             flat = table.ndim == 2 and table.shape[1] == 3
-            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in the plane with zeros")
+            _require(flat, f"{name} have shape {table.shape}; give (n, 3), in 2-D with zeros")
             remedy = "contain a number that is not finite; give finite numbers"
             _require(np.isfinite(table).all(), f"{name} {remedy}")
         number = f"{len(points)} points but {len(normals)} normals; give one normal a point"
@@ -111,7 +111,7 @@ class ClosestPoints:
     def replaced(
         self, rows: np.ndarray, other: "ClosestPoints", those: np.ndarray | None = None
     ) -> "ClosestPoints":
-        """These with some rows from `other`: the same ones, or `those`."""
+        """The contacts with some rows replaced by rows of `other`: the same ones, or `those`."""
         tables = {name: table.copy() for name, table in self._tables().items()}
         for name, table in tables.items():
             table[rows] = getattr(other, name)[rows if those is None else those]
@@ -127,7 +127,7 @@ class ClosestPoints:
         return replace(parts[0], **tables)
 
     def distinct(self, tolerance: float) -> "ClosestPoints":
-        """Without those that repeat a lower one: the same point, to a length, and the same normal."""
+        """The contacts without repetitions of a lower one: the same point, to a length, and the same normal."""
         if len(self) < 2:
             return self
         from scipy.spatial import cKDTree  # which takes time to import

@@ -42,12 +42,12 @@ class Placement:
         if len(self.centre) == 3:
             object.__setattr__(self, "quaternion", self._unit_quaternion())
         elif self.quaternion is not None:
-            raise SceneError("a placement in the plane has no quaternion; give its angle")
+            raise SceneError("a 2-D placement has no quaternion; give its angle")
 
     def _unit_quaternion(self) -> Quaternion:
         """The given quaternion, checked and rid of round-off in its length."""
         if self.angle != 0.0:
-            raise SceneError("a placement in space has no angle; give a quaternion (w, x, y, z)")
+            raise SceneError("a 3-D placement has no angle; give a quaternion (w, x, y, z)")
         if self.quaternion is None:
             return 1.0, 0.0, 0.0, 0.0
         listed = np.array(self.quaternion, dtype=float)

@@ -3,7 +3,7 @@
 The grain descends quasi-statically. Every step moves it a little in the direction in which gravity, less what
 the contacts can hold, pulls it, without entering the bed at the contacts it has and those it is close to;
 then it is lowered vertically onto the bed. A step that does not bring its centre down is shortened. Near an
-equilibrium Newton's method closes the contacts and removes the rest of the unbalanced couple.
+equilibrium Newton's method closes the contacts and removes the rest of the unbalanced torque.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion,
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
-BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
+BALANCED = 1e-9  # unbalanced force and torque at rest, of weight and weight times size
 NEWTON_STEPS, ROLLS = 12, 30
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
@@ -50,14 +50,14 @@ class SettlingOutcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where a grain came to rest, or how it did not."""
+    """The rest of a grain, or why it found none."""
 
     placement: Placement  # the last one; the grain touches the bed there
     contacts: Contacts | None  # where it touches the bed, None unless it rests or balances
     outcome: SettlingOutcome  # how settling ended; `stable` is true if the grain rests
     steps: int  # number of steps of the descent
     gap: float  # largest gap of the contacts that carry the grain [grain sizes]
-    # Unbalanced force [weights] or couple [weight times grain size] about the centre, the larger
+    # Unbalanced force [weights] or torque [weight times grain size] about the centre, the larger
     imbalance: float
 
     @property
@@ -100,7 +100,7 @@ def settle_under(
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
-    """Where the grain comes to rest from `start` under a dead load, which does not turn with it; else as `settle`.
+    """The rest of the grain from `start` under a dead load, which does not turn with it; otherwise as `settle`.
 
     `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
     """
@@ -142,7 +142,7 @@ class _Descent:
 
     grain: Grain | Solid
     bed: Bed | Terrain
-    load: Floats  # of unit force, with the couple about the centre over the size
+    load: Floats  # of unit force, with the torque about the centre over the size
     friction: float
 
     @cached_property
@@ -198,7 +198,7 @@ class _Descent:
         return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        """Whether the grain is off the bed or far from the start, or a couple spins it where it is."""
+        """Whether the grain is off the bed or far from the start, or a torque spins it where it is."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
@@ -272,7 +272,7 @@ class _Descent:
         return [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
 
     def _at_rest(self, placement: Placement, near: ClosestPoints) -> _Rest | None:
-        """The equilibrium next to a placement, found by Newton's method or by rolling onto it.
+        """The equilibrium next to a placement, by Newton's method or by rolling onto it.
 
         Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
         then with those only that are local minima of the distance.

@@ -1,6 +1,6 @@
 """Forces that contacts can exert on a rigid grain, and the motions that they leave free.
 
-Motions and loads are rows of numbers: first the translation (force), then the rotation (couple) about the
+Motions and loads are rows of numbers: first the translation (force), then the rotation (torque) about the
 centre, in units in which a length of `size` is one. In 2-D they have 3 components, in 3-D 6.
 """
 
@@ -31,7 +31,7 @@ class Hold:
 
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
-    """Forces (m, d) at arms (m, d) from the centre with their couples, (m, 3 or 6)."""
+    """Forces (m, d) at arms (m, d) from the centre with their torques, (m, 3 or 6)."""
     couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
     return np.hstack([forces, couple / size])
 

@@ -1,8 +1,8 @@
 """Tables of cases, one a row, judged together.
 
-Columns, in 3-D with `_z` and a couple of three components: force_x, force_y, couple, weight_x, weight_y, centre_x,
+Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
-has fewer; optional are about_x, about_y (the point of the couple), mass and inertia (in 3-D inertia_x, inertia_y,
+has fewer; optional are about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x, inertia_y,
 inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
 """
 

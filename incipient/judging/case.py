@@ -1,6 +1,6 @@
 """Cases: a grain, its contacts and its load as numbers in a TOML file.
 
-Any consistent units. In 2-D vectors have two components, and couples and the moment of inertia are numbers, couples
+Any consistent units. In 2-D vectors have two components, and torques and the moment of inertia are numbers, torques
 positive counter-clockwise; in 3-D all have three, and the inertia is three moments or a matrix.
 """
 
@@ -32,7 +32,7 @@ ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by han
 def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
     """The validator of a number or of nested lists of numbers, of one of these shapes."""
 
-    def check(value: Any) -> Any:
+    def nested_tuples(value: Any) -> Any:
         try:
             array = np.array(value)
         except ValueError:  # rows of different lengths
@@ -43,7 +43,7 @@ def _array(what: str, remedy: str, *shapes: tuple[int, ...]) -> PlainValidator:
             raise contradiction("is not finite", "give finite numbers")
         return _tuples(array.astype(float).tolist())
 
-    return PlainValidator(check)
+    return PlainValidator(nested_tuples)
 
 
 def _tuples(value: Any) -> Any:
@@ -76,7 +76,7 @@ def _not_negative(value: Any) -> Any:
 
 
 Vector = Annotated[tuple[float, ...], _array("a vector", "[x, y], or [x, y, z] in 3-D", (2,), (3,))]
-Couple = Annotated[Any, _array("a couple", "a number, or [x, y, z] in 3-D", (), (3,))]
+Couple = Annotated[Any, _array("a torque", "a number, or [x, y, z] in 3-D", (), (3,))]
 Inertia = Annotated[
     Any,
     _array("a moment of inertia", "a number, in 3-D three or a 3 x 3 matrix", (), (3,), (3, 3)),
@@ -94,7 +94,7 @@ class CaseLoad(Section):
 
     weight: Vector = key("all that acts at the centre of mass besides the flow, such as weight")
     flow_force: Vector = key("force of the flow on the grain")
-    flow_couple: Couple = key("couple of the flow about the point `about`")
+    flow_couple: Couple = key("torque of the flow about the point `about`")
     centre: Vector | None = key("centre of mass; left out where [body] has it", None)
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
 
@@ -131,7 +131,7 @@ class CaseErrors(Section):
     flow_force: VectorError | None = key(
         "standard error of each component of the flow's force", None
     )
-    flow_couple: CoupleError | None = key("standard error of the flow's couple", None)
+    flow_couple: CoupleError | None = key("standard error of the flow's torque", None)
     friction: NotNegative = key("standard error of the coefficient of friction", 0.0)
     samples: int = key("number of cases drawn at random", 1000, ge=10, le=1_000_000)
     seed: int = key("seed of the random numbers: the same seed gives the same answer", 0, ge=0)
@@ -168,7 +168,7 @@ class Case(Section):
 
     @property
     def about(self) -> Floats:
-        """The point of the flow's couple, (3,)."""
+        """The point of the flow's torque, (3,)."""
         return self.centre if self.load.about is None else spatial(self.load.about)
 
     @property
@@ -178,7 +178,7 @@ class Case(Section):
         return self.body.placed(self.centre[: self.gdim].tolist())
 
     def to_load(self) -> Load:
-        """The load; the couple about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
+        """The load; the torque about the centre of mass is tau_c = tau_a + (a - c) ^ F."""
         force = spatial(self.load.flow_force)
         couple = spatial_couple(self.load.flow_couple) + np.cross(self.about - self.centre, force)
         return Load(force, couple, spatial(self.load.weight), self.centre)
@@ -204,7 +204,7 @@ class Case(Section):
 
 
 class _CaseWithoutFlow(Case):
-    """A case whose force and couple of the flow are zero unless they are given."""
+    """A case whose force and torque of the flow are zero unless they are given."""
 
     @model_validator(mode="before")
     @classmethod
@@ -231,7 +231,7 @@ def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
 
 
 def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
-    """The case in a file whose force and couple of the flow come from elsewhere; raises as `load_case`."""
+    """The case in a file whose force and torque of the flow come from elsewhere; raises as `load_case`."""
     text = read_text(path, "give the name of a case file")
     return parse(_CaseWithoutFlow, text, path.parent, overrides, str(path))
 
@@ -272,7 +272,7 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
 
 
 def spatial_couple(couple: float | Sequence[float]) -> Floats:
-    """A couple (3,); one of 2-D is about the third axis."""
+    """A torque (3,); one of 2-D is about the third axis."""
     return np.array([0.0, 0.0, couple] if isinstance(couple, float) else couple, dtype=float)
 
 
@@ -297,7 +297,7 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
 
 
 def _dimension(case: Case) -> Iterator[Problem]:
-    """In 2-D vectors have two components, and couples and the inertia are numbers."""
+    """Require vectors of two components and scalar torques and inertia in 2-D."""
     load, errors = case.load, case.errors or CaseErrors()
     values: dict[Key, Any] = {
         ("load", "flow_force"): load.flow_force,

@@ -79,8 +79,8 @@ def judge_series(case: Case, columns: Mapping[str, Floats], since: float | None 
     """Judge the loads of a series on a case, from which all else is taken.
 
     Args:
-        columns: arrays (n,) by name: time, force_x, force_y, couple, in 3-D force_z and couple_x, couple_y, couple_z
-            for couple; couples are about the case's point; weight_x ... and friction if they vary.
+        columns: arrays (n,) by name: time, force_x, force_y, couple (the torque), in 3-D force_z, couple_x, couple_y,
+            couple_z; torques are about the case's point; weight_x ... and friction if they vary.
         since: start of the part whose probability of motion is given; None: the first time.
 
     Raises:

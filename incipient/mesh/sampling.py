@@ -285,7 +285,7 @@ def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
 
 
 def evaluate(function: Any, places: Places) -> Floats:
-    """(n, components) values of a scalar or vector function at places in this rank's cells, all of them found.
+    """(n, components) values of a scalar or vector function at places, all of them in this rank's cells.
 
     Outside of its cell the function's polynomial goes on. Ghosts must be up to date.
     """

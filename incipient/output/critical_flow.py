@@ -29,7 +29,7 @@ def threshold(
         scene: a grain that rests on a bed, in a steady flow.
         directory: where to write threshold.json and the resolved scene; None writes nothing. The critical flow is
             written as soon as it is known, before its error bars are.
-        voice: told of every flow that is solved; default: nobody.
+        voice: reports every solved flow; default: none.
 
     Raises:
         IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.

@@ -138,7 +138,7 @@ class ResultDirectory(Recorder):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
     def _write(self, result: Result) -> None:
-        """Write result.json in place of that of the run that was resumed, if any, which stays if it says more."""
+        """Write result.json instead of that of the run that was resumed, if any, which stays if it says more."""
         if self._resumed is not None:
             remove_pictures(self.path)
             if result.status != "complete":

@@ -52,17 +52,17 @@ def entrainment(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Entrainment:
-    """Find how probable motion is in a fluctuating stream, by the scene's [gusts]. Collective over `comm`.
+    """Compute the probability of motion in a fluctuating flow, by the scene's [gusts]. Collective over `comm`.
 
     Args:
         scene: a grain that rests on a bed, in a steady flow, with [gusts].
         directory: where to write entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
-        probabilities: of motion at an instant, for which the mean flow and its Shields number are found; default: 0.1%,
+        probabilities: of motion at an instant, for each of which the Shields number is computed; default: 0.1%,
             1%, 5% and 50%, of those what data can tell.
         strengths: mean flows over the scene's, for a curve; default: some that show it.
-        gusts: directory of `incipient gust`; then the rate of gusts that last long enough is found, too.
+        gusts: directory of `incipient gust`; then the rate of gusts that last long enough is also computed.
         data: CSV of Shields number and probability, measured, for the picture.
-        voice: told of every flow that is solved; default: nobody.
+        voice: reports every solved flow; default: none.
 
     Raises:
         IncipientError: on all ranks, one line.

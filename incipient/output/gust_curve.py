@@ -56,13 +56,13 @@ def gusts(
     Args:
         scene: a released grain on a bed with forms; shape and start of gusts are those of its [flow.gust].
         durations: of the gusts [time].
-        directory: where to write gusts.json, gusts.csv and the resolved scene, anew with each strength that is found;
+        directory: where to write gusts.json, gusts.csv and the resolved scene, anew with each strength;
             None writes nothing.
-        voice: told of every run; default: nobody.
-        announce: is given each strength as soon as it is found.
+        voice: reports every run; default: none.
+        announce: is given each strength as soon as it is computed.
 
     Raises:
-        IncipientError: on all ranks, one line; what has been found stays in the directory.
+        IncipientError: on all ranks, one line; results so far stay in the directory.
     """
     comm = comm or world()
     found: list[CriticalGust] = []
@@ -71,7 +71,7 @@ def gusts(
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:
-        """Announce a strength, and write all found so far. Collective."""
+        """Announce a strength, and write all so far. Collective."""
         found.append(point)
         announce(point)
         if directory is not None:

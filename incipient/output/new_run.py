@@ -32,7 +32,7 @@ def run(
     Args:
         scene: what to simulate.
         directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
-        voice: told what is going on; default: nobody.
+        voice: reports progress; default: none.
         overwrite: remove the earlier run even if it can be resumed.
 
     Raises:

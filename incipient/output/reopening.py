@@ -23,7 +23,7 @@ from .directory import ResultDirectory
 from .lock import locked
 from .ownership import CHECKPOINT, SCENE
 
-# What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
+# What a scene may be resumed with instead of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
 MAY_CHANGE = (
     *("time.end", "time.step", "time.first_step", "time.tolerance", "time.until_steady"),

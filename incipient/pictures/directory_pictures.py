@@ -33,7 +33,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
     for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), critical
-    gusts (gusts.json), motion in a fluctuating stream (entrainment.json), a bed of grains (survey.json), a judged case
+    gusts (gusts.json), motion in a fluctuating flow (entrainment.json), a bed of grains (survey.json), a judged case
     (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
 
     Args:

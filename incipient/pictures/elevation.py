@@ -1,4 +1,4 @@
-"""The free surface of a run in space as seen from above, with the bed below it."""
+"""The free surface of a 3-D run as seen from above, with the bed below it."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ class _Film:
         return x0, x1, y0 - (0.04 * (y1 - y0) if self.scene.get("bed") else 0.0), y1
 
     def show(self, number: int) -> None:
-        """Draw a frame in place of the one before."""
+        """Draw a frame instead of the one before."""
         run, time, axes = self.run(number), float(self.moments[number]), self.axes
         axes.clear()
         axes.set(xlim=self.view[:2], ylim=self.view[2:], aspect="equal", facecolor=GROUND)

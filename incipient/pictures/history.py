@@ -14,7 +14,7 @@ from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..input_files import reading
 
-# Columns of place and orientation, and of their rates, in the plane and in space.
+# Columns of place and orientation, and of their rates, in 2-D and in 3-D.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
 RATES = {
     2: ("velocity_x", "velocity_y", "spin"),
@@ -57,7 +57,7 @@ class History:
         return np.asarray(self.times[new])
 
     def at(self, time: float) -> Placement:
-        """Where the grain is at a time, between rows on the straight line from one to the next."""
+        """Position of the grain at a time, interpolated linearly between rows."""
         place = [
             float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]
         ]
@@ -77,7 +77,7 @@ class History:
         return History({name: np.concatenate([first[name], self.columns[name]]) for name in first})
 
     def _turned(self, placement: Placement) -> tuple[float, ...]:
-        """The angle with as many full turns as the first row has; in space the quaternion with its sign."""
+        """The angle with as many full turns as the first row has; in 3-D the quaternion with its sign."""
         if placement.quaternion is not None:
             first = [self.columns[name][0] for name in PLACE[3][3:]]
             sign = 1.0 if np.dot(first, placement.quaternion) >= 0.0 else -1.0

@@ -15,7 +15,7 @@ from ..errors import ConvergenceError, OutputError, SceneError
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
 _PAPER = "; by the paper's criteria"
-# How a case is drawn, in the plane and in space; lengths in grain sizes.
+# How a case is drawn, in 2-D and in 3-D; lengths in grain sizes.
 STRONGEST = 0.8  # arrow of the largest force
 SHORTEST_CONE, BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 MOVED = 0.09  # how far the grain is shown to have moved
@@ -43,8 +43,8 @@ class Judged:
                  the load and the motion is not known; nan where there are none
     motion:      None at rest and where it is not known
     significant: the paper's significant reaction surface, indices of contacts
-    left:        force and couple (3,) that reaction and friction leave over by the paper's criteria
-    sentences:   the exact judge's, the paper's with the agreement
+    left:        force and torque (3,) that reaction and friction leave over by the paper's criteria
+    sentences:   the exact criterion's, the paper's with the agreement
     """
 
     load: Load
@@ -111,7 +111,7 @@ class Judged:
 
     @property
     def occasion(self) -> str:
-        """Which load the contact forces answer."""
+        """The load that the contact forces balance, in words."""
         if not math.isfinite(self.share):
             return "no contact forces balance the load"
         if self.share != 1.0:
@@ -194,7 +194,7 @@ def _balancing(load: Load, contacts: Contacts, friction: float) -> np.ndarray | 
 
 
 def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[str, ...]:
-    """Where forces (n, 3) are in their cones."""
+    """States of forces (n, 3) in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
     states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(

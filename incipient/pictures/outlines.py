@@ -28,7 +28,7 @@ def grain_outline(grain: Any, placement: Any) -> Outline:
 
 
 def grain_silhouette(grain: Any, placement: Any) -> Outline:
-    """Points (n, 2) around a grain in space at its place as seen from the side: the convex hull of its shadow."""
+    """Points (n, 2) around a 3-D grain at its place as seen from the side: the convex hull of its shadow."""
     seen = placement.to_scene(grain.surface(_SHADOW * grain.size).points)[:, [0, 2]]
     return np.asarray(seen[ConvexHull(seen).vertices])
 

@@ -1,4 +1,4 @@
-"""Drawing a judged grain in the plane: contact forces in their friction cones, the load, how it begins to move."""
+"""Drawing a judged 2-D grain: contact forces in their friction cones, the load, how it begins to move."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, ST
 
 # Lengths in grain sizes.
 _NORMAL = 0.24  # dashed normal into the bed
-_ACCELERATION, _COUPLE = 0.42, 0.2  # arrow of the acceleration, radius of the couple's arc
+_ACCELERATION, _COUPLE = 0.42, 0.2  # arrow of the acceleration, radius of the torque's arc
 _ARC = 36.0  # half of an arc that shows the sense of turning, degrees
 _STRIP = (0.26, 0.055)  # half a strip of bed at a contact, and its thickness
 
@@ -87,7 +87,7 @@ def draw_case(axes: Axes, case: Judged, outline: np.ndarray, size: float) -> Mar
 def draw_load(
     axes: Axes, centre: np.ndarray, size: float, forces: Forces, couple: np.ndarray, largest: float
 ) -> None:
-    """Forces from the centre, to one scale, and an arc in the sense of the couple about it."""
+    """Forces from the centre, to one scale, and an arc in the sense of the torque about it."""
     if abs(turning := float(couple[2])) > 1e-3 * size * np.linalg.norm(forces["flow"]):
         _turning(axes, centre, _COUPLE * size, int(np.sign(turning)), FLOW, 1.3)
     visible = {
@@ -148,7 +148,7 @@ def mark_contacts(
 
 
 def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
-    """At each contact the cone of all forces that friction allows, and in it the force."""
+    """Draw the friction cone at each contact, and in it the force."""
     opening = np.degrees(case.cone_angle)
     for point, normal, force, state in _rows(case):
         colour = STATES[state][0]

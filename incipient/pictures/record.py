@@ -48,7 +48,7 @@ class StoredRun:
 
     @property
     def place(self) -> Placement | None:
-        """Where the grain is at the end of the run: at rest where it touches the bed; None without one."""
+        """Placement of the grain at the end of the run, at rest where it touches the bed; None without a grain."""
         centre = self.value("grain", "centre")
         if centre is None:
             return None
@@ -101,17 +101,17 @@ class StoredRun:
 
     @property
     def in_space(self) -> bool:
-        """Whether its fields are those of a scene in space, on tetrahedra."""
+        """Whether its fields are those of a 3-D scene, on tetrahedra."""
         return self.fields.cells.shape[1] == 10
 
     @property
     def middle(self) -> float:
-        """y of the middle of a domain in space."""
+        """y of the middle of a 3-D domain."""
         return float(self.setting("domain", "origin")[1] + 0.5 * self.setting("domain", "width"))
 
     @property
     def halved(self) -> bool:
-        """Whether the fields are those of half a domain in space."""
+        """Whether the fields are those of half a 3-D domain."""
         return bool(
             self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width")
         )

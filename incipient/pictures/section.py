@@ -1,4 +1,4 @@
-"""A vertical plane through a run in space: its fields on a regular grid, from straight parts of the quadratic cells."""
+"""A vertical plane through a 3-D run: its fields on a regular grid, from straight parts of the quadratic cells."""
 
 from __future__ import annotations
 

@@ -94,17 +94,17 @@ def _figure_of(axes: Axes) -> Figure:
 
 
 def load_rows(forces: dict[str, np.ndarray], couple: np.ndarray, unit: str, planar: bool) -> Group:
-    """Forces by name (see `Judged.acting`) and the flow's couple about the centre."""
+    """Forces by name (see `Judged.acting`) and the flow's torque about the centre."""
     rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]
-    about = ("Couple about the centre", turning(couple, planar), FLOW)
+    about = ("Torque about the centre", turning(couple, planar), FLOW)
     return [("Load on the grain", unit, INK), *rows, about]
 
 
 def judge_rows(case: Judged) -> list[Group]:
-    """What the exact judge says, the contact forces, what the paper's criteria say."""
+    """What the exact criterion says, the contact forces, what the paper's criteria say."""
     planar = case.planar
     exact: Group = [
-        ("Exact judge", case.mode, INK),
+        ("Exact criterion", case.mode, INK),
         ("Safety factor on the flow", number(case.safety_factor), INK),
         ("Coefficient of static friction", f"{case.friction:.4g}", INK),
     ]
@@ -114,8 +114,8 @@ def judge_rows(case: Judged) -> list[Group]:
     force, couple = case.left
     paper: Group = [
         ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
-        ("Force left over", vector(force, planar), INK),
-        ("Couple left over", turning(couple, planar), INK),
+        ("Residual force", vector(force, planar), INK),
+        ("Residual torque", turning(couple, planar), INK),
     ]
     return [exact, contact_rows(case), paper]
 
@@ -144,7 +144,7 @@ def vector(components: np.ndarray, planar: bool) -> str:
 
 
 def turning(couple: np.ndarray, planar: bool) -> str:
-    """A couple, in the plane its one component."""
+    """A torque, in 2-D its one component."""
     return f"{couple[2]:.4g}" if planar else vector(couple, planar)
 
 

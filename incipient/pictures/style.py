@@ -30,7 +30,7 @@ RESULTANT = "#111111"
 MOTION = "#6a3d9a"
 FORCES = {"flow": FLOW, "weight": WEIGHT, "resultant": RESULTANT}
 _FREE, _HELD, _ROLLED, _EDGE = "#858585", "#1b7837", "#149077", "#d95f0e"
-# Contact states of the exact judge: those of forces in balance, then those of a grain that begins to move.
+# Contact states of the exact criterion: those of forces in balance, then those of a grain that begins to move.
 STATES = {
     "INSIDE": (_HELD, "held, inside its friction cone"),
     "EDGE": (_EDGE, "held, on the edge of its friction cone"),

@@ -36,7 +36,7 @@ from .style import GRAIN, INK, View
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
 _COARSE = 0.05  # of the size of a grain in 3-D: distance of the points among which its axis ends
-_SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be told apart
+_SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be distinguished
 _MOMENTS, _APART = 21, 0.45  # at which the grain may be drawn; their least distance [grain sizes]
 _LEAST = 1e-3  # of its largest value: smaller changes of a quantity are shown as small
 _FEW_TURNS = 3.0  # up to which the angle is shown in degrees

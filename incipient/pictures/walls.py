@@ -32,7 +32,7 @@ def picture(run: StoredRun) -> Figure:
     label = "walls are resolved" if resolved else "the law of the wall holds"
     upper.axhspan(*bounds, color=GROUND, alpha=0.3, label=label)
     if (sand := walls.get("on_sand")) and sand != bounds[1]:
-        upper.axhline(sand, color=GROUND, linestyle=":", label="up to which they are on sand")
+        upper.axhline(sand, color=GROUND, linestyle=":", label="limit on rough walls")
     lower.axhline(0.0, color=GROUND)
     for colour, (name, found) in zip(_COLOURS, walls["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):

@@ -29,7 +29,7 @@ class BaseFlow:
 
     flow: Any  # the section of the scene that gives it
     domain: Domain
-    bed: Any  # shape on which what enters comes to rest; None without a bed
+    bed: Any  # shape on which the inflow comes to rest; None without a bed
     reference: float  # velocity of the Reynolds number
     viscosity: float  # kinematic
     walled: bool = False  # whether the fluid sticks to the sides across the width
@@ -38,7 +38,7 @@ class BaseFlow:
 
     @property
     def over_forms(self) -> bool:
-        """Whether it is of known shear at the bed and passes several forms in the plane that repeat."""
+        """Whether it is of known shear at the bed and passes several forms in 2-D that repeat."""
         return repeats(self.flow, self.domain, self.bed)
 
     @property
@@ -51,7 +51,7 @@ class BaseFlow:
 
     @cached_property
     def effective_height(self) -> EffectiveHeight:
-        """The effective height of the bed in the plane."""
+        """The effective height of the 2-D bed."""
         viscosity = math.inf if self.creeping else self.viscosity
         return effective_height(self.flow, self.domain, self.bed, viscosity, self.speed)
 
@@ -173,7 +173,7 @@ class BaseFlow:
             return lambda z, y: law.speed(np.clip(z, 0.0, depth))
         if self.walled and flow.kind in ("poiseuille", "open-channel"):
             return self._in_duct(flow.velocity, depth if flow.kind == "poiseuille" else 2.0 * depth)
-        # A uniform flow begins at the datum itself, found to round-off.
+        # A uniform flow begins at the datum itself, to round-off.
         return lambda z, y: np.where(
             z < -ROUND_OFF * depth, 0.0, self.speed_at(np.clip(z, 0.0, depth))
         )

@@ -49,6 +49,6 @@ def _inertia(body: Body) -> Inertia:
 
 
 def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:
-    """Velocities (3,), in space (6,), as functions of time."""
+    """Velocities (3,), in 3-D (6,), as functions of time."""
     components = expressions(formulas, "body.course")
     return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

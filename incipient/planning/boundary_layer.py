@@ -1,4 +1,4 @@
-"""Cells at a grain and its boundary layer, which those in space follow."""
+"""Cells at a grain and its boundary layer, which those in 3-D follow."""
 
 import math
 

@@ -47,7 +47,7 @@ class FarCells:
         return min(self.extents) / (cells[self.order] * refined)
 
     def largest_in_space(self, order: int) -> float:
-        """Their size in space for an order of the velocity [length]."""
+        """Their size in 3-D for an order of the velocity [length]."""
         if self.box_reynolds is not None:
             return self.largest
         return min(FAR_CELL_IN_SPACE[order] * self.extents[-1], 0.5 * min(self.extents))
@@ -61,7 +61,7 @@ class FarCells:
 
 
 def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
-    """Where layers across the width end, as parts of it: from sides on they grow evenly.
+    """Ends of layers across the width, as fractions of it: from the sides on layers grow evenly.
 
     grading: thickness next to sides over that in the middle; 1: all are alike
     half:    the first layer lies at the plane of symmetry
@@ -88,7 +88,7 @@ class RowSizes:
 
 
 def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> np.ndarray:
-    """Where rows end, as parts of a height with one wall or two; rows are larger by the factor `coarse`."""
+    """Ends of rows, as fractions of a height with one wall or two; rows are larger by the factor `coarse`."""
     first, growth, largest, part = sizes.first, sizes.growth, sizes.largest, height / walls
     to_bend, whole = sizes.counted(part)
     number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls)
@@ -100,7 +100,7 @@ def growing_rows(sizes: RowSizes, height: float, walls: int, coarse: float) -> n
 
 
 def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
-    """Where each curve meets the one that follows it at an angle of more than ten degrees."""
+    """Corners of more than ten degrees between successive curves."""
     cosine = np.cos(np.radians(10.0))
     return tuple(
         after.start

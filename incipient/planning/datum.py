@@ -7,9 +7,9 @@ from .flow_setup import Setup
 
 @dataclass(frozen=True)
 class Datum:
-    """Where the profile of a scene's flow starts; it is the same over the whole bed."""
+    """The height at which the profile of a scene's flow starts, the same over the whole bed."""
 
-    height: float  # y, in space z, in the scene [length]
+    height: float  # y, in 3-D z, in the scene [length]
     reason: str  # what the height is of the bed, in words
 
     def text(self, axis: str) -> str:

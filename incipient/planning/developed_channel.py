@@ -1,4 +1,4 @@
-"""Developed flow over one wall by the k-omega SST model, in one dimension: what enters channels.
+"""Developed flow over one wall by the k-omega SST model, in one dimension: the inflow of channels.
 
 The equations are those of `forms.k_omega_sst` for a flow that depends on the height alone, in units of u* and the
 depth, by finite volumes for ln k and ln omega. The shear stress falls linearly to zero on top. At a smooth wall volumes
@@ -82,7 +82,7 @@ class DevelopedChannel:
 
 
 class _Column:
-    """The equations of one Re_tau and sand roughness over the depth."""
+    """The equations for a Re_tau and a roughness over the depth."""
 
     def __init__(self, re_tau: float, sand: float):
         self.viscosity, self._laminar, self._sand = 1.0 / re_tau, False, sand
@@ -187,7 +187,7 @@ class _Column:
         """The steady logarithms from those at hand, by implicit steps of pseudo-time; a laminar flow has k = exp(-25).
 
         Raises:
-            ConvergenceError: there are none that could be found.
+            ConvergenceError: none converged.
         """
         step, mass = STEP, np.repeat(self.sizes, 2)
         for _ in range(MOST_STEPS):
@@ -204,7 +204,7 @@ class _Column:
             if not self._laminar and logarithms[:, 0].max() < LAMINAR:
                 self._laminar = True
                 logarithms[:, 0] = LAMINAR
-        raise ConvergenceError("the developed flow of the k-omega model was not found")
+        raise ConvergenceError("the developed flow of the k-omega model did not converge")
 
     def profiles(self, logarithms: Floats) -> DevelopedChannel:
         """The flow with these logarithms."""
@@ -225,16 +225,16 @@ class _Column:
 
 
 def length_at_sand(sand: float) -> float:
-    """Length over which omega falls at a rough wall by molecules, over its sand roughness k_s; `sand` is u* k_s/nu."""
+    """Length over which omega falls at a rough wall by molecules, over its roughness k_s; `sand` is u* k_s/nu."""
     return math.sqrt(6.0 / (INNER[2] * float(at_rough_wall(sand, NUMPY)[1])))
 
 
 @lru_cache(maxsize=256)
 def developed(re_tau: float, sand: float = 0.0) -> DevelopedChannel:
-    """The developed flow at u* h/nu, over a wall of a sand roughness over the depth. Not collective.
+    """The developed flow at u* h/nu, over a wall of a given roughness over depth. Not collective.
 
     Raises:
-        ConvergenceError: it was not found.
+        ConvergenceError: it did not converge.
     """
     column = _Column(re_tau, sand)
     return column.profiles(column.solve(column.guess()))
@@ -246,7 +246,7 @@ def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
     sand: equivalent sand roughness over the depth
 
     Raises:
-        ConvergenceError: it was not found.
+        ConvergenceError: it did not converge.
     """
     # By Keulegan's law, or laminar; then by secants in logarithms.
     re_tau = max(math.sqrt(3.0 * reynolds), 0.09 * reynolds**0.88)
@@ -261,5 +261,5 @@ def of_discharge(reynolds: float, sand: float = 0.0) -> DevelopedChannel:
         before = re_tau, away
         re_tau *= math.exp(away / slope)
     raise ConvergenceError(
-        "the developed flow of the k-omega model was not found for the discharge"
+        "the developed flow of the k-omega model did not converge for the discharge"
     )

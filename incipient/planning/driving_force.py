@@ -55,7 +55,7 @@ class DisplacedFluid:
         return placement.to_scene(self._points)
 
     def load(self, placement: Placement) -> Floats:
-        """Force and couple about the centroid (2, 3) where the factor of the flow rises by one in unit time."""
+        """Force and torque about the centroid (2, 3) where the factor of the flow rises by one in unit time."""
         points = self.points(placement)
         speeds = self.base_flow.profile(points.T)
         forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))

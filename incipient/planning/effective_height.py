@@ -27,7 +27,7 @@ class EffectiveHeight:
 
 
 def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
-    """Whether a base flow of known shear at the bed passes several forms in the plane that repeat. Not collective."""
+    """Whether a base flow of known shear at the bed passes several forms in 2-D that repeat. Not collective."""
     if (
         domain.width is not None
         or bed is None
@@ -40,7 +40,7 @@ def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
 def effective_height(
     flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float
 ) -> EffectiveHeight:
-    """The effective height of a bed in the plane below a base flow faster by `speed`. Not collective.
+    """The effective height of a 2-D bed below a base flow faster by `speed`. Not collective.
 
     viscosity: kinematic; inf without inertia
     """

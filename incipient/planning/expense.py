@@ -36,9 +36,9 @@ def count(
 ) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
-    dual:   whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
-    solver: of the linear systems, a name of a `linear.Method`; in the plane it is direct
-    wider:  of a run for the error bars that is made while the flow is kept; in space
+    dual:   whether errors of a steady flow are also estimated, with elements of the next-higher order (see `has_dual`)
+    solver: of the linear systems, a name of a `linear.Method`; in 2-D it is direct
+    wider:  of a run for the error bars that is made while the flow is kept; in 3-D
     """
     cells, unknowns = _counted(layout)
     if layout.gdim == 2:
@@ -90,7 +90,7 @@ def _distinct(cells: Integers, number: int) -> int:
 
 
 def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
-    """Nodes of continuous elements of an order on tetrahedra; in the plane on triangles, `faces` without `cells`."""
+    """Nodes of continuous elements of an order on tetrahedra; in 2-D on triangles, `faces` without `cells`."""
     inner = (order - 1) * (order - 2)
     return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
 
@@ -98,7 +98,7 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
 def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
     """MiB that a flow of an order takes by a solver, and its error bars if `dual`. Not collective.
 
-    Sparse factors of a mesh in space of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
+    Sparse factors of a 3-D mesh of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
     takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
     """
     if solver == "direct":
@@ -114,7 +114,7 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
 
 
 def memory_of_surface(unknowns: int, started: bool) -> float:
-    """MiB that a free surface in space adds to those of a flow with so many unknowns. Not collective.
+    """MiB that a free 3-D surface adds to those of a flow with so many unknowns. Not collective.
 
     started: whether the run starts from a steady flow
     """

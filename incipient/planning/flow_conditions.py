@@ -73,7 +73,7 @@ def _above(setup: Setup, velocity: Velocity, of_surface: OfSurface) -> Ranked:
 
 
 def _across(setup: Setup, velocity: Velocity) -> Ranked:
-    """Conditions on the sides, in space."""
+    """Conditions on the sides, in 3-D."""
     for name in setup.sides.across:
         if setup.geometry.sides == "slip":
             yield FREE, Slip(name, axis=1)

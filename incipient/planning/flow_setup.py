@@ -57,7 +57,7 @@ class Setup:
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether half of the scene is computed: what lies at one side of the middle of a domain in space."""
+        """Whether half of the scene is computed: what lies at one side of the middle of a 3-D domain."""
         asked = self.scene.domain.symmetric
         if self.scene.gdim == 2 or asked is False:
             return False
@@ -136,7 +136,7 @@ class Setup:
 
     @cached_property
     def resolved_walls(self) -> ResolvedWalls:
-        """Walls that the mesh resolves, and what enters between them."""
+        """Walls that the mesh resolves, and the inflow between them."""
         from .measured_inflow import resolved_walls_as_asked
 
         return resolved_walls_as_asked(self.geometry, self.base_flow, self.sides, self.turbulence)

@@ -2,7 +2,7 @@
 
 Its expected influence on the drag is Oseen's correction, 3/16 Re, with the Reynolds number of diameter and speed
 (Proudman & Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
-flow of Stokes decays as slowly as the distance grows (Oseen 1910), in the plane even more slowly. For a sphere that
+flow of Stokes decays as slowly as the distance grows (Oseen 1910), in 2-D even more slowly. For a sphere that
 touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), that is 0.07 Re
 with the speed at its top: Oseen's is the larger.
 """

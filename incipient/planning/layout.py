@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
 MANY_CELLS = {2: 20_000, 3: 50_000}
-# Slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
+# Slope of a 3-D bed: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
 STEEP = 2.5
 STEEPEST = 0.35  # growth of coarse cells with distance
 
@@ -42,9 +42,7 @@ class Layout:
     # Smallest distance of grain and bed in the computed flow [length], inf without contact
     gap: float = np.inf
     gap_ends: tuple[Place, Place] | None = None  # the two points between which the gap is measured
-    max_cells: float = (
-        np.inf
-    )  # triangles, in space tetrahedra, expected above which no mesh is made
+    max_cells: float = np.inf  # triangles, in 3-D tetrahedra, expected above which no mesh is made
     # The closed space about the contacts of a grain, where it is narrower than the gap; None: it is open
     closing: Closing | None = None
 

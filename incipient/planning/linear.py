@@ -6,9 +6,9 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-# In space, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
+# In 3-D, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
 FEW_CELLS = 5000
-DEAR = "an LU factorisation in space would take much time and memory"
+DEAR = "an LU factorisation in 3-D would take much time and memory"
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
 # (docs/contribute/defaults.md).
@@ -31,7 +31,7 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     """The method for a scene, and whether its flow is one of Stokes, or has a rate of change. Not collective."""
     scene = setup.scene
     if scene.gdim == 2:
-        why = "in the plane an LU factorisation takes little memory, and serves several iterations and time steps"
+        why = "in 2-D an LU factorisation takes little memory, and serves several iterations and time steps"
         return Method("direct", why)
     if slow and scene.time is None and setup.order.number > LOWEST_ORDER:
         why = "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more"
@@ -49,5 +49,5 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
         return Method("block", f"{DEAR}; the cells resolve the flow's convection")
     return Method(
         "direct",
-        "the flow is not upwinded; an LU factorisation in space takes much time and memory",
+        "the flow is not upwinded; an LU factorisation in 3-D takes much time and memory",
     )

@@ -68,7 +68,7 @@ class InnerLaw:
 
 @dataclass(frozen=True)
 class LawOfSand:
-    """The model's own law of rough walls, u+ by y and u*: that of developed flow over the sand.
+    """The model's own law of rough walls, u+ by y and u*: that of developed flow over the roughness.
 
     No method is collective. depth: of that flow; sand: equivalent sand roughness [length]
     """
@@ -105,7 +105,7 @@ class LawOfSand:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredInflow:
-    """What enters by measured rows between walls that are resolved. No method is collective.
+    """Inflow from measured rows between resolved walls. No method is collective.
 
     Between the rows speeds are cubic in the logarithm of the height, k is as measured, or in equilibrium with the
     mixing length, and omega is k^(1/2)/(beta*^(1/4) l), see `measured_profile.Measured`. Between the rows and a wall
@@ -122,7 +122,7 @@ class MeasuredInflow:
     def of(
         cls, walls: ResolvedWalls, rows: Rows, intensity: float | None, length: float | None
     ) -> MeasuredInflow:
-        """What enters by rows, see `measured_profile.Measured`."""
+        """Inflow from rows, see `measured_profile.Measured`."""
         whole = walls.number * walls.depth
         sand = walls.upstream or walls.roughness
         between = SimpleNamespace(
@@ -203,7 +203,7 @@ def with_profile(
 def resolved_walls_as_asked(
     geometry: Geometry, base_flow: BaseFlow, names: SideNames, asked: Any
 ) -> ResolvedWalls:
-    """The walls of a flow that its model reaches, and what enters between them as its section asks. Not collective."""
+    """The resolved walls of a flow, and the inflow between them by its section. Not collective."""
     upstream = asked.upstream_roughness
     walls = resolved_walls_of(geometry, base_flow, names, asked.roughness, upstream=upstream)
     if why := asked.rows_beyond(walls.number, walls.depth):

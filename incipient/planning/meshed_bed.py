@@ -1,4 +1,4 @@
-"""Where a bed in space is meshed as it is, and where a planar far bed takes its place."""
+"""Where a 3-D bed is meshed as it is, and where a planar far bed takes its place."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 
 
 def resolved_bed(geometry: Geometry, placement: Placement | None, datum: float) -> Resolved | None:
-    """Where a bed with forms is meshed as it is: about the grain. Beyond it is level, as high as the flow's datum."""
+    """The region about the grain in which bedforms are meshed. Beyond it the bed is planar, at the flow's datum."""
     bed, grain, domain = geometry.bed, geometry.grain, geometry.domain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None

@@ -1,4 +1,4 @@
-"""The region in space that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
+"""The region in 3-D that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
 
 import math
 from collections.abc import Iterator
@@ -68,7 +68,7 @@ def _meshed(setup: Setup, placement: Placement | None) -> Resolved | None:
 
 
 def cut_at_inflow(setup: Setup) -> bool:
-    """Whether the inflow cuts forms of the bed, which are meshed as they are there. Not collective."""
+    """Whether the inflow cuts bedforms, which are meshed there. Not collective."""
     geometry, placement = setup.geometry, setup.geometry.placement
     if (
         geometry.gdim == 2

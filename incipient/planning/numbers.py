@@ -168,7 +168,7 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
 
 
 def _along_bed(domain: Domain) -> np.ndarray:
-    """Abscissae (n,) at which the bed is looked at; in space points (n, 2)."""
+    """Abscissae (n,) at which the bed is looked at; in 3-D points (n, 2)."""
     x = np.linspace(domain.left, domain.right, 20 * SAMPLES)
     if domain.width is None:
         return x

@@ -28,20 +28,18 @@ def velocity_order(setup: Setup) -> VelocityOrder:
     if scene.gdim == 3:
         past_grain = steady and scene.numerics.accuracy is None and scene.body is not None
         if past_grain and not setup.inertia.present:
-            why = "in creeping flow in space its error is far below that of order 2, from which it is computed"
+            why = "in creeping 3-D flow its error is far below that of order 2, from which it is computed"
             return VelocityOrder(3, why)
         if steady and scene.is_empty_box and scene.flow.kind != "still":
-            why = (
-                "in a driven box in space its error is far below that of order 2 for the same time"
-            )
+            why = "in a driven 3-D box its error is far below that of order 2 for the same time"
             return VelocityOrder(4, why)
-        why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
+        why = "the scene is three-dimensional, where higher orders take long except in creeping flow past a grain"
         return VelocityOrder(2, why)
     if scene.moves:
         return VelocityOrder(2, "the grain moves, and the mesh with it")
     if scene.numerics.accuracy is not None and not scene.is_averaged:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
-    why = "in the plane, where nothing moves, its error is far below that of order 2 for the same time"
+    why = "in 2-D, where nothing moves, its error is far below that of order 2 for the same time"
     return VelocityOrder(3, why)
 
 

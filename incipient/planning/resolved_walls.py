@@ -1,4 +1,4 @@
-"""Walls that a model of the mean flow reaches: how finely they are meshed, and what enters between them."""
+"""Resolved walls of a mean flow: their mesh, and the inflow between them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GROWTH, LARGEST_ROW = 0.3, 0.08  # of cells with the distance from walls; of the
 CELL_GROWTH = 0.3  # of cells that are not stretched
 ALONG = 0.1  # of the depth: size of cells along walls, where nothing else asks for smaller ones
 # Likewise along smooth beds, of the length over which they would rise by their relief at their steepest slope: on a
-# bump 1.5 depths long friction behind the crest is then 12% off in place of 40% (`test_resolved_along_walls.py`).
+# bump 1.5 depths long friction behind the crest is then 12% off instead of 40% (`test_resolved_along_walls.py`).
 ALONG_RISE, RISE_SAMPLES = 0.1, 4001
 NEAR_GRAIN, AWAY_GROWTH = (
     0.1,
@@ -38,16 +38,16 @@ NEAR_GRAIN, AWAY_GROWTH = (
 GROWTH_OF_LAYERS, MOST_LAYERS = 1.35, 80
 AT_GRAIN = 0.5  # of cells at a grain over those: u* on its crest is twice that of the bed
 COLUMN, FEWEST_COLUMNS = 0.5, 8  # of a channel's mesh, over the depth
-ACROSS = 2  # layers of such a mesh in space, at the least
+ACROSS = 2  # layers of such a 3-D mesh, at the least
 LAYER_GROWTH = (
-    2.0  # of layers along walls in space, by which as many are made as lead to the cells beyond
+    2.0  # of layers along 3-D walls, by which as many are made as lead to the cells beyond
 )
 COARSENING, ORDER_THREE = {2: 1.0}, 1.3  # of cells of order two, and of higher ones over those
-SLOWEST = 1e-3  # of the height of the first volume, below which what enters does not change
+SLOWEST = 1e-3  # of the height of the first volume, below which the inflow does not change
 
 
 class Entering(Protocol):
-    """What enters in place of developed flow, by heights (n,) above the lower wall. No method is collective."""
+    """Prescribed inflow profile by heights (n,) above the lower wall. No method is collective."""
 
     def speed(self, above: Floats) -> Floats:
         """Speeds (n,)."""
@@ -63,15 +63,15 @@ class ResolvedWalls:
     depth:          over which a wall is felt: that of an open channel, half of that between two walls
     number:         of walls above each other at the inflow, one or two
     floor:          height of the lower one there
-    shear_velocity: u* of what enters, of two walls the larger one
+    shear_velocity: u* of the inflow, of two walls the larger
     bed_shear_velocity: at the lower wall, of a uniform flow that enters the one to which it develops; None: likewise
     mean:           reference velocity; viscosity: kinematic
     plane:          whether all walls are planes: no bed forms, no grain
     names:          of the boundaries that are walls
     up:             axis of heights; developed: the flow that enters
     roughness:      equivalent sand roughness of all walls but a grain, which is smooth; 0: all are
-    upstream:       equivalent sand roughness of the bed over which what enters past smooth walls developed, 0: smooth
-    measured:       what enters in place of developed flow; None: that does
+    upstream:       equivalent sand roughness of the bed over which the inflow past smooth walls developed, 0: smooth
+    measured:       inflow instead of developed flow; None: developed flow
     smooth:         whether the bed has forms without corners, and there is no grain
     rise:           length over which such a bed would rise by its relief at its steepest slope
     """
@@ -95,27 +95,27 @@ class ResolvedWalls:
 
     @property
     def is_laminar(self) -> bool:
-        """Whether what enters is laminar by the model."""
+        """Whether the inflow is laminar by the model."""
         return self.developed.is_laminar
 
     @property
     def bed_stress(self) -> float:
-        """Shear stress of what enters on the lower wall, fluid density one."""
+        """Shear stress of the inflow on the lower wall, fluid density one."""
         return (self.bed_shear_velocity or self.shear_velocity) ** 2
 
     @property
     def layer_over_forms(self) -> bool:
-        """Whether a measured boundary layer, in a stream with hardly any k, goes over smooth forms of the bed."""
+        """Whether a measured boundary layer, in a flow with hardly any k, passes smooth bedforms."""
         return self.measured is not None and self.smooth
 
     @property
     def rough(self) -> tuple[str, ...]:
-        """Names of the walls on which the sand is: all but the grain."""
+        """Names of the rough walls: all but the grain."""
         return tuple(name for name in self.names if name != "body") if self.roughness else ()
 
     @property
     def sand(self) -> float:
-        """u* k_s/nu of what enters."""
+        """u* k_s/nu of the inflow."""
         return self.roughness / self.unit
 
     @property
@@ -197,7 +197,7 @@ class ResolvedWalls:
         return self.measured.logarithms(np.maximum(x[self.up] - self.floor, 0.0))
 
     def logarithms_at(self, away: Floats) -> Floats:
-        """ln k and ln omega (2, n) of what enters at distances (n,) from the next wall. Not collective."""
+        """ln k and ln omega (2, n) of the inflow at distances (n,) from the next wall. Not collective."""
         if self.measured is not None:
             return self.measured.logarithms(np.minimum(away, self.depth))
         found, first = self.developed, self.developed.heights[1]
@@ -250,7 +250,7 @@ class ResolvedWalls:
         return Grid(shape, ends, names.of_box(half), half, parallel=True)
 
     def cells(self, grain: float = math.inf, centre: Point = (0.0, 0.0)) -> tuple[Near, ...]:
-        """Cells along walls in the plane of which some are no planes, with a grain of a size. Not collective."""
+        """Cells along 2-D walls of which some are no planes, with a grain of a size. Not collective."""
         largest = self.along
         size = min(largest, NEAR_GRAIN * grain, ALONG_RISE * self.rise)
         far = Away(centre, AWAY_GROWTH, largest) if size < largest else None
@@ -260,11 +260,11 @@ class ResolvedWalls:
         )
 
     def thin_layers(self, order: int) -> WallLayers:
-        """Layers at walls in the plane of which some are no planes. Not collective."""
+        """Layers at 2-D walls of which some are no planes. Not collective."""
         return WallLayers(self._first_cells(order), MOST_LAYERS, GROWTH_OF_LAYERS, graded=True)
 
     def layers(self, order: int, along: float) -> WallLayers:
-        """Layers at walls in space of which some are no planes, with cells of a size along them. Not collective."""
+        """Layers at 3-D walls of which some are no planes, with cells of a size along them. Not collective."""
         first = self._first_cells(order)
         most = LAYERS_SHARE * along / min(first.values())
         number = math.ceil(math.log(1.0 + (LAYER_GROWTH - 1.0) * most) / math.log(LAYER_GROWTH))
@@ -294,12 +294,12 @@ def resolved_walls_of(
     roughness: float = 0.0,
     upstream: float = 0.0,
 ) -> ResolvedWalls:
-    """The walls of a flow, of an equivalent sand roughness, and what enters.
+    """The walls of a flow, of an equivalent sand roughness, and its inflow.
 
-    upstream: equivalent sand roughness of the bed over which what enters past smooth walls developed
+    upstream: equivalent sand roughness of the bed over which the inflow past smooth walls developed
 
     Raises:
-        ConvergenceError: there is no developed flow that could be found.
+        ConvergenceError: no developed flow converged.
     """
     domain, bed, two = geometry.domain, geometry.bed, geometry.top == "wall"
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
@@ -337,7 +337,7 @@ def resolved_walls_of(
 
 
 def _rise(bed: Any, domain: Domain) -> float:
-    """The length over which a smooth bed in the plane would rise by its relief at its steepest slope."""
+    """The length over which a smooth 2-D bed would rise by its relief at its steepest slope."""
     x = np.linspace(domain.left, domain.right, RISE_SAMPLES)
     heights = bed.height(x)
     steepest = float(np.abs(np.gradient(heights, x)).max())

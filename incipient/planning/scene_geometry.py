@@ -24,7 +24,7 @@ Place = Any  # a point (gdim,) as a tuple of numbers
 
 @dataclass(frozen=True)
 class Stance:
-    """Where a grain is."""
+    """Placement of a grain."""
 
     resting: Placement | None = None  # where it touches the bed or is held; None without a grain
     placement: Placement | None = None  # where the flow is computed: lifted by the gap
@@ -50,7 +50,7 @@ class Geometry:
     gap: float  # that stands for contact while the flow is computed
     tolerance: float  # distance that counts as touching [length]
     top: str  # what the upper side is
-    sides: str  # what both sides across the width of a domain in space are
+    sides: str  # what both sides across the width of a 3-D domain are
     symmetric: bool  # whether half of the domain is computed
     meshed_bed: float  # numerics.meshed_bed
 
@@ -71,7 +71,7 @@ class Geometry:
 
     @property
     def half(self) -> tuple[float, float]:
-        """The least and the largest y of what is computed of a domain in space."""
+        """The least and the largest y of what is computed of a 3-D domain."""
         low, high = self.domain.across
         return (self.domain.middle if self.symmetric else low), high
 
@@ -107,13 +107,13 @@ class Geometry:
 
     @cached_property
     def near_bed(self) -> NearBed:
-        """Where the grain is near its bed, or the lower side in its place."""
+        """Places where the grain is near its bed, or the lower side instead."""
         level = self.domain.bottom
         flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
         return NearBed(self.grain, flat if self.bed is None else self.bed)
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
-        """Where a placed grain and bed nearly touch: the narrowest place, and every contact of one that rests."""
+        """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""
         if self.touches:
             near = self.near_bed.gaps(placement, NARROW * self.gap).points
             return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))

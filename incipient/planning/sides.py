@@ -14,9 +14,7 @@ class SideNames:
     right: str  # like `left` an end of the base flow
     top: str
     left: str
-    across: tuple[
-        str, ...
-    ] = ()  # in space, at least and largest y; of half a domain only the latter
+    across: tuple[str, ...] = ()  # in 3-D, at least and largest y; of half a domain only the latter
 
     @property
     def around(self) -> tuple[str, str, str, str]:

@@ -4,7 +4,7 @@ The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocit
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all
 (docs/contribute/defaults.md).
-Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
+Steady 3-D flow is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
 where cells are coarse.
 """
 
@@ -47,7 +47,7 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
         return Stabilisation(
-            True, f"streamline upwinding of steady flow in space; {found}", number, True
+            True, f"streamline upwinding of steady 3-D flow; {found}", number, True
         )
     if asked == "auto" and _stretches_cells(setup):
         return Stabilisation(False, f"cells are stretched along walls; {found}", number)
@@ -60,7 +60,7 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
 def _stretches_cells(setup: Setup) -> bool:
     """Whether cells are so thin along walls that grad-div makes the flow alternate from one to the next.
 
-    In channels what alternates grows down the stream, until there is no flow; along boundary layers it is the pressure.
+    In channels oscillations grow downstream until no flow converges; along boundary layers it is the pressure.
     """
     if not setup.resolves_walls:
         return False
@@ -90,7 +90,7 @@ def cell_reynolds(setup: Setup) -> float:
 
 
 def largest_peclet(setup: Setup) -> float:
-    """|c| h/(2 k nu) of the largest cells of a scene in space in its fastest base flow. Not collective."""
+    """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow. Not collective."""
     domain, cells, base_flow = setup.geometry.domain, setup.far_cells, setup.base_flow
     sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
     axes = [np.linspace(low, high, PLACES) for low, high in sides]

@@ -10,7 +10,7 @@ BY_TWO_LEVELS = 1e-5
 # Likewise of a turbulent flow whose walls are resolved: limiters of the k-omega model switch at single nodes, and past
 # a smooth hump the flow then changes by 2e-5 in each iteration (benchmarks/turbulent_hump.py).
 TO_THE_WALL = 1e-4
-# Tolerance of logarithms over that of the flow, in space: in the wake of a sphere on a level bed at u* d/nu = 86 they
+# Tolerance of logarithms over that of the flow, in 3-D: in the wake of a sphere on a level bed at u* d/nu = 86 they
 # change by 1e-4 in the root mean square for ever, the flow by 2e-5. With changes of 4e-4 its loads changed by 2e-5 of
 # them.
 IN_WAKES = 10.0

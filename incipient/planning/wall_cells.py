@@ -23,13 +23,13 @@ FIRST_OF_GRADED = (
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
-LAYERS = 2  # of cells across a channel in space, at the least
+LAYERS = 2  # of cells across a 3-D channel, at the least
 
 
 def channel_grid(
     walls: LayeredWalls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
 ) -> Grid:
-    """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
+    """The mesh between the walls, less what the law of the wall covers; in 3-D it is extruded. Not collective."""
     domain, half = geometry.domain, geometry.symmetric
     coarse = mesh_size * coarsening(order)
     columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))

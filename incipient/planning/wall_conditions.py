@@ -1,4 +1,4 @@
-"""What enters a scene with turbulence, velocity, k and epsilon, and the conditions of its flow."""
+"""The inflow of a scene with turbulence (velocity, k and epsilon), and its boundary conditions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class EnteringTurbulence:
 
 
 def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
-    """What enters between walls, its mean velocity over the whole height being the flow's. Not collective.
+    """The inflow between walls, its mean velocity over the whole height being the flow's. Not collective.
 
     "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
     exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,

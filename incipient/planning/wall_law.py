@@ -10,13 +10,15 @@ import numpy as np
 LOWEST, HIGHEST = 30.0, 300.0  # distances from a smooth wall, in nu/u*, between which the law holds
 AIMED_AT = 50.0
 LARGEST_SHARE = 0.2  # of the depth over which a wall is felt, that the mesh may stand off from it
-ROUGH = 8.5  # u+ at the height of the sand on rough walls (Nikuradse 1933, VDI-Forschungsheft 361)
-# u* k/nu up to which sand does not matter, and from which on the viscosity does not: Nikuradse's measurements between,
+ROUGH = (
+    8.5  # u+ at the height of the roughness on rough walls (Nikuradse 1933, VDI-Forschungsheft 361)
+)
+# u* k/nu up to which roughness does not matter, and from which on viscosity does not: Nikuradse's measurements,
 # as fitted by Cebeci & Bradshaw (1977, Momentum Transfer in Boundary Layers, section 6.4).
 SMOOTH_TO, ROUGH_FROM = 2.25, 90.0
 SCALE = math.log(ROUGH_FROM / SMOOTH_TO)
 CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
-LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
+LEAST = 1.0  # u+ where the roughness is higher than the wall distance, on the way to a solution
 # Newton's corrections of u*, which leave less than 1e-7 of it between smooth and rough walls, else 1e-12.
 CORRECTIONS = 4
 SAMPLES = 2000  # along a height
@@ -117,7 +119,7 @@ class WallLaw:
         """Distances from which to which the law holds, arrays like those of u*; `reach` is the depth of the flow.
 
         From 30 nu/u* to 300 nu/u* at smooth walls; at rough ones from the roughness to a fifth of the depth, since the
-        layer that viscosity governs lies within the sand there; the upper bound goes from one to the other like w, in
+        viscous sublayer lies within the roughness there; the upper bound goes from one to the other like w, in
         its logarithm.
         """
         unit = viscosity / np.maximum(shear_velocity, np.finfo(float).tiny)

@@ -69,7 +69,7 @@ def walls_of(
     names: SideNames,
     rows: Rows = (),
 ) -> LayeredWalls:
-    """Where walls are and how far from them the mesh ends: at a distance, None: where the law suits. Not collective.
+    """Walls, and the distance at which the mesh ends; None: where the law suits. Not collective.
 
     u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa (Keulegan 1938, J. Res. Natl. Bur.
     Stand. 21, 707). Where measured rows of height and speed enter, u* gives the row next to a wall its speed; of two
@@ -118,7 +118,7 @@ def walls_of(
 def height_at_inflow(geometry: Geometry, datum: float) -> float:
     """Height of the bed where the flow enters. Not collective.
 
-    In space it is the mean, or that of the planar bed that takes its place there.
+    In 3-D it is the mean, or that of the planar bed that takes its place there.
     """
     bed, domain = geometry.bed, geometry.domain
     if geometry.gdim == 2:

@@ -13,7 +13,7 @@ from ..arrays import Floats
 
 # Second harmonic over the first from which on a wave of second order has a second crest in its trough.
 HIGHEST = 0.25
-HEIGHTS = 201  # at which a stream is looked at
+HEIGHTS = 201  # at which a flow profile is sampled
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class StokesWave:
 
     Its first crest enters at x = 0 at t = 0; it begins gently, within two periods. Its mean discharge is zero: a
     uniform current takes back what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
-    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the stream. Where the stream has shear the first
+    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the flow. Where the flow has shear the first
     harmonic is that of the current with its shear (see `stokes_wave`), the second that of the mean current.
     """
 
@@ -31,7 +31,7 @@ class StokesWave:
     number: float  # of waves, 2 pi over the length
     depth: float  # of the still layer
     stream: float  # speed as the wave feels it in the mean
-    surface: float  # speed of the stream on the surface
+    surface: float  # speed of the flow on the surface
     # The first harmonic's velocity upwards over that on the surface, by the height above the bottom
     rise: Any
 
@@ -83,9 +83,9 @@ def stokes_wave(
 ) -> StokesWave:
     """The wave of a frequency in the frame of the bed that runs with a current, faster than that.
 
-    With U(y) the stream's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
+    With U(y) the flow's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
     solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the
-    surface. A uniform stream has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The speed felt in the mean is weighted
+    surface. A uniform flow has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The speed felt in the mean is weighted
     by 2 k cosh(2 k y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
     y = np.linspace(0.0, depth, HEIGHTS)

@@ -68,7 +68,7 @@ def of_directory(directory: Path) -> str:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
-    parts = [part(record) for record in records]  # damage is found before anything is drawn
+    parts = [part(record) for record in records]  # damage is reported before anything is drawn
     pictures = [(directory / name, record) for record in records for name in RECORDS[record.name]]
     if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint

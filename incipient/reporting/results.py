@@ -36,12 +36,12 @@ CAPTIONS = {
     "mesh": "The mesh",
 }
 FORCES = {
-    "flow": "the flow, without buoyancy",
-    "computed": "the same as computed, without corrections",
-    "surface_integral": "the same as an integral over the surface, a check",
+    "flow": "flow, without buoyancy",
+    "computed": "flow as computed, without corrections",
+    "surface_integral": "flow as a surface integral, a check",
     "buoyancy": "buoyancy",
     "weight": "weight",
-    "total": "in all",
+    "total": "total",
 }
 # What makes an error smaller, by the name of its term.
 REMEDIES = {
@@ -49,13 +49,13 @@ REMEDIES = {
     "time step": "a smaller time.step, or a smaller time.tolerance",
     "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
     "gap": "a smaller contact.gap",
-    "pocket": "nothing: in 2-D the leakage past contacts is not known",
+    "pocket": "nothing: in 2-D the leakage past contacts is unknown",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
     "planar far bed": "a larger numerics.meshed_bed",
     "not steady": "another numerics.mesh_size: the wake is unsteady",
     "interaction": "a smaller contact.gap, larger domain.length and domain.height",
-    "search": "nothing: steady flows near the threshold were not found",
+    "search": "nothing: steady flows near the threshold did not converge",
 }
 
 
@@ -93,7 +93,7 @@ def _of_run(stored: Context, record: Path) -> Context:
 
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
-    """The verdict in sentences, the exact judge's first; without one the path of the grain."""
+    """The verdict in sentences, the exact criterion's first; without one the path of the grain."""
     if case is not None:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")

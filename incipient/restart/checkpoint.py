@@ -30,7 +30,7 @@ ANEW = "start a new run with: incipient run"
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run has come and what it has cost.
+    """Time reached by a run, and its cost.
 
     number:      number of time steps done
     next_length: length of the step to come, where steps adapt

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .wall_report import WallReport
 
-# Force and couple where there is no grain.
+# Force and torque where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
-MOST_SPANS = 4  # along which the flow runs upstream, listed in words
+MOST_SPANS = 4  # of reverse flow, listed in words
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and couple (3,) of the flow on a grain, and what else errors are estimated of."""
+    """Force and torque (3,) of the flow on a grain, and what else errors are estimated of."""
 
     # force, couple: (0,) without a grain
     force: Floats
@@ -39,7 +39,7 @@ class Loads:
     # (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     centreline: Floats | None = None
     moved: bool = False  # whether they were computed on the mesh of another run, moved
-    # (6,) by how much force and couple still change in the last steps of a flow that has not converged
+    # (6,) by how much force and torque still change in the last steps of a flow that has not converged
     unsteady: Floats = field(default_factory=lambda: np.zeros(6))
 
     @classmethod
@@ -55,7 +55,7 @@ class Loads:
     ) -> Loads:
         """The loads on a grain of a size, with what else there is; without a grain none, but u* at walls.
 
-        upstream: intervals of x in which laminar flow along the bed runs upstream
+        upstream: intervals of x of reverse laminar flow along the bed
         """
         of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
@@ -66,7 +66,7 @@ class Loads:
         return replace(found, unsteady=found.part(spread, size)) if spread else found
 
     def where_separates(self, other: Loads) -> Loads:
-        """These, with the place where the flow runs upstream that shares most with the other's longest one first."""
+        """These, with the interval of reverse flow that overlaps the other's longest one most put first."""
         mine, theirs = self.separated, other.separated
         if mine is None or theirs is None or not len(mine) or not len(theirs):
             return self
@@ -84,7 +84,7 @@ class Loads:
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to the computed force and couple (3,) for errors whose sign is known."""
+    """What is added to the computed force and torque (3,) for errors whose sign is known."""
 
     force: Floats
     couple: Floats
@@ -92,14 +92,14 @@ class Correction:
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force and couple (3,), of what else there is, and how they were found."""
+    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they were estimated."""
 
     name: str
     # force, couple: what a correction leaves of them, if there is one; (0,) without a grain
     force: Floats
     couple: Floats
     how: str
-    # Errors of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
+    # Errors of place and turn of a moving grain (3,), in 3-D (6,), the turn in radians, in 3-D about x, y and z
     place: Floats | None = None
     power: float = 1.0  # exponent of the gap with which its error is expected to fall
     parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
@@ -117,14 +117,14 @@ class Term:
     doubt: str = (
         ""  # why the errors may be more than twice as large; nothing where they are not known to be
     )
-    # Correction of force and couple for this error; None where they are not corrected
+    # Correction of force and torque for this error; None where they are not corrected
     correction: Correction | None = None
 
     def corrected(self, change: Floats, left: Floats) -> Term:
-        """The term with a correction of the force, of the couple, or of both: of what has shown that it is worth it.
+        """The term with a correction of the force, of the torque, or of both: of what has shown that it is worth it.
 
         Args:
-            change: (6,) what is to be added to force and couple, estimated in one way.
+            change: (6,) what is to be added to force and torque, estimated in one way.
             left: (6,) what it differs by from the change estimated in another way: the error that remains. No
                 component is taken to be better known, relative to its change, than the vector that it belongs to.
         """
@@ -186,7 +186,7 @@ class Term:
         return cls(name, *of_loads, how, place, 1.0, (), *others)
 
     def with_components_alike(self) -> Term:
-        """The term with errors of components, unless they vanish, as large as force's and couple's, and of both u*."""
+        """The term with errors of components, unless they vanish, as large as those of the vectors, and of both u*."""
         force, couple = (
             float(np.linalg.norm(one)) * (one != 0.0) for one in (self.force, self.couple)
         )
@@ -241,7 +241,7 @@ class ErrorBars:
 
     @property
     def correction(self) -> Correction | None:
-        """What is added to the computed force and couple (3,); None where no term is corrected."""
+        """What is added to the computed force and torque (3,); None where no term is corrected."""
         found = [term.correction for term in self.terms if term.correction is not None]
         if not found:
             return None
@@ -251,7 +251,7 @@ class ErrorBars:
         return Correction(force, couple)
 
     def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
-        """Forces and couples with the corrections added; as they are without one."""
+        """Forces and torques with the corrections added; as they are without one."""
         change = self.correction
         if change is None:
             return force, couple
@@ -268,7 +268,7 @@ class ErrorBars:
 
     @property
     def couple(self) -> Floats:
-        """(3,) absolute error of the couple, (0,) without a grain."""
+        """(3,) absolute error of the torque, (0,) without a grain."""
         return (
             np.sum([term.couple for term in self.terms], axis=0)
             if self.terms
@@ -277,7 +277,7 @@ class ErrorBars:
 
     @property
     def place(self) -> Floats | None:
-        """(3,), in space (6,), absolute error of place and turn of a moving grain at the end of its path."""
+        """(3,), in 3-D (6,), absolute error of place and turn of a moving grain at the end of its path."""
         return _sum_of(self.terms, "place")
 
     @property
@@ -383,7 +383,7 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
         most, at_end = (float(one.max(initial=0.0)) for one in (term.elevation, term.level))
         said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
     if term.shear is not None:
-        said.append("u* {:.1e} at the outflow, {:.1e} in the mean".format(*term.shear))
+        said.append("u* {:.1e} at the outflow, {:.1e} on average".format(*term.shear))
     if term.separated is not None:
         said.append("x of separation {:.1e}, of reattachment {:.1e}".format(*term.separated))
     if term.centreline is not None:
@@ -403,7 +403,7 @@ def _end_of_path(place: Floats) -> str:
 
 
 def way(first: Floats, second: Floats) -> Floats:
-    """Way and turn (3,), in space (6,), between two places with an angle (3,) or a quaternion (7,)."""
+    """Way and turn (3,), in 3-D (6,), between two places with an angle (3,) or a quaternion (7,)."""
     if len(first) == 3:
         return second - first
     one, other = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))

@@ -17,7 +17,7 @@ class Omission:
     exceeds: bool  # whether it may be more than the accuracy asked for
     remedy: str = ""
     force: Floats | None = (
-        None  # change of the force (3,), and `couple` (3,) of the couple; None: not known
+        None  # change of the force (3,), and `couple` (3,) of the torque; None: not known
     )
     couple: Floats | None = None
 

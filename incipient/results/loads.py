@@ -1,4 +1,4 @@
-"""Forces and couples on a grain, their coefficients, and the gap they were computed with, as data."""
+"""Forces and torques on a grain, their coefficients, and the gap they were computed with, as data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Forces:
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: np.ndarray) -> Forces:
-        """These forces with a change (3,) added to the computed force of the flow."""
+        """The forces with a change (3,) added to the computed force of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
     @property
@@ -38,7 +38,7 @@ class Forces:
 
 @dataclass(frozen=True)
 class Couples:
-    """Couples on the grain (3,) about its centre of mass, as the forces of these names; in 2D along the third axis."""
+    """Torques on the grain (3,) about its centre of mass, as the forces of these names; in 2-D along the third axis."""
 
     flow: np.ndarray
     surface_integral: np.ndarray
@@ -47,11 +47,11 @@ class Couples:
 
     @property
     def plain(self) -> np.ndarray:
-        """The couple of the flow as computed (3,)."""
+        """The torque of the flow as computed (3,)."""
         return self.flow if self.computed is None else self.computed
 
     def corrected(self, change: np.ndarray) -> Couples:
-        """These couples with a change (3,) added to the computed couple of the flow."""
+        """The torques with a change (3,) added to the computed torque of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
 
@@ -59,7 +59,7 @@ class Couples:
 class Coefficients:
     """Drag, lift and moment over V^2 A/2 and V^2 A L/2, with the V of the Reynolds number, L the grain's size.
 
-    A is L in the plane (per unit depth) and pi L^2/4 in space, where the moment is that about the y axis.
+    A is L in 2-D (per unit depth) and pi L^2/4 in 3-D, where the moment is that about the y axis.
     """
 
     drag: float
@@ -99,32 +99,32 @@ class Gap:
 
 
 def apart(load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force (3,) and couple (3,) of a load on a body: (3,) in the plane, (6,) in space."""
+    """Force (3,) and torque (3,) of a load on a body: (3,) in 2-D, (6,) in 3-D."""
     if len(load) == 3:
         return np.array([load[0], load[1], 0.0]), np.array([0.0, 0.0, load[2]])
     return load[:3], load[3:]
 
 
 def named(name: str, vector: np.ndarray, gdim: int) -> dict[str, float]:
-    """The components (3,) of a force by the names of columns: force_x, force_y, in space force_z as well."""
+    """The components (3,) of a force by the names of columns: force_x, force_y, in 3-D force_z as well."""
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate("xyz"[:gdim])}
 
 
 def named_couple(name: str, vector: np.ndarray, gdim: int) -> dict[str, float]:
-    """The components (3,) of a couple by the names of columns: one in the plane, three in space."""
+    """The components (3,) of a torque by the names of columns: one in 2-D, three in 3-D."""
     return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
 
 
 def force_words(vector: np.ndarray, gdim: int, digits: str = ".6g") -> str:
-    """A force (3,) for a reader: (x, y), in space (x, y, z)."""
+    """A force (3,) for a reader: (x, y), in 3-D (x, y, z)."""
     return f"({', '.join(format(float(one), digits) for one in vector[:gdim])})"
 
 
 def couple_words(vector: np.ndarray, gdim: int, digits: str = ".6g") -> str:
-    """A couple (3,) for a reader: a number in the plane, (x, y, z) in space."""
+    """A torque (3,) for a reader: a number in 2-D, (x, y, z) in 3-D."""
     return format(float(vector[2]), digits) if gdim == 2 else force_words(vector, 3, digits)
 
 
 def loads_words(force: np.ndarray, couple: np.ndarray, gdim: int, digits: str = ".6g") -> str:
-    """Force and couple (3,) for a reader."""
-    return f"{force_words(force, gdim, digits)}   couple {couple_words(couple, gdim, digits)}"
+    """Force and torque (3,) for a reader."""
+    return f"{force_words(force, gdim, digits)}   torque {couple_words(couple, gdim, digits)}"

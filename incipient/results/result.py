@@ -1,4 +1,4 @@
-"""What a run gives back: forces, couples, contacts, verdict, and what they cost."""
+"""What a run gives back: forces, torques, contacts, verdict, and what they cost."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Result:
     without_error_bars:     why error bars that are wanted are not there
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
     elevations:             those at the stations in the course of the run, which history.csv has
-    separated:              intervals of x in which laminar flow along the bed runs upstream, between separation and
+    separated:              intervals of x of reverse laminar flow along the bed, between separation and
                             reattachment; None where that is not looked at
     turbulence:             at the walls of a turbulent flow, None without turbulence
     steady:                 whether a flow became steady that was to, None where that is not asked
@@ -306,7 +306,7 @@ def _without_rest(settled: Any) -> str:
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
-    """Elevations of a free surface, by how much they may be off within the run, and what enters below it."""
+    """Elevations of a free surface, their errors within the run, and the inflow below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     if bars is not None and bars.elevation is not None and bars.level is not None:

@@ -26,8 +26,8 @@ def in_si(
 ) -> dict[str, Any] | None:
     """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
 
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and couple
-    [N m] is, the last two in the plane per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
+    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque
+    [N m] is, the last two in 2-D per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
     datum. Not collective.
     """
     scales, units = scene.scales, scene.units
@@ -69,7 +69,7 @@ def si_lines(found: dict[str, Any] | None) -> list[str]:
             couple_words(found["couple"], gdim, ".4g"),
         )
         units = ("N/m", "N") if gdim == 2 else ("N", "N m")
-        lines.append(f"{'':<20}force of the flow {force} {units[0]}, couple {couple} {units[1]}")
+        lines.append(f"{'':<20}force of the flow {force} {units[0]}, torque {couple} {units[1]}")
     if "end" in found:
         unit = found["units"]["time"]
         lines.append(f"{'':<20}ends after {found['end']:.4g} s; one unit of time is {unit:.4g} s")

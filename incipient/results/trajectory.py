@@ -14,7 +14,7 @@ ENDS = {
 
 
 def trajectory_lines(trajectory: dict[str, Any]) -> list[str]:
-    """Where a grain has come to, how fast it is, what it has done on its bed."""
+    """Position and velocity of a grain, and its history on the bed, in lines."""
     _, velocity, turned, spin = (number_words(x) for x in _motion_of(trajectory))
     at = ", ".join(place_words(one, 6) for one in trajectory["place"])
     unit = "rad" if "angle" in trajectory else "rad about x, y and z"
@@ -31,7 +31,7 @@ def trajectory_lines(trajectory: dict[str, Any]) -> list[str]:
 
 
 def trajectory_sentence(trajectory: dict[str, Any]) -> str:
-    """Where a grain is at the end, and what it has done on the way."""
+    """Final position of a grain and its history, in sentences."""
     ended, course = trajectory["ended"], trajectory.get("on_bed")
     place = ", ".join(place_words(one, 4) for one in trajectory["place"])
     met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""

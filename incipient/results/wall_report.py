@@ -15,7 +15,7 @@ from .trajectory import place_words
 REATTACHES = (
     "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 )
-MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
+MOST_OUTSIDE = 0.1  # of the walls' length, in 3-D of their area, where some are no planes
 
 
 class Iteration(Protocol):
@@ -31,7 +31,7 @@ class Iteration(Protocol):
 
     @property
     def spread(self) -> float:
-        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
+        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,14 @@ class WallReport:
     friction: float  # C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
     viscosity: float
     c_mu: float
-    # Share of the walls' length, in space of their area, where the law does not hold at that distance
+    # Share of the walls' length, in 3-D of their area, where the law does not hold at that distance
     outside: float = 0.0
     plane: bool = (
         True  # whether all walls are planes; else the flow may separate, where y+ may be small
     )
-    # In the plane from where to where along the bed the flow runs upstream next to it
+    # In 2-D intervals along the bed of reverse flow next to it
     backward: tuple[tuple[float, float], ...] = ()
-    # In the plane by names of walls: x, y_plus, and friction 2 tau/V^2, below zero where the flow runs upstream, at
+    # In 2-D by names of walls: x, y_plus, and friction 2 tau/V^2, below zero in reverse flow, at
     # nodes of ascending x
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     roughness: float = 0.0  # equivalent sand roughness of the walls
@@ -95,9 +95,9 @@ class WallReport:
 
     @property
     def leading(self) -> int:
-        """Which of `shear_velocities` stands for the flow: next to a bed that is not level that of one place does not.
+        """Index of the representative of `shear_velocities`: over a bed that is not planar, the mean along the walls.
 
-        Where the stream leaves over a slope the stress at the last node has no limit that meshes tend to.
+        Where the flow leaves over a slope the stress at the last node does not converge with the mesh.
         """
         return 0 if self.plane else 1
 
@@ -121,7 +121,7 @@ class WallReport:
 
     @property
     def doubt(self) -> str:
-        """Where walls are not as the model asks, or the flow has not converged, what is said of them; else empty."""
+        """Warning where walls violate the model's assumptions or the flow has not converged; otherwise empty."""
         if self.applicable and self.converged:
             return ""
         return self._unconverged() + self._judged()[0].removesuffix("; ")
@@ -133,7 +133,7 @@ class WallReport:
 
     @property
     def spread(self) -> float:
-        """By how much the loads of the last iterations differ from their mean, over its size; 0: converged."""
+        """Relative deviation of the loads of the last iterations from their mean; 0: converged."""
         return 0.0 if self.iteration is None else self.iteration.spread
 
     def _unconverged(self) -> str:
@@ -157,7 +157,7 @@ class WallReport:
         return found | self._separation()
 
     def _separation(self) -> dict[str, float]:
-        """Columns of where the flow separates and reattaches, in the plane: x of `separated`, NaN without."""
+        """Columns of where the flow separates and reattaches, in 2-D: x of `separated`, NaN without."""
         if not self.along:
             return {}
         separation, reattachment = self.separated if self.backward else (math.nan, math.nan)
@@ -182,12 +182,14 @@ class WallReport:
         (first, *others), friction = self._judged(), self._friction(errors)
         first = self._unconverged() + first
         if self.backward:
-            friction += f"; the flow next to the bed runs upstream from x = {self._spans(ends)}{self._of_model()}"
+            friction += (
+                f"; reverse flow next to the bed from x = {self._spans(ends)}{self._of_model()}"
+            )
         lines = [first, friction] if others else [first + friction]
         return [f"{name:<20}{line}" for name, line in zip(("turbulence", ""), lines, strict=False)]
 
     def _of_model(self) -> str:
-        """What is known of the model where the flow runs upstream, in words."""
+        """Known errors of the model in reverse flow, in words."""
         return f" ({REATTACHES})"
 
     def _judged(self) -> list[str]:
@@ -214,7 +216,7 @@ class WallReport:
         return f"a distance of {lowest:.3g} to {highest:.3g}"
 
     def _spans(self, ends: Floats | None) -> str:
-        """The intervals of x in which the flow next to the bed runs upstream."""
+        """The intervals of x of reverse flow next to the bed."""
         told, others = longest(self.backward)
         within = "" if ends is None else " (within {:.1e} and {:.1e})".format(*ends)
         main = tuple(self.separated)
@@ -236,7 +238,7 @@ class WallReport:
         told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
         if self.plane or errors is None:
             return told
-        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, in the mean along the walls"
+        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, on average along the walls"
 
 
 def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:

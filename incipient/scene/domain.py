@@ -1,4 +1,4 @@
-"""The region that the fluid may fill, in the plane or in space."""
+"""The region that the fluid may fill, in 2-D or in 3-D."""
 
 from typing import Annotated, Any, Literal
 
@@ -86,7 +86,7 @@ class Domain(Section):
 
     @property
     def spans(self) -> tuple[tuple[float, float], ...]:
-        """The least and the largest coordinate along the flow, in space also across it."""
+        """The least and the largest coordinate along the flow, in 3-D also across it."""
         along = (self.left, self.right)
         return (along,) if self.width is None else (along, self.across)
 
@@ -112,21 +112,21 @@ class Domain(Section):
 
     @property
     def across(self) -> tuple[float, float]:
-        """The least and the largest y of a domain in space."""
+        """The least and the largest y of a 3-D domain."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
 
     @property
     def middle(self) -> float:
-        """y of the vertical plane through the middle of a domain in space."""
+        """y of the vertical plane through the middle of a 3-D domain."""
         return 0.5 * sum(self.across)
 
     @property
     def entrance(self) -> tuple[float, ...]:
-        """The lowest place of the inflow; in space in its middle."""
+        """The lowest place of the inflow; in 3-D in its middle."""
         return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
 
     @property
     def extents(self) -> tuple[float, ...]:
-        """Length, in space width, and height."""
+        """Length, in 3-D width, and height."""
         return (self.length, *((self.width,) if self.width is not None else ()), self.height)

@@ -27,7 +27,7 @@ _COLUMN = 26
 def grain_on_bed() -> Scene:
     """A disc resting on a flat bed in linear shear.
 
-    The domain stands for an endless one, to about 1% of force and couple (docs/explanation/errors.md).
+    The domain stands for an endless one, to about 1% of force and torque (docs/explanation/errors.md).
     """
     return Scene(
         title="A disc on a flat bed in shear flow",
@@ -42,7 +42,7 @@ def grain_on_bed() -> Scene:
 
 
 def grain_in_pocket() -> Scene:
-    """A sphere in a pocket of a bed of spheres as large, in slow linear shear: the example in space."""
+    """A sphere in a pocket of a bed of spheres as large, in slow linear shear: the example in 3-D."""
     return Scene(
         title="A sphere in a pocket of a bed of spheres in shear flow",
         domain=Domain(kind="channel", length=20.0, width=20.0, height=10.0),

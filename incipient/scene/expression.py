@@ -90,7 +90,7 @@ class Expression:
 
     @property
     def variables(self) -> frozenset[str]:
-        """Which of x, y, z and t the formula depends on."""
+        """The variables among x, y, z and t on which the formula depends."""
         names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
         return frozenset(names & set(VARIABLES))
 

@@ -57,7 +57,7 @@ class Driven(Profile):
 
 
 class Shear(Driven):
-    """Linear shear, u = rate (y - y of the datum); in space with z in place of y."""
+    """Linear shear, u = rate (y - y of the datum); in 3-D with z instead of y."""
 
     kind: Literal["shear"] = key("Kind of flow", "shear")
     rate: Positive = key("Shear rate [1/time]; V = rate L", 1.0)

@@ -1,4 +1,4 @@
-"""The fluctuations of the stream about its mean, for the probability that a grain moves: `incipient entrainment`."""
+"""Velocity fluctuations about the mean, for the probability that a grain moves: `incipient entrainment`."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ class Gusts(Section):
     )
     intensity: Positive | Literal["near-wall", "model"] | None = key(
         "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
-        "wall region; model: by the k that enters",
+        "wall region; model: by the inflow's k",
         None,
         examples=[0.3],
     )
     depth: Positive | None = key(
-        'Depth of the stream, for intensity = "near-wall"; by default much more than the grain\'s size [length]',
+        'Depth of the flow, for intensity = "near-wall"; by default much more than the grain\'s size [length]',
         None,
         examples=[20.0],
     )
     microscale: Positive | Literal["model"] | None = key(
-        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by what enters",
+        "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by the inflow",
         None,
         examples=[0.5],
     )
     integral_time: Positive | Literal["model"] | None = key(
         "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
-        "model: by what enters",
+        "model: by the inflow",
         None,
         examples=[2.0],
     )
     record: Positive | None = key(
-        'With law = "events": how long the stream was watched [time]', None, examples=[600.0]
+        'With law = "events": duration of the record [time]', None, examples=[600.0]
     )
     file: str | None = file_key(
         "CSV file of time, velocity, or of strength, duration,", "points", "velocity.csv"

@@ -1,4 +1,4 @@
-"""What the grain of a scene is in the plane and in space alike: how dense it is, whether it moves, what must fit."""
+"""What the grain of a scene is in 2-D and in 3-D alike: how dense it is, whether it moves, what must fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..geometry.shape import Shape
 from .messages import Problem, problem, refusal, shown
 from .section import NotNegative, Section, contradiction, require_formula
 
-# Keys that grains have in the plane and in space.
+# Keys that grains have in 2-D and in 3-D.
 Density = Annotated[
     NotNegative | None,
     Field(
@@ -57,7 +57,7 @@ OnContact = Annotated[
 
 
 class BodySection(Section):
-    """A grain, in the plane or in space."""
+    """A grain, in 2-D or in 3-D."""
 
     gdim: ClassVar[int]  # dimension of the space it lives in
     gdims: ClassVar[tuple[int, ...]]
@@ -114,12 +114,12 @@ class BodySection(Section):
 
     @property
     def touches(self) -> bool:
-        """Whether the grain rolls, slides and rests where it touches the bed, in place of ending the run."""
+        """Whether the grain rolls, slides and rests where it touches the bed, instead of ending the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
     @property
     def aside(self) -> float | None:
-        """The y over which a grain in space comes to rest; None: the middle of the width."""
+        """The y over which a 3-D grain comes to rest; None: the middle of the width."""
         return None
 
     def placed(self, centre: Sequence[float]) -> Placement:

@@ -1,4 +1,4 @@
-"""All grains and all beds that a scene, or a case, may have, in the plane and in space."""
+"""All grains and all beds that a scene, or a case, may have, in 2-D and in 3-D."""
 
 from typing import Annotated
 

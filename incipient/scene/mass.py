@@ -14,14 +14,14 @@ def mean_density(body: BodySection) -> float | None:
 
 
 def mass(body: BodySection) -> float | None:
-    """Mass (fluid density one), in the plane per unit depth; None where neither it nor a density is given."""
+    """Mass (fluid density one), in 2-D per unit depth; None where neither it nor a density is given."""
     if body.mass is not None:
         return body.mass
     return None if body.density is None else body.density * body.grain().volume
 
 
 def moment(body: BodySection) -> float | None:
-    """Moment of inertia about the centroid per unit depth, in the plane; None without a mass. See `inertia_tensor`."""
+    """Moment of inertia about the centroid per unit depth, in 2-D; None without a mass. See `inertia_tensor`."""
     tensor = inertia_tensor(body)
     return None if tensor is None else float(tensor[2, 2])
 
@@ -29,7 +29,7 @@ def moment(body: BodySection) -> float | None:
 def inertia_tensor(body: BodySection) -> Floats | None:
     """Inertia (3, 3) about the centroid in the body frame: as given, else of a uniform grain; None without a mass.
 
-    In the plane, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
+    In 2-D, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
     """
     density = mean_density(body)
     if density is None:

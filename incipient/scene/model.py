@@ -68,7 +68,7 @@ class Contact(Section):
     friction: NotNegative = key("Coefficient of static friction [-]")
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
-        "flow in the plane the width up to which the space next to contacts is closed [grain sizes]",
+        "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
         _DEFAULT_GAP,
     )
     tolerance: Positive = key("Distance that counts as touching [grain sizes]", _DEFAULT_TOLERANCE)
@@ -80,7 +80,7 @@ class Contact(Section):
         "Normal velocity after an impact over that before it, reversed [-]", 0.0, le=1.0
     )
     rolling_resistance: NotNegative = key(
-        "Couple that resists rolling, over the normal force and half of the grain's size, at most [-]",
+        "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
         0.0,
     )
 
@@ -88,7 +88,7 @@ class Contact(Section):
     @classmethod
     def _is_narrow(cls, gap: float) -> float:
         if gap > WIDEST_GAP:
-            why = f"is {gap:g}: so far from the bed the flow pushes otherwise than on a grain that touches it"
+            why = f"is {gap:g}: this gap is too large to represent contact"
             raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
         return gap
 
@@ -153,7 +153,7 @@ class SceneSections(Section):
     fluid: Fluid = key("The fluid, of density 1")
     flow: Flow = key("What drives the fluid")
     body: Body | None = key("The grain", None)
-    bed: Bed | None = key("The bed, in place of the domain's lower side", None)
+    bed: Bed | None = key("The bed, instead of the domain's lower side", None)
     gravity: Gravity | None = key(
         "Gravity, downwards, turned by the slope of an inclined bed", None
     )
@@ -185,7 +185,7 @@ class SceneSections(Section):
 
     @property
     def is_empty_box(self) -> bool:
-        """Whether the scene is a closed box without grain and bed; in space without a free surface, too."""
+        """Whether the scene is a closed box without grain and bed; in 3-D without a free surface, too."""
         empty = self.domain.kind == "box" and self.body is None and self.bed is None
         return empty and (self.gdim == 2 or not self.has_surface)
 
@@ -226,7 +226,7 @@ class SceneSections(Section):
 
     @property
     def sides(self) -> Sides:
-        """Both sides across the width of a scene in space."""
+        """Both sides across the width of a 3-D scene."""
         walled = self.domain.kind == "box" and not self.has_surface
         return self.domain.sides or ("wall" if walled else "slip")
 
@@ -247,7 +247,7 @@ class SceneSections(Section):
     def no_gusts(self) -> str:
         """Why gusts that move the grain are not searched in the flow; empty: they are."""
         return (
-            "effects.turbulence: gusts are found in laminar flow only; leave it out"
+            "effects.turbulence: gusts are computed in laminar flow only; leave it out"
             if self.is_averaged
             else ""
         )
@@ -269,7 +269,7 @@ class SceneSections(Section):
 
     @property
     def resolves_uneven_walls(self) -> bool:
-        """Whether in space walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
+        """Whether in 3-D walls are resolved of which some are no planes: loads then scatter from mesh to mesh."""
         uneven = self.body is not None or (self.bed is not None and self.bed.kind != "flat")
         return uneven and self.resolves_walls and self.domain.width is not None
 
@@ -300,7 +300,7 @@ class SceneSections(Section):
 
     @property
     def closes_contacts(self) -> bool:
-        """Whether no fluid passes a grain's contacts, as none does in the plane: about them the space is closed.
+        """Whether no fluid passes a grain's contacts, as none does in 2-D: about them the space is closed.
 
         It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
         """
@@ -316,7 +316,7 @@ class SceneSections(Section):
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:
-        """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap.
+        """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
         With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
         does not.

@@ -25,7 +25,7 @@ class Numerics(Section):
 
     order: Order = key(
         "Order of the velocity, the pressure's less one; "
-        "auto: 3 if nothing moves, in space in creeping flow, else 2",
+        "auto: 3 if nothing moves, in 3-D in creeping flow, otherwise 2",
         "auto",
     )
     geometry_order: int | None = key(
@@ -42,16 +42,16 @@ class Numerics(Section):
         "Stabilised convection on coarse cells; auto: where their Reynolds number asks it", "auto"
     )
     meshed_bed: Positive = key(
-        "Factor on the radius about the grain within which a bed in space is meshed as it is [-]",
+        "Factor on the radius about the grain within which a 3-D bed is meshed as it is [-]",
         1.0,
     )
     error_bars: bool = key(
-        "Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
+        "Estimate errors of force, torque, safety factor, elevations and, with turbulence, u*; takes about "
         "as long as the run",
         True,
     )
     correction: bool = key(
-        "Correct force and couple on a grain by those of their estimated errors that have a sign; the "
+        "Correct force and torque on a grain by those of their estimated errors that have a sign; the "
         "error bars are of what remains",
         True,
     )

@@ -25,7 +25,7 @@ _SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _SPACING, _PLACES = (
     0.02,
     201,
-)  # of points on a solid grain, in its size; in each direction on a bed in space
+)  # of points on a solid grain, in its size; in each direction on a 3-D bed
 CELLS_OF_A_FORM = 20  # at the least
 
 
@@ -78,7 +78,7 @@ def _names(domain: Domain) -> tuple[str, ...]:
 
 
 def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
-    """Extents so many times the size of a grain, or of the forms of a bed in space, that gmsh confuses its points."""
+    """Extents so many times the size of a grain, or of the forms of a 3-D bed, that gmsh confuses its points."""
     sizes = {"the grain": math.inf if grain is None else grain.size}
     if domain.gdim == 3 and bed is not None:
         sizes["a form of the bed"] = bed.feature
@@ -91,7 +91,7 @@ def _extents(domain: Domain, grain: Any, bed: Any) -> Iterator[Problem]:
 
 
 def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> Iterator[Problem]:
-    """More bed forms than can be meshed, which it would take too long to look at; in space those below the grain."""
+    """More bed forms than can be meshed, which it would take too long to look at; in 3-D those below the grain."""
     forms, where = bed.forms(domain.length), "on the domain's length"
     if domain.gdim == 3:
         area, where = domain.extents[0] * domain.extents[1], "in the domain"

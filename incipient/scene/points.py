@@ -1,4 +1,4 @@
-"""Files that a scene names in place of what stands in them, points x, y above all."""
+"""Files that a scene names instead of what stands in them, points x, y above all."""
 
 import csv
 import math

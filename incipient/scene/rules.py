@@ -170,11 +170,11 @@ def _of_dimension(section: str, key: str) -> tuple[Rule, ...]:
 
     return (
         Rule(f"{section}.{key}", lambda s: differs(s, 2),
-             lambda s: f'domain.width is missing, which the "{value(s)}" in space needs',
+             lambda s: f'domain.width is missing, which the three-dimensional "{value(s)}" needs',
              f"add domain.width, or use a {section} of the plane"),
         Rule(f"{section}.{key}", lambda s: differs(s, 3),
-             lambda s: f'"{value(s)}" lies in the plane, but domain.width makes the scene three-dimensional',
-             f"use a {section} in space such as {_IN_3D[section]}, or leave width out"),
+             lambda s: f'"{value(s)}" is two-dimensional, but domain.width makes the scene three-dimensional',
+             f"use a 3-D {section} such as {_IN_3D[section]}, or leave width out"),
     )  # fmt: skip
 
 
@@ -347,7 +347,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     # Effects that are forced on or off.
     (
         Rule("effects.third_dimension", lambda s: s.effects.third_dimension is True and s.gdim == 2,
-             "is true but the scene lies in the plane", "add domain.width"),
+             "is true but the scene is two-dimensional", "add domain.width"),
         Rule("effects.third_dimension", lambda s: s.effects.third_dimension is False and s.gdim == 3,
              "is false but domain.width is given", "leave one of them out"),
     ),
@@ -492,12 +492,12 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     ),
     (
         Rule("surface.points", lambda s: s.has_surface and s.gdim == 3 and _surface(s).points,
-             "are those of a scene in the plane", "give the elevation as a formula"),
+             "are those of a 2-D scene", "give the elevation as a formula"),
     ),
     (
         Rule("surface.elevation",
              lambda s: s.has_surface and s.gdim == 2 and "y" in Expression(_surface(s).elevation).variables,
-             "depends on y but the scene lies in the plane", "use x only"),
+             "depends on y but the scene is two-dimensional", "use x only"),
     ),
     # Turbulence.
     (
@@ -506,7 +506,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
              "set effects.turbulence = true or leave the section out"),
         Rule("turbulence.upstream_roughness",
              lambda s: s.resolves_walls and s.body is None and not _forms(s) and s.turbulence.upstream_roughness,
-             "is read only past grains and bed forms: over level smooth ground what enters would not stay as it is",
+             "is read only past grains and bedforms: its inflow is not in equilibrium over a smooth planar bed",
              "leave it out"),
     ),
     (
@@ -585,7 +585,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
         Rule("flow.gust", lambda s: _gust(s) and s.sides == "wall",
              "is not simulated between walls across the width", 'set domain.sides = "slip" or "stream"'),
     ),
-    # Contact is found on beds that are graphs.
+    # Contact is computed on beds that are graphs.
     (
         Rule("bed.points", lambda s: s.body is not None and _step(s) is not None,
              lambda s: f"has a vertical step at x = {_step(s):g}, and grains over steps are not simulated",

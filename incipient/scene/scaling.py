@@ -6,7 +6,7 @@ With them
 
     Re = V L / nu,    gravity.acceleration = g T0^2 / L0,    body.density = rho_s / rho_f,
 
-V and L being those of the Reynolds number in SI units. Forces are in units of rho_f V0^2 L0^2, in the plane of
+V and L being those of the Reynolds number in SI units. Forces are in units of rho_f V0^2 L0^2, in 2-D of
 rho_f V0^2 L0 per unit depth.
 """
 

@@ -22,7 +22,7 @@ def rested(
     friction: float | None,
     reach: float,
 ) -> Placement:
-    """The equilibrium that a grain finds which is let go over a place, turned as it is there, in the plane or in space.
+    """The equilibrium that a grain finds which is let go over a place, turned as it is there, in 2-D or in 3-D.
 
     `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
     does not come to rest, or only balances.

@@ -28,7 +28,7 @@ Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _THREE]
 
 
 class GrainSection(BodySection):
-    """What grains of all shapes in the plane have in common."""
+    """What grains of all 2-D shapes have in common."""
 
     gdim: ClassVar[int] = 2
     gdims: ClassVar[tuple[int, ...]] = (2,)
@@ -46,7 +46,7 @@ class GrainSection(BodySection):
     )
     motion: Motion = "fixed"
     mass: NotNegative | None = key(
-        "Mass in place of density [density of the fluid x area]", None, examples=[2.0]
+        "Mass instead of density [density of the fluid x area]", None, examples=[2.0]
     )
     inertia: NotNegative | None = key(
         "Moment about the centroid; by default that of a uniform grain", None, examples=[0.25]
@@ -208,7 +208,7 @@ class BedSection(Section):
         return 0.0
 
     def forms(self, length: float) -> float:
-        """About how many forms, such as ripples, there are on a length; 0 in space, where not all are meshed."""
+        """Approximate number of bedforms on a length; 0 in 3-D, where not all are meshed."""
         return 0.0
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
@@ -216,12 +216,12 @@ class BedSection(Section):
         raise NotImplementedError
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
+        """The bed's 3-D shape above its base plane z = origin_z, x and y counted from a corner."""
         raise NotImplementedError
 
 
 class _Plane(BedSection):
-    """A bed that is a line in the plane, and a plane in space."""
+    """A bed that is a line in 2-D, and a plane in 3-D."""
 
     gdims: ClassVar[tuple[int, ...]] = (2, 3)
 
@@ -230,7 +230,7 @@ class _Plane(BedSection):
         return geometry.Flat(origin_y)
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
-        """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
+        """The bed's 3-D shape above its base plane z = origin_z, x and y counted from a corner."""
         return geometry.Plane(origin_z=origin_z)
 
 
@@ -308,7 +308,7 @@ class Polyline(BedSection):
         "Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
         (),
     )
-    smooth: bool = key("A smooth curve through the points in place of straight lines", False)
+    smooth: bool = key("A smooth curve through the points instead of straight lines", False)
 
     @model_validator(mode="before")
     @classmethod

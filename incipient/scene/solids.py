@@ -1,4 +1,4 @@
-"""Grains in space: what a user writes about their shapes, and the geometry that it means."""
+"""Grains in 3-D: what a user writes about their shapes, and the geometry that it means."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
 
 
 class SolidSection(BodySection):
-    """What grains of all shapes in space have in common."""
+    """What grains of all 3-D shapes have in common."""
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
@@ -77,7 +77,7 @@ class SolidSection(BodySection):
     )
     motion: Motion = "fixed"
     mass: NotNegative | None = key(
-        "Mass in place of density [density of the fluid x volume]", None, examples=[2.0]
+        "Mass instead of density [density of the fluid x volume]", None, examples=[2.0]
     )
     inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = (
         key(

@@ -32,17 +32,18 @@ class Wave(Section):
 class Surface(Section):
     """The free surface, which at rest lies at the top of the domain."""
 
-    elevation: str = key("Formula in x, in space y too: height above the still level [length]", "0")
+    elevation: str = key("Formula in x, in 3-D also y: height above the still level [length]", "0")
     file: str | None = key(
         "CSV file of x, elevation relative to the scene; the resolved scene has points instead",
         None,
         examples=["elevation.csv"],
     )
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
-        "In the plane, in place of the formula: x and elevation, straight between [length]", ()
+        "In 2-D, instead of the formula: x and elevation, straight between [length]", ()
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = key(
-        "Places x, in space [x, y], whose elevations are columns of the history; without: a few", ()
+        "Positions x, in 3-D [x, y], whose elevations are columns of the history; without: a few",
+        (),
     )
     bottom: Literal["no-slip", "slip"] = key("A level bottom without [bed]", "no-slip")
     ends: Literal["wall", "no-slip"] = key(
@@ -105,7 +106,7 @@ class Surface(Section):
 
 
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
-    """Where elevations are reported: the stations, or without any five from end to end, in space three by three."""
+    """Positions of reported elevations: the stations; by default five from end to end, in 3-D three by three."""
     given = () if surface is None else surface.places()
     along = 5 if domain.gdim == 2 else 3
     evenly = (

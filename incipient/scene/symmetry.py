@@ -1,4 +1,4 @@
-"""What keeps a scene in space from being its own mirror image in the vertical plane through the middle of its width.
+"""What keeps a 3-D scene from being its own mirror image in the vertical plane through the middle of its width.
 
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
@@ -35,7 +35,7 @@ def contradictory(found: Iterator[str]) -> Iterator[Problem]:
 
 
 def differences(scene: SceneSections) -> Iterator[str]:
-    """What keeps a scene in space from being its own mirror image, in words."""
+    """What keeps a 3-D scene from being its own mirror image, in words."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)

@@ -1,4 +1,4 @@
-"""Beds in space: what a user writes about their shapes, and the geometry that it means."""
+"""Beds in 3-D: what a user writes about their shapes, and the geometry that it means."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Heights = Annotated[
 
 
 class TerrainSection(BedSection):
-    """What beds have in common that there are in space only."""
+    """What beds have in common that there are in 3-D only."""
 
     gdims: ClassVar[tuple[int, ...]] = (3,)
 

@@ -25,7 +25,7 @@ class Turbulence(Section):
         0.0,
     )
     upstream_roughness: NotNegative = key(
-        "Equivalent sand roughness of the bed upstream, over which what enters past smooth walls developed [length]",
+        "Equivalent sand roughness of the bed upstream, over which the inflow past smooth walls developed [length]",
         0.0,
     )
     wall_distance: Positive | None = key(
@@ -34,7 +34,7 @@ class Turbulence(Section):
         examples=[0.05],
     )
     inflow: Literal["developed", "given", "profile"] = key(
-        "What enters: nearly developed; uniform, by intensity and length; or a measured profile",
+        "Inflow: nearly developed; uniform, by intensity and length; or a measured profile",
         "developed",
     )
     intensity: Positive | None = key(
@@ -98,7 +98,7 @@ class Turbulence(Section):
         if self.roughness:
             return (
                 'is for smooth walls, but wall is "rough"',
-                "leave it out: what enters developed over these walls",
+                "leave it out: the inflow developed over these walls",
             )
         if self.inflow == "given":
             return 'is not read with inflow = "given"', "leave it out"
@@ -146,9 +146,9 @@ class Turbulence(Section):
         return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
 
     def rows_beyond(self, walls: int, depth: float) -> str:
-        """That the profile has rows beyond a wall on top, of two that are two depths apart; empty: it has not.
+        """Error message for rows of the profile beyond a wall on top, two depths above the lower one; otherwise empty.
 
-        Below a surface, that no row is in the stream.
+        Below a surface, that no row is in the flow.
         """
         if walls < 2 and self.profile and self.profile[0][0] > depth:
             why = f"has no row within the depth of {depth:.4g}"

@@ -24,7 +24,7 @@ class Units(Section):
         examples=["mm"],
     )
     diameter: Positive | None = key(
-        "Nominal diameter, if no length: of the sphere of the grain's volume, in the plane the disc of its area [m]",
+        "Nominal diameter, if no length: of the sphere of the grain's volume, in 2-D of the disc of its area [m]",
         None,
         examples=[1e-3],
     )
@@ -79,17 +79,17 @@ class Scales:
 
     @property
     def force(self) -> float:
-        """[N], in the plane [N/m]."""
+        """[N], in 2-D [N/m]."""
         return self.stress * self.length ** (self.gdim - 1)
 
     @property
     def couple(self) -> float:
-        """[N m], in the plane [N]."""
+        """[N m], in 2-D [N]."""
         return self.force * self.length
 
 
 def nominal_diameter(grain: Any) -> float:
-    """The diameter [length] of the sphere of a grain's volume, in the plane of the disc of its area."""
+    """The diameter [length] of the sphere of a grain's volume, in 2-D of the disc of its area."""
     if grain.gdim == 2:
         return math.sqrt(4.0 * grain.volume / math.pi)
     return float((6.0 * grain.volume / math.pi) ** (1.0 / 3.0))

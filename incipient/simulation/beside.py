@@ -24,7 +24,7 @@ ByItself = Callable[[Scene, Comm, float], Loads]
 class Beside:
     """Loads in scenes that differ from that of a solved run by their gap or domain; callable. Collective.
 
-    In space one mesh, moved, serves for all of them, or for none: new ones would differ by their errors as well, and
+    In 3-D one mesh, moved, serves for all of them, or for none: new ones would differ by their errors as well, and
     take most of the time. Where it does not serve each scene is run by itself.
 
     Args:
@@ -42,7 +42,7 @@ class Beside:
         return key in self._meshes
 
     def __call__(self, scene: Scene) -> Loads:
-        """Force and couple in a scene. Collective."""
+        """Force and torque in a scene. Collective."""
         moved = self._meshes.get(scene.model_dump_json())
         if moved is None:
             return self._by_itself(scene, self._run.comm, self._speed)
@@ -63,7 +63,7 @@ class Beside:
 class InTurn:
     """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
 
-    In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
+    In steady 3-D flow the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
     `by_itself` runs a scene on a mesh of its own, at a speed; `prepare` gives the run of a scene that has a mesh, None:
     as the scene says.
     """
@@ -89,7 +89,7 @@ class InTurn:
         self._open.__exit__(*exception)
 
     def __call__(self, scene: Scene) -> Loads:
-        """Force and couple in a scene. Collective."""
+        """Force and torque in a scene. Collective."""
         if scene.gdim != 3 or scene.time is not None or scene.is_averaged or scene.body is None:
             return self._by_itself(scene, self._comm, 1.0)
         key = scene.model_dump_json()

@@ -14,7 +14,7 @@ from .state import Run
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:
-    """Forces and couples on the grain for speeds in units of `speed`; the surface integral where asked for."""
+    """Forces and torques on the grain for speeds in units of `speed`; the surface integral where asked for."""
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()

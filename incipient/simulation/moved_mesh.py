@@ -1,4 +1,4 @@
-"""The mesh of a steady run in space, moved to other gaps and domains, and the flow there in elements of order two."""
+"""The mesh of a steady 3-D run, moved to other gaps and domains, and the flow there in elements of order two."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
 
 @dataclass(frozen=True, eq=False)
 class MovedMesh:
-    """Where the nodes of a run's mesh (n, 3) and the grain's centre (3,) are in a scene that differs a little."""
+    """Positions of the nodes of a run's mesh (n, 3) and of the grain's centre (3,) in a slightly different scene."""
 
     run: Run
     setup: Setup
@@ -60,7 +60,7 @@ class MovedMesh:
     centre: Floats
 
     def loads(self, speed: float) -> Loads:
-        """Force and couple there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
+        """Force and torque there, of a flow `speed` times the scene's. Collective; raises ConvergenceError."""
         run, places = self.run, self.run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
         places[:] = self.places
@@ -101,7 +101,7 @@ class MovedMesh:
 
 
 def _centre(run: Run, setup: Setup) -> Floats:
-    """Where the grain's centre is with the gap of another setup."""
+    """The grain's centre with the gap of another setup."""
     layout, geometry = run.layout, setup.geometry
     assert (
         layout.placement is not None and layout.resting is not None and geometry.grain is not None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """Where a run leaves its results on the way; this one keeps nothing. All methods are collective.
+    """Receiver of a run's results on the way; this one keeps nothing. All methods are collective.
 
     `keeps` says whether `keep` does anything.
     """

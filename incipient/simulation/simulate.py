@@ -79,7 +79,7 @@ def hand_over(run: Run, recorder: Recorder) -> Path | None:
 
 
 def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
-    """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
+    """Run a scene for its force and torque at the end; a steady flow may be `speed` times the scene's. Collective."""
     if speed == 1.0:
         return simulate(scene, comm, follows=False).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
@@ -87,7 +87,7 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
 
 
 def _loads_in(run: Run, force: Forces, couple: Couples) -> Loads:
-    """Force and couple of a run, with what they still change by."""
+    """Force and torque of a run, with what they still change by."""
     assert run.scene.grain is not None
     return Loads.at_the_end(force, couple, None, None, run.wall_report(), run.scene.grain.size)
 

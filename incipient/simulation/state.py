@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Known:
-    """What estimates have found: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+    """Results of estimates: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
 
     terms: dict[str, Term] = field(default_factory=dict)
     loads: dict[str, Loads] = field(default_factory=dict)
@@ -43,7 +43,7 @@ class Known:
 class Accounts:
     """What the runs of one search share: what they cost, and the estimates that are known already.
 
-    known: what estimates have found already
+    known: results of earlier estimates
     spent: why no estimate shall be begun any more, or an empty string
     """
 
@@ -147,7 +147,7 @@ class Run:
         )
 
     def separated(self) -> tuple[tuple[float, float], ...] | None:
-        """Intervals of x in which laminar flow along the bed runs upstream; None: not of interest. Collective."""
+        """Intervals of x of reverse laminar flow along the bed; None: not of interest. Collective."""
         if not self.scene.has_separation:
             return None
         from ..fluid.along_walls import along_resolved_wall

@@ -62,7 +62,7 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
     the flow that the state is that of, if it is one to continue from.
 
     Raises:
-        ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
+        ConvergenceError: the fluid then holds the last converged flow, at its Reynolds number.
     """
     if any(part.solve(run, factor, onwards=start > 0.0) for part in run.parts):
         return loads(run, surface=False, speed=factor)

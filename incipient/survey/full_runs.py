@@ -1,7 +1,7 @@
-"""Full runs of the flow past grains of a bed: their scenes, what a sweep has found, and load coefficients.
+"""Full runs of the flow past grains of a bed: their scenes, results of a sweep, and load coefficients.
 
 A scene has the grain's diameter, the shear rate and the fluid's density as units. Load coefficients are force over bed
-stress and diameter squared, and couple over bed stress and diameter cubed.
+stress and diameter squared, and torque over bed stress and diameter cubed.
 """
 
 from __future__ import annotations

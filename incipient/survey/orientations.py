@@ -70,7 +70,7 @@ class PoseOutcome:
         known = len(self.shields)
         lines = [f"poses               {self.poses}: {known} thresholds, {self.failed} failed"]
         if self.refused:
-            lines.append(f"without a rest      {self.refused}, the first: {self.reason}")
+            lines.append(f"no resting pose     {self.refused}, the first: {self.reason}")
         if 0 < known <= TOO_FEW:
             lines.append(few(self.shields))
         for share in known_percentiles(SHARES, known):
@@ -101,7 +101,7 @@ def survey_poses(
 
     own = posed()
     if not (isinstance(own.body, SolidSection) and own.body.x is not None):
-        need = "a grain in space that rests on a bed; give body.x"
+        need = "a 3-D grain that rests on a bed; give body.x"
         raise SceneError(f"{path}: --orientations and --seeds need {need}")
     scenes, reason, refused, total = [], "", 0, request.orientations * request.seeds
     for number, settings in enumerate(_settings(request, own.body.orientation)):

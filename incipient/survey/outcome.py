@@ -91,12 +91,12 @@ class EmulatorRecord:
         """The record for a reader."""
         flow = "not estimated" if self.flow is None else f"{self.flow:.1%} of the drag"
         failed = f", {self.failed} failed" if self.failed else ""
-        least = "" if self.level >= LEVEL else f": so few runs tell no more; {FOR_LEVEL} tell 95%"
+        least = "" if self.level >= LEVEL else f": so few runs give no more; {FOR_LEVEL} tell 95%"
         halve = f"{self.to_halve} more runs would halve the mean bar of the drag"
         return [
             f"runs                {self.runs}{failed}; error of the flow {flow}",
             f"bars                hold with a probability of {self.level:.0%}{least}",
-            f"emulator            drag of runs foretold without their fifth: error {self.error:.1%}, "
+            f"emulator            drag, 5-fold cross-validation: error {self.error:.1%}, "
             f"bar {self.bar:.1%} (one standard deviation); {self.within:.0%} of all coefficients within 1.96 bars",
             f"                    {halve} (--runs {self.to_halve})",
         ]

@@ -179,7 +179,7 @@ def pockets(
 
 
 def critical_force(contacts: Contacts, friction: float) -> float:
-    """The force along x, through the centre, over the weight at which a grain moves, by the exact judge.
+    """The force along x, through the centre, over the weight at which a grain moves, by the exact criterion.
 
     Infinite where no such force moves it, NaN where the weight alone does.
     """

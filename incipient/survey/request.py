@@ -26,7 +26,7 @@ class Deposited(Section):
         lt=1,
     )
     diameters: Annotated[tuple[Positive, ...], Field(strict=False)] = key(
-        "Diameters to draw from, each equally likely, in place of sizes [length]", ()
+        "Diameters to draw from, each equally likely, instead of sizes [length]", ()
     )
     tries: int = key(
         "Places tried for each sphere, of which the lowest is taken: the more, the more level",
@@ -92,7 +92,7 @@ class FlowPast(Section):
 
 
 class Surveyed(Section):
-    """Which grains are surveyed."""
+    """Selection of the surveyed grains."""
 
     visible: NotNegative = key(
         "Share of a grain that is seen from above, from which on it is exposed [-]", 0.5, le=1

@@ -1,4 +1,4 @@
-"""Critical Shields numbers of the grains of a bed, from their load coefficients and the exact judge, with their bars.
+"""Critical Shields numbers of the grains of a bed with their bars, from load coefficients and the exact criterion.
 
 The Shields number is the bed stress over submerged specific weight and the grain's own diameter. Grains are compared by
 `stress`, the same with the bed's median diameter.

@@ -86,7 +86,7 @@ def computed(task: str, text: str) -> CaseOutcome:
         except Exception as error:
             lines.append(traceback.format_exc())
             message = " ".join(f"{type(error).__name__}: {error}".split())
-            reason = f"a defect of the program: {message}"
+            reason = f"internal error, please report it: {message}"
     return CaseOutcome(
         None if result is None else json.dumps(result),
         {} if result is None else quantities(task, result),

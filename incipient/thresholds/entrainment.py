@@ -140,7 +140,7 @@ class Entrainment:
         lines = [
             f"steady flow         moves the grain from Shields number {steady} on, {critical.mode}",
             f"flow of the scene   probability of motion at an instant {own.probability:.3g} "
-            f"({own.low:.3g} to {own.high:.3g}{unknown}); exceeded anew {rate}",
+            f"({own.low:.3g} to {own.high:.3g}{unknown}); upcrossings: {rate}",
             "probability of motion at an instant, and the mean flow",
             *(point.line() for point in self.quantiles),
             *(f"assumed             {line}" for line in self.assumed),
@@ -204,7 +204,7 @@ def find_entrainment(
     assumed = [*_assumed(gusts, law), without or ACCELERATION]
     if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
-        assumed.append(f"left out, since the data cannot tell them: probabilities {missing}")
+        assumed.append(f"left out, since the data do not resolve them: probabilities {missing}")
     if weakest is not None and not weakest.known:
         assumed.append(NO_ERRORS)
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]

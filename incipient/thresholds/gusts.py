@@ -29,7 +29,7 @@ COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
 
 
 def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """About how many simulations a search for a number of durations takes."""
+    """Expected number of simulations in a search for a number of durations."""
     each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
     return 1 + durations * each * (2 if with_error_bars else 1)
 
@@ -201,7 +201,7 @@ def _missing(scene: Scene) -> str:
     """Why the scene has no critical gusts; empty if it has."""
     body, bed, flow = scene.body, scene.bed, scene.flow
     if body is None or body.motion != "released":
-        return 'body.motion: gusts are found for a grain that rests on its bed; use "released"'
+        return 'body.motion: gusts are computed for a grain that rests on its bed; use "released"'
     if bed is None or bed.kind == "flat":
         return "bed.kind: a flat bed has no pocket to leave; use a bed with forms"
     if not hasattr(flow, "gust"):

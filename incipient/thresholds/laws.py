@@ -233,7 +233,7 @@ class Events:
 
 def _require_told(probability: float, told: tuple[float, float], what: str) -> None:
     if not told[0] <= probability <= told[1]:
-        why = f"probability {probability:g} is beyond what the {what} can tell, {told[0]:.2g} to {told[1]:.2g}"
+        why = f"probability {probability:g} is outside the range of the {what}, {told[0]:.2g} to {told[1]:.2g}"
         raise SceneError(f"gusts.points: {why}; give longer data, or a law")
 
 

@@ -111,7 +111,7 @@ class MeanFlow:
         grain, depth = self.setup.scene.grain, self.gusts.depth
         if grain is not None and depth is not None and depth < grain.size:
             why = f"is {depth:g}, less than the grain's size of {grain.size:g}"
-            raise SceneError(f"gusts.depth: {why}; give the depth of the stream")
+            raise SceneError(f"gusts.depth: {why}; give the depth of the flow")
         if self.gusts.law not in GIVEN and not (intensity := self.intensity(1.0)) < LARGEST:
             where, speed = "at the grain", self.speed
             if self.gusts.intensity == NEAR_WALL:

@@ -38,7 +38,7 @@ class Threshold:
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
     nominal:         its nominal diameter, of the sphere of equal volume, in 2-D the disc of equal area
-    mode:            how the grain begins to move, by the exact judge
+    mode:            how the grain begins to move, by the exact criterion
     load:            the critical load, which the contact forces balance; where any flow moves the grain
                      that of a weak one, where none does that of the strongest one computed
     verdict:         both judges there
@@ -120,7 +120,7 @@ class Threshold:
             lines.append(f"error bars          {self.without_bars}")
         if self.adaptation is not None:
             lines += self.adaptation.lines()
-        unsolved = f", {len(self.unsolved)} not found" if self.unsolved else ""
+        unsolved = f", {len(self.unsolved)} not converged" if self.unsolved else ""
         return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
 
     def why_none(self) -> str:

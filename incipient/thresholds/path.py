@@ -1,7 +1,7 @@
 """The load on a grain as the flow grows from rest, interpolated between computed flows.
 
 The load over the flow's factor, c(f), goes from the constant of Stokes flow to a growth with the factor. It is smooth.
-The safety factor need be neither smooth, finite nor monotonic: so c is interpolated, and the exact judge applied.
+The safety factor need be neither smooth, finite nor monotonic: so c is interpolated, and the exact criterion applied.
 
 An interval between two flows counts as held if the judge holds every load that leaves the chord of c by at most half
 of its change: twice as much as a parabola with its vertex at one end.

@@ -47,7 +47,7 @@ RESOLVED = 1.1  # ratio of the ends of an interval that is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6
 APART = 1.03  # least ratio of a flow to one that did not converge
 ROCKS_IN_ALL = "the grain rocks from rest to rest in all computed flows"
-ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow was found"
+ROCKS_BELOW = "the grain rocks from rest to rest, and beyond no steady flow converged"
 NOT_WITHIN = f"the search did not converge within {MOST_FLOWS} flows"
 
 
@@ -168,7 +168,7 @@ class CriticalSearch:
             return rocking
         while len(self.trials) < MOST_FLOWS:
             if factor not in self._states and not self._try(factor):
-                why = f"no steady flow was found at {factor:.4g} times that of the scene"
+                why = f"no steady flow converged at {factor:.4g} times that of the scene"
                 raise ConvergenceError(why)
             path, last = replace(self._path(), before=known), factor
             low, high = 0.5 * factor, 2.0 * factor
@@ -281,7 +281,7 @@ class CriticalSearch:
                 return self._ended(end, end, "")
             if loss is not None:
                 return replace(
-                    self._ended(end, end, "no steady flow was found nearer"), between=(low, high)
+                    self._ended(end, end, "no steady flow converged nearer"), between=(low, high)
                 )
             self._held.add((low, high))
         return None
@@ -294,7 +294,7 @@ class CriticalSearch:
         if loss is not None and self._is_near(loss):
             return self._ended(loss, loss, "")
         if top >= self._largest / APART:
-            return self._ended(np.inf, top, "the grain is held in all flows looked at")
+            return self._ended(np.inf, top, "the grain is held in all computed flows")
         failed = min((factor for factor in self.unsolved if factor > top), default=top)
         for following in (loss or goal, float(np.sqrt(top * failed))):
             if (
@@ -303,7 +303,7 @@ class CriticalSearch:
                 and len(self.unsolved) < MOST_FAILURES
             ):
                 return following
-        reason = "the grain is held, and beyond no steady flow was found"
+        reason = "the grain is held, and beyond no steady flow converged"
         if loss:
             reason += f"; the load extrapolated moves it at about {loss:.2g} times that flow"
         return self._ended(np.inf, top, reason)
@@ -328,7 +328,7 @@ class CriticalSearch:
             self._solve(factor, here)
         except ConvergenceError:
             self.unsolved.append(factor)
-            said = f"flow x {factor:.6g}: no steady flow found"
+            said = f"flow x {factor:.6g}: no steady flow converged"
             if self.run.setup.is_averaged:  # no continuation: the last iterate is no flow
                 self.run.voice.say(said)
                 return False

@@ -306,7 +306,7 @@ def assert_told(threshold: Threshold, directory: Path) -> None:
     assert text.count(" +- ") == 4
     assert (
         "largest diameter of the grain" in text
-        and "in steady laminar shear flow over one grain in the plane" in text
+        and "in steady laminar shear flow over one grain in 2-D" in text
     )
 
 

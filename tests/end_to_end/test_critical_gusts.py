@@ -45,7 +45,7 @@ def test_gusts_of_a_turbulent_flow_are_refused_at_once() -> None:
         **{**plain, "effects": {"turbulence": True}, "flow": {"kind": "open-channel"}}
     )
     with pytest.raises(
-        SceneError, match=r"effects\.turbulence: gusts are found in laminar flow only"
+        SceneError, match=r"effects\.turbulence: gusts are computed in laminar flow only"
     ):
         GustSearch(turbulent, world())
 
@@ -73,7 +73,7 @@ def test_the_search_brackets_what_it_is_after() -> None:
 REFUSED = (
     (
         {"body": {"motion": "fixed"}, "time": {}},
-        "body.motion: gusts are found for a grain that rests",
+        "body.motion: gusts are computed for a grain that rests",
     ),
     ({"bed": {"kind": "flat"}}, "bed.kind: a flat bed has no pocket"),
     (

@@ -355,7 +355,7 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         (
             "0.01*cos(pi*x)",
             "0.1*y",
-            "surface.elevation: depends on y but the scene lies in the plane",
+            "surface.elevation: depends on y but the scene is two-dimensional",
         ),
         (
             'bottom = "slip"',

@@ -445,4 +445,4 @@ def test_the_grain_is_about_to_move_at_its_threshold(sand):
     weight = 1.65 * 0.1 / found.factor**2
     assert found.shields == pytest.approx(1.0 / stress.mean**2 / weight, rel=1e-4)
     assert found.shear_reynolds == pytest.approx(stress.re_tau / 8.0, rel=1e-4)
-    assert any("tau_b of the flow that enters" in note for note in found.notes)
+    assert any("tau_b of the inflow" in note for note in found.notes)

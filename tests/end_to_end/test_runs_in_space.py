@@ -57,7 +57,7 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     assert result.verdict["mode"] == "rolling" and result.verdict["safety_factor"] == 0.0
     stored = incipient.load(tmp_path / "scene.toml")
     assert stored == scene and (tmp_path / "fields.xdmf").exists()
-    assert "couple (0, " in result.text()
+    assert "torque (0, " in result.text()
 
 
 def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):

@@ -230,7 +230,7 @@ def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
     assert walls.shear_velocities[walls.leading] == 0.05
     wavy = replace(walls, plane=False)
     assert wavy.lines(np.array([5e-4, 2e-4]))[0].endswith(
-        "u* 0.04, within 2.0e-04, in the mean along the walls"
+        "u* 0.04, within 2.0e-04, on average along the walls"
     )
     assert wavy.shear_velocities[wavy.leading] == 0.04
 
@@ -246,7 +246,7 @@ def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
     assert (
         replace(walls, backward=spans[:1])
         .lines()[0]
-        .endswith("upstream from x = 1 to 1.01" + error)
+        .endswith("reverse flow next to the bed from x = 1 to 1.01" + error)
     )
 
 

@@ -219,7 +219,7 @@ class TestVerdict:
                 ["begins to move (sliding)", "factor 0.625: ", "would hold"],
             ),
             (load((0.0, -1.0)), box(0.1), 0.5, ["stays at rest", "safety factor infinite"]),
-            (load(), box(0.1), 0.5, ["no load of the flow", "there is no incipient motion"]),
+            (load(), box(0.1), 0.5, ["the flow exerts no load", "there is no incipient motion"]),
             (load((0.0, 2.0), weight=-1.0), box(0.1), 0.5, ["factor 0: its weight alone moves it"]),
             (
                 load((0.0, -2.0), weight=-1.0),
@@ -231,7 +231,7 @@ class TestVerdict:
                 load((0.2, 0.0)),
                 pocket(0.5),
                 0.0,
-                ["they differ: the paper asks the significant contact", "so it rests"],
+                ["they differ: the paper considers the significant contact", "so it rests"],
             ),
         ],
     )

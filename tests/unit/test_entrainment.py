@@ -1,4 +1,4 @@
-"""Motion in a fluctuating stream: the stream at a grain, its acceleration, probabilities of motion and errors."""
+"""Motion in a fluctuating flow: the stream at a grain, its acceleration, probabilities of motion and errors."""
 
 from __future__ import annotations
 
@@ -385,7 +385,7 @@ class TestEntrainment:
             Setup(loads(POCKET.replace("intensity = 0.3", words))), MPI.COMM_WORLD
         )
         assert [one.probability for one in told.quantiles] == [0.001, 0.01, 0.05]
-        assert told.assumed[-1] == "left out, since the data cannot tell them: probabilities 0.5"
+        assert told.assumed[-1] == "left out, since the data do not resolve them: probabilities 0.5"
 
     def test_without_acceleration_slow_changes_are_the_limit(self, found: Entrainment) -> None:
         # With a long microscale the load of acceleration vanishes.

@@ -92,9 +92,7 @@ def test_where_there_is_no_memory_for_factors_it_is_told(blocks, monkeypatch, ca
         monkeypatch.setattr(direct, "free_bytes", lambda free=free: free)
         BlockByBlock(SimpleNamespace(triangle=CompressedFactors), nest).destroy()
         assert (
-            sum(
-                "more than half of the memory that is free" in one.message for one in caplog.records
-            )
+            sum("more than half of the free memory" in one.message for one in caplog.records)
             == told
         )
 

@@ -88,7 +88,7 @@ class TestMeasured:
         times = np.linspace(0.0, 200.0, 2001)
         law = Measured.of(np.column_stack([times, 2.0 + np.sin(times)]), integral_time=1.0)
         with pytest.raises(
-            SceneError, match=r"0\.001 is beyond what the series can tell, 0\.01 to 0\.99"
+            SceneError, match=r"0\.001 is outside the range of the series, 0\.01 to 0\.99"
         ):
             law.level(0.001)
 
@@ -130,7 +130,7 @@ class TestEvents:
     @pytest.mark.parametrize("probability", [0.001, 0.06])
     def test_probabilities_beyond_them_are_refused(self, probability: float) -> None:
         with pytest.raises(
-            SceneError, match=r"gusts\.points: probability .* beyond what the events can tell"
+            SceneError, match=r"gusts\.points: probability .* outside the range of the events"
         ):
             self.LAW.level(probability)
 

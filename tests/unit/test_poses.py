@@ -40,7 +40,7 @@ def test_what_is_refused(tmp_path: Path) -> None:
     in_plane.write_text(example())
     ordered.write_text(dumps(loads(example(in_space=True))))
     for path, said in (
-        (in_plane, "need a grain in space that rests on a bed; give body.x"),
+        (in_plane, "need a 3-D grain that rests on a bed; give body.x"),
         (ordered, "--seeds: "),
     ):
         with pytest.raises(SceneError) as caught:

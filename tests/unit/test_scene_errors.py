@@ -261,8 +261,7 @@ ONE_KEY = [
     (lambda: Contact(friction=0.1, gap=0), "Contact: gap: is 0; give a number greater than 0"),
     (
         lambda: Contact(friction=0.1, gap=0.101),
-        "Contact: gap: is 0.101: so far from the bed the flow pushes otherwise than on a grain that touches it; "
-        "give at most 0.1",
+        "Contact: gap: is 0.101: this gap is too large to represent contact; give at most 0.1",
     ),
     *[
         (

@@ -319,13 +319,13 @@ def test_a_larger_domain_is_wider_too_unless_walls_are_at_its_sides():
 WRONG = [
     (
         {"domain": Domain(length=12, height=6)},
-        'body.shape: domain.width is missing, which the "sphere"',
+        'body.shape: domain.width is missing, which the three-dimensional "sphere"',
     ),
     (
         {"body": Disc(diameter=1, x=5)},
-        'body.shape: "disc" lies in the plane, but domain.width makes',
+        'body.shape: "disc" is two-dimensional, but domain.width makes',
     ),
-    ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" lies in the plane, but'),
+    ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" is two-dimensional, but'),
     ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
     (
         {"body": Sphere(diameter=1, x=5, y=8.5)},

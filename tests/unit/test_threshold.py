@@ -416,7 +416,7 @@ def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
     """Its threshold, by force/weight = (a^2 - b^2)/(2 a b), is at some 2.5 times the flow; none is found beyond 1."""
     found = on_plane(1.0, limit=1.0).from_rest()
     assert not found.is_critical and found.rocking is not None and found.unsolved
-    assert found.reason == "the grain rocks from rest to rest, and beyond no steady flow was found"
+    assert found.reason == "the grain rocks from rest to rest, and beyond no steady flow converged"
     assert found.held_to == 1.0
 
 

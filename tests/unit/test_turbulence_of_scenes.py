@@ -138,7 +138,7 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
                     TO_THE_WALL | {"inflow": "given"},
                     'is not read with inflow = "given"; leave it out',
                 ),
-                (TO_THE_WALL, "is read only past grains and bed forms"),
+                (TO_THE_WALL, "is read only past grains and bedforms"),
             )
         ),
         (
@@ -254,7 +254,7 @@ def test_the_law_of_the_wall_does_not_begin_within_the_sand():
     near = rough.model_copy(update={"wall_distance": 5e-4})
     refused = message(lambda: make_plan(channel(turbulence=near, fluid=fluid)))
     assert refused.startswith(
-        "turbulence.roughness: is 0.05, and the law of the wall begins within the sand, 0.0005 from the wall; set"
+        "turbulence.roughness: is 0.05, and the law of the wall begins within the roughness, 0.0005 from the wall; set"
     )
 
 
@@ -285,7 +285,7 @@ def test_a_grain_in_midstream_is_away_from_walls():
         ]
 
     assert told(0.115, OpenChannel())[0].startswith(
-        "the grain is held 0.015 from the bed, twice the distance of the law of the wall is 0.02: what flows"
+        "the grain is held 0.015 from the bed, twice the distance of the law of the wall is 0.02: flow in the gap"
     )
     assert not told(0.5, OpenChannel()) and not told(0.89, OpenChannel())
     assert told(0.88, Poiseuille())[0].startswith("the grain is held 0.01 from the top")

@@ -110,7 +110,9 @@ def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(two_level, "MOST_CYCLES", 1)
     with around_a_ball(inertia=False) as fluid:
         fluid.solve(1e-8)
-        with pytest.raises(ConvergenceError, match="a higher order was not found in 5 iterations"):
+        with pytest.raises(
+            ConvergenceError, match="a higher order did not converge in 5 iterations"
+        ):
             GoalErrors(fluid, "body", CENTRE)
 
 

@@ -95,7 +95,7 @@ class Classification:
     held_by_sharing: (
         bool  # an unequal sharing among the significant contacts makes the torque vanish
     )
-    obstructed_by: tuple[int, ...]  # contacts that the motion found would have to pass through
+    obstructed_by: tuple[int, ...]  # contacts that the resulting motion would have to pass through
     force_scale: float
     torque_scale: float
     friction: float
@@ -312,7 +312,7 @@ def _obstacles(
     answer: dict[str, Any],
     scales: tuple[float, float],
 ) -> tuple[int, ...]:
-    """Contacts that the motion found would press the grain into: where the paper's assumption fails.
+    """Contacts that the resulting motion would press the grain into: where the paper's assumption fails.
 
     Where x* sticks the grain can only turn about it, with the load's torque about x*; else it follows F. With
     several contacts x* the grain is obstructed if it is whichever of them it turns about.

@@ -2,7 +2,7 @@
 
 A turn about an axis through p along the unit vector a moves the contact x with normal n into the bed at the rate
 a . ((x - p) ^ n), the lever of the contact. The turn is away from the surface, without reaction or friction, if
-all levers are negative. In the plane the lever says on which side of a contact's normal the point p lies, so
+all levers are negative. In 2-D the lever says on which side of a contact's normal the point p lies, so
 points around which normals can be drawn, some to the left and some to the right, are excluded for both senses.
 """
 

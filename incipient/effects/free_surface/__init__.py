@@ -59,7 +59,7 @@ class FreeSurfaceEffect(Effect):
         return MovingSurface(setup, stage)
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of a surface in space."""
+        """MiB of a 3-D surface."""
         scene = setup.scene
         if scene.gdim == 2 or not scene.has_surface:
             return 0.0

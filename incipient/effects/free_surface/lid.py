@@ -1,4 +1,4 @@
-"""What a rigid lid in place of a free surface hides: by how much the pressure under it would raise the surface."""
+"""What a rigid lid instead of a free surface hides: by how much the pressure under it would raise the surface."""
 
 from __future__ import annotations
 

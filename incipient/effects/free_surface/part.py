@@ -158,7 +158,7 @@ class MovingSurface(RunPart):
         return float(total / max(count, 1.0))
 
     def _room_above(self, placement: Placement) -> float:
-        """How far the grain is from the nodes of the surface, less what counts as touching."""
+        """Distance of the grain from the nodes of the surface, less the contact tolerance."""
         grain, nodes = self._scene.grain, self.part.mesh.nodes
         assert grain is not None
         gdim, points = self._up + 1, self._places[:, : self._up + 1].copy()
@@ -178,7 +178,7 @@ class MovingSurface(RunPart):
         self.begin()
 
     def change(self, depth: float) -> float:
-        """How far the surface has moved in the last step, root mean square, over the depth."""
+        """Root mean square displacement of the surface in the last step, over the depth."""
         return self.part.risen() / depth
 
     def begin(self) -> None:
@@ -217,7 +217,7 @@ class MovingSurface(RunPart):
         return {"surface": found | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
-        """What enters per time at the inflow of a channel, of the whole where half is meshed."""
+        """Volume flux at the inflow of a channel, of the whole where half is meshed."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
         return {"inflow": whole * held.influx} if held.entries else {}
 

@@ -32,7 +32,7 @@ FARTHER = 1.01
 SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
 STANDS = "at rest where it is, under the loads at the end of the run"
 AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
-ROLLING = "contact.rolling_resistance, which holds the grain besides, is not in the safety factor"
+ROLLING = "contact.rolling_resistance, which also holds the grain, is not in the safety factor"
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def landing(
         contacts = contacts_at(setup, state, met.distance)
     except IncipientError as error:
         return Landing(
-            why_not=f"the contacts where the grain met the {bed} were not found: {error}"
+            why_not=f"the contacts where the grain met the {bed} were not computed: {error}"
         )
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
@@ -109,7 +109,7 @@ def _note(state: BodyState) -> str:
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with {standing(state.placement)} in place of centre and motion"
+        f"grain that has come to rest run a scene with {standing(state.placement)} instead of centre and motion"
     )
 
 

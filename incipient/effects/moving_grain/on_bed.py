@@ -20,7 +20,7 @@ from .bed_contact import BedContact
 from .part import MovingGrain, columns_of_load
 
 # Gaps by which a mesh may be made ahead of a grain next to its bed, by the dimension: with more cells fold on the way
-# back, in space at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
+# back, in 3-D at 1.2 on cells 2.2 times as large (demos/scenes/sphere_leaving_pocket.toml).
 AHEAD = {2: 3.0, 3: 0.3}
 IN_POCKET = "in-pocket"  # after a gust: on its way back, or at rest
 

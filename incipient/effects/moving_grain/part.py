@@ -219,7 +219,7 @@ class MovingGrain(RunPart):
         return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
-        """How far the grain is from what is nearest to it. Not collective."""
+        """Distance of the grain from the nearest other boundary. Not collective."""
         return self.surroundings.clearance(self.state.placement)
 
     def _in_the_way(self) -> Surroundings:
@@ -227,7 +227,7 @@ class MovingGrain(RunPart):
         return self.surroundings
 
     def _room(self, state: BodyState) -> float:
-        """How far the grain may still go before the gap to something is that which counts as contact."""
+        """Distance that the grain may still move before a gap closes to the contact gap."""
         gap = self.scene.contact_gap
         return self._in_the_way().clearance(state.placement, 2.0 * gap).distance - gap
 
@@ -242,7 +242,7 @@ class MovingGrain(RunPart):
         return load + self.displaced_load(state)
 
     def displaced_load(self, state: BodyState | None = None) -> Floats:
-        """Force and couple (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
+        """Force and torque (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
         force, couple = self._fluid.load_on_displaced((state or self.state).placement)
         gdim = self.body.gdim
         load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
@@ -299,6 +299,6 @@ def columns_of_state(state: BodyState) -> dict[str, float]:
 
 
 def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
-    """A load (3,), in space (6,), by the names of the history's columns. Not collective."""
+    """A load (3,), in 3-D (6,), by the names of the history's columns. Not collective."""
     gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
     return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)

@@ -35,12 +35,12 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     return low, high
 
 
-# Per unknown of a flow in space, of both quantities and what solves them together with the flow: 2.3 GB of 105,000
+# Per unknown of a 3-D flow, of both quantities and what solves them together with the flow: 2.3 GB of 105,000
 # unknowns past a grain of a random bed (docs/contribute/defaults.md).
 BYTES = 17000.0
 # What a threshold is of, beside its Shields number.
 TURBULENT = (
-    "in the mean of a turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
+    "in mean turbulent flow over one grain{plane}, tau_b {stress}; gusts move it sooner, see "
     "incipient entrainment"
 )
 LAMINAR = "in steady laminar {flow} over one grain{plane}; for Shields numbers by probability see incipient entrainment"
@@ -145,9 +145,9 @@ class TurbulenceEffect(Effect):
 
     def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
         """What flow the threshold is for, and whether that can be laminar."""
-        plane = " in the plane" if setup.geometry.gdim == 2 else ""
+        plane = " in 2-D" if setup.geometry.gdim == 2 else ""
         about = TURBULENT if setup.is_averaged else LAMINAR
-        stress = "of the flow that enters" if setup.resolves_walls else "by the law of the wall"
+        stress = "of the inflow" if setup.resolves_walls else "by the law of the wall"
         yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
         if found := transition(setup, setup.numbers, factor):
             yield found.text(" at the threshold")
@@ -157,12 +157,12 @@ class TurbulenceEffect(Effect):
         return _model_of(setup).flow()(setup, domain, stage) if setup.is_averaged else None
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of both quantities in space, and of what solves them together with the flow."""
+        """MiB of both quantities in 3-D, and of what solves them together with the flow."""
         in_space = setup.scene.gdim == 3 and setup.scene.is_averaged
         return BYTES * unknowns / 2**20 if in_space else 0.0
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""
+        """Whether the law of the wall holds, and where the flow next to the bed is reversed."""
         if (found := stored.get("turbulence")) is None:
             return None
         from ...results.wall_report import longest
@@ -176,13 +176,14 @@ class TurbulenceEffect(Effect):
         holds, fails = RESOLVED if resolved else BY_LAW
         doubt = f"Warning: {fails}; {remedy}."
         told, others = longest(found["backward"])
-        upstream = "next to the bed the flow runs upstream from x, to x"
+        upstream = "reverse flow next to the bed from x, to x"
         rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
         if not found["plane"]:
             rows.insert(
-                0, (f"share of the walls at which {fails.replace('NOT', 'not')}", found["outside"])
+                0,
+                (f"fraction of the walls at which {fails.replace('NOT', 'not')}", found["outside"]),
             )
-        rows += [("shorter places where it does", others)] if others else []
+        rows += [("further, shorter intervals", others)] if others else []
         sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
         if not found.get("converged", True):
             sentence += (
@@ -191,7 +192,7 @@ class TurbulenceEffect(Effect):
         return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
-        """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
+        """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene
         if scene.flow.kind == "log-law":
             how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"

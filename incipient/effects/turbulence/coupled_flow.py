@@ -20,7 +20,7 @@ from ...parallel import Holder
 from .fields import TurbulenceFields
 from .linear import BlockByBlock
 
-# By dimension: with that of the residual, 7, as many steps take 1.2 times as long in the plane and 1.4 times in space.
+# By dimension: with that of the residual, 7, as many steps take 1.2 times as long in 2-D and 1.4 times in 3-D.
 DEGREE_OF_DERIVATIVE = {2: 5, 3: 4}
 # In a step a logarithm changes by less, and a velocity by less than this part of the largest speed: at a few nodes
 # Newton's method overshoots.

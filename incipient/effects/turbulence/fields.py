@@ -35,7 +35,7 @@ LARGEST_SEEN = 10.0  # of a change of a logarithm at one node
 
 @dataclass(frozen=True)
 class TurbulenceConditions:
-    """Where both quantities are given, and where walls are.
+    """Boundaries with given quantities, and walls.
 
     inflow: names of boundaries at which the logarithms are given, with a function of places (3, n) that returns (2, n)
     walls:  names of boundaries that are walls, or have a wall a distance beyond them
@@ -57,7 +57,7 @@ class TurbulenceFields(Holder, ABC):
         second: name of the second quantity.
         wanted: changes of a logarithm, and of a velocity over the largest speed, at a node in an iteration to a steady
             flow.
-        stretched: whether cells in the plane are so along boundary layers.
+        stretched: whether cells in 2-D are so along boundary layers.
         state: function (2,) of the logarithms.
         closure: what the model says in UFL, see `forms.turbulence.residual`.
         form, of_molecules: the residual in UFL, and the viscosity of the molecules, once the turbulence is carried.
@@ -130,14 +130,14 @@ class TurbulenceFields(Holder, ABC):
         return values
 
     def watching(self, form: Any, velocity: Any) -> Any:
-        """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
+        """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
         return form
 
     # -- a steady state, solved together with the flow ------------------------------------------------
 
     @property
     def conditions(self) -> list[Any]:
-        """Where one or both logarithms are given."""
+        """Dirichlet conditions on one or both logarithms."""
         return self._conditions
 
     @property
@@ -197,7 +197,7 @@ class TurbulenceFields(Holder, ABC):
             self._reach,
             self.stretched,
             self._across,
-            # In space steps are as many without, and no more flows are found with it.
+            # In 3-D as many steps are needed without, and no more flows converge with it.
             balanced=self._reach is not None and self.domain.gdim == 2,
         )
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
@@ -220,7 +220,7 @@ class TurbulenceFields(Holder, ABC):
 
     @property
     def _reach(self) -> Any:
-        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along the streams."""
+        """Size of a cell along a direction, for `forms.turbulence.Stream`; None: upwinding is along streamlines."""
         return None
 
     @property

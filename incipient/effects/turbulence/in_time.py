@@ -25,7 +25,7 @@ class Moving(Interface, Protocol):
     def again(
         self, length: float, order: int, tolerance: float, before: NewtonReport
     ) -> NewtonReport:
-        """Solve for the end of the step again, from the end found with other fields and the report of that."""
+        """Solve for the end of the step again, from the end computed with other fields and its report."""
         ...
 
 

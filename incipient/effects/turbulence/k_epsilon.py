@@ -142,7 +142,7 @@ class KEpsilonFlow(TurbulentFlow):
         return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
 
     def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:
-        """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths or areas, and x."""
+        """The governing u* at nodes (n,) of a wall, u* of the wall's stress, lengths or areas, and x."""
         law, away = self._walls.law, (self._scene.viscosity, self._walls.distance)
         flow = np.maximum(along.speeds, 1e-300), along.shear_velocities
         stress = law.drag(*flow, *away) * along.speeds

@@ -1,4 +1,4 @@
-"""A scene's flow with the k-omega SST model: what enters, how the steady flow is found, how walls are resolved."""
+"""A scene's flow with the k-omega SST model: its inflow, its steady solution, and its resolved walls."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class KOmegaFlow(TurbulentFlow):
         return self._walls.velocity, self._logarithms
 
     def _logarithms(self, x: Floats) -> Floats:
-        """(2, n) of what enters at places (3, n)."""
+        """Inflow values (2, n) at places (3, n)."""
         return self._floored(self._walls.logarithms(x))
 
     def _floored(self, logarithms: Floats) -> Floats:
@@ -77,7 +77,7 @@ class KOmegaFlow(TurbulentFlow):
 
     @property
     def _least_carried(self) -> float:
-        """That below which k is not destroyed."""
+        """Bound below which k is not destroyed."""
         return math.log(max(self._least, self._added))
 
     @property
@@ -90,7 +90,7 @@ class KOmegaFlow(TurbulentFlow):
         return self._setup.resolved_walls
 
     def enter(self, fluid: Fluid) -> None:
-        """Let velocity and turbulence be everywhere as what enters is at that distance from the next wall."""
+        """Set velocity and turbulence everywhere to the inflow's values at the distance from the next wall."""
         walls, space = self._walls, fluid.space.velocity
         places = space.tabulate_dof_coordinates()[:, : fluid.domain.gdim]
         away = distances(fluid.domain, walls.names, places)
@@ -141,7 +141,7 @@ class KOmegaFlow(TurbulentFlow):
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:
         """Thickness (n,) of the cells at walls where they end, in nu/u* of the next place of a wall, on all ranks.
 
-        And up to which (n,) they resolve that wall, and the lengths (n,) of it, in space areas, that they stand for.
+        And up to which (n,) they resolve that wall, and the lengths (n,) of it, in 3-D areas, that they stand for.
         """
         places, away = self.fields.at_edge()
         at_walls, found, lengths = (

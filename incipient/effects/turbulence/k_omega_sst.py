@@ -25,14 +25,14 @@ from .fields import TurbulenceConditions, TurbulenceFields
 
 ON_WALL = 0.1  # of the least distance in cells at walls: what stands for none, where omega would be infinite
 FAR = 1e9  # distance where there are no walls
-CALM = 0.01  # of the shear stress of what enters: that of rough walls where the flow separates, at the least
+CALM = 0.01  # of the shear stress of the inflow: that of rough walls where the flow separates, at the least
 PENALTY = 4.0  # of weak values at rough walls, times the square of the order, over the thickness of the cell
 LEAST_DISTANCE = 1e-9  # of the largest one: what distances are not below at points within cells
 
 
 @dataclass(frozen=True)
 class Sand:
-    """Sand on walls: its equivalent roughness, the names of these walls, and a typical shear stress at them."""
+    """Rough walls: their equivalent roughness, their names, and a typical shear stress at them."""
 
     roughness: float = 0.0
     walls: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class KOmegaSST(TurbulenceFields):
         viscosity: of the molecules.
         order_of_flow: of the velocity, whose strain limits the eddy viscosity.
         least: k at which no more of it is destroyed; in still corners its logarithm would fall for ever.
-        sand: on the walls that are rough.
+        sand: roughness of the walls that are rough.
         in_layers: whether layers of thin cells lie along walls that are no planes.
         added: to k in its unknown, the logarithm of both, where a boundary layer enters; 0: nothing.
     """
@@ -238,14 +238,14 @@ class KOmegaSST(TurbulenceFields):
 
     @property
     def _reach(self) -> Any:
-        """Stretched cells grow away from walls faster than the logarithms bear along the streams alone."""
+        """Stretched cells grow away from walls faster than the logarithms allow if upwinded along streamlines alone."""
         if not self._in_layers and not self.stretched:
             return None
         return lambda direction: size_along(self.domain.mesh, direction) / self.order
 
     @property
     def _across(self) -> Any:
-        """In wakes in space, by the slope in the reference cell.
+        """The base class's bound; in 3-D wakes, from the slope in the reference cell.
 
         Not between planes: there are no wakes, and in long thin cells the bound keeps ln k from becoming steady.
         """
@@ -278,7 +278,7 @@ class KOmegaSST(TurbulenceFields):
         self.look()
 
     def watching(self, form: Any, velocity: Any) -> Any:
-        """A form in which the eddy viscosity depends on a velocity (UFL) in place of the flow last looked at."""
+        """A form in which the eddy viscosity depends on a velocity (UFL) instead of the flow last looked at."""
         return ufl.replace(form, {self._seen: velocity})
 
     @property

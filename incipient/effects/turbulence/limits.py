@@ -15,7 +15,7 @@ FINEST_FORM = 0.5  # of the law's distance: half a form at the least
 SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
 THICK = 0.05  # of a grain, from which on the layer of the law is reported: 50 nu/u* of one of u* d/nu = 1000
 THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
-FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are reported uncertain
+FEWEST_ACROSS = 6.0  # cells, of a 3-D grain, below which its loads are reported uncertain
 BISECTIONS = 40
 SMALLER = 'use turbulence.model = "k-omega-sst", or flow.kind = "log-law" without turbulence'
 
@@ -31,7 +31,7 @@ def refusals(setup: Setup) -> Iterator[str]:
     ):
         yield (
             f"turbulence.roughness: is {walls.law.roughness:g}, and the law of the wall begins within the "
-            f"sand, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
+            f"roughness, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
             "smaller roughness"
         )
     if (
@@ -41,7 +41,7 @@ def refusals(setup: Setup) -> Iterator[str]:
     ):
         yield (
             f"bed: has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins "
-            f"{walls.distance:.3g} from them: it stands for more than one of them; use a larger fluid.reynolds, "
+            f"{walls.distance:.3g} from them, farther than their size; use a larger fluid.reynolds, "
             'or a flat bed and turbulence.wall = "rough" with their height as roughness'
         )
     yield from (f"turbulence: {why}" for why in (too_small(setup), too_near(setup)) if why)
@@ -72,7 +72,7 @@ def too_small(setup: Setup) -> str:
     share, number = setup.walls.distance / setup.geometry.grain.size, grain_number(setup)
     if share > THICKEST:
         return (
-            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
+            f"the layer that the law of the wall covers is {percent(share)} of the grain, at most "
             f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
         )
     least = f"for the law of the wall it must be {SMALLEST_GRAIN:g} at least"
@@ -89,7 +89,7 @@ def grain_number(setup: Setup) -> float:
 
 
 def _through_the_top(setup: Setup) -> Iterator[str]:
-    """Where the grain reaches what the mesh leaves out below a wall on top."""
+    """Refuse a grain that reaches the layer below a wall on top that the mesh leaves out."""
     body, placement = setup.scene.body, setup.geometry.placement
     if body is None or placement is None:
         return
@@ -126,7 +126,7 @@ def doubts(setup: Setup) -> Iterator[str]:
 
 
 def _coarse(setup: Setup) -> Iterator[str]:
-    """How few cells a grain in space has."""
+    """How few cells a 3-D grain has."""
     asked = setup.scene.numerics.mesh_size
     size = WALL_CELL * coarsening(setup.order.number) * setup.walls.distance * asked
     if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:
@@ -137,7 +137,7 @@ def _coarse(setup: Setup) -> Iterator[str]:
 
 
 def _narrow_gap(setup: Setup) -> Iterator[str]:
-    """That the law of each wall knows of no second one: its friction is too little, however narrow the gap is."""
+    """Warn of narrow gaps: the law of each wall ignores the other, and friction in the gap is too small."""
     body, placement = setup.scene.body, setup.geometry.placement
     if body is None or body.centre is None or body.moves or placement is None:
         return
@@ -148,7 +148,7 @@ def _narrow_gap(setup: Setup) -> Iterator[str]:
         return
     yield (
         f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
-        f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
+        f"is {least:.3g}: flow in the gap is not resolved; hold it farther away, or let it touch by body.x"
     )
 
 

@@ -40,7 +40,7 @@ class BlockByBlock:
         if not self._lasting and nest.comm.rank == 0:
             size = bytes_of_factors(flow, PART_OF_EXACT) / 1e9
             log.warning(
-                f"factors of the flow's matrix take up to {size:.2g} GB, more than half of the memory that is free, or "
+                f"LU factors of the flow's matrix take up to {size:.2g} GB, more than half of the free memory, or "
                 "PETSc has no MUMPS: the flow is solved by blocks, which is slower and may fail"
             )
         self._of_flow: Any = CompressedFactors(flow) if self._lasting else fluid.triangle(flow)

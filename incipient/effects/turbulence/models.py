@@ -13,8 +13,8 @@ from ..effect import SlowestFlow
 from ..run_part import RunPart
 from . import limits
 
-COARSEST = 0.2  # sand roughness over the depth, the size of a grain and the forms of a bed
-HOLDS = 1e-3  # Shields number of a flow that a search in space begins with if it holds the grain
+COARSEST = 0.2  # roughness over the depth, the size of a grain and bedforms
+HOLDS = 1e-3  # Shields number of a flow that a 3-D search begins with if it holds the grain
 # As measured (docs/contribute/defaults.md).
 EXPECTED = "a search takes four flows or more, of up to a minute and a half each; above u* d/nu = 100 of four and more"
 SLOW = 20.0  # Reynolds number by depth and mean velocity of the flow that a search begins with
@@ -80,7 +80,7 @@ class KOmegaModel(TurbulenceModel):
         return f"k-omega SST model; {setup.resolved_walls.text()}"
 
     def warnings(self, setup: Setup) -> Iterator[str]:
-        """Flows that are laminar by the model, fine sand; coarse sand raises."""
+        """Warn of flows that are laminar by the model and of a small roughness; a large roughness raises."""
         walls = setup.resolved_walls
         for name, size in (("roughness", walls.roughness), ("upstream_roughness", walls.upstream)):
             if (share := size / walls.depth) > COARSEST:
@@ -99,7 +99,7 @@ class KOmegaModel(TurbulenceModel):
         if walls.is_laminar:
             re_tau = walls.depth / walls.unit
             yield (
-                f"the flow that enters is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
+                f"the inflow is laminar by the k-omega model, u* h/nu = {re_tau:.3g}: it decays to "
                 "nothing there, and loads are those of laminar flow"
             )
 
@@ -110,7 +110,7 @@ class KOmegaModel(TurbulenceModel):
         return KOmegaFlow
 
     def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """A slow laminar flow; in space, where flows take minutes, a search begins at a low Shields number."""
+        """A slow laminar flow; in 3-D, where flows take minutes, a search begins at a low Shields number."""
         walls = setup.resolved_walls
         slowest = SLOW * walls.viscosity / (walls.mean * walls.depth)
         start, expected = 0.0, ""
@@ -120,42 +120,42 @@ class KOmegaModel(TurbulenceModel):
 
 
 def _of_sand_on_forms(setup: Setup) -> Iterator[str]:
-    """That sand is not small beside forms of the bed that are no lines in the plane, which may be short."""
+    """Warn where the roughness is not small compared with bedforms."""
     sand, bed, domain = setup.resolved_walls.roughness, setup.geometry.bed, setup.geometry.domain
     if bed is None or sand <= COARSEST * bed.feature:
         return
     if setup.geometry.gdim == 3 or not len(bed.corners(domain.left, domain.right)):
         yield (
-            f"the sand of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of its "
-            f"forms, {bed.feature:.3g}: the model takes it as thin beside them, which it is up to "
+            f"the roughness of the bed, {sand:.3g}, is {limits.percent(sand / bed.feature)} of the smallest length of "
+            f"its forms, {bed.feature:.3g}: the model assumes that it is small compared with them, as it is up to "
             f"{limits.percent(COARSEST)}"
         )
 
 
 def _of_sand_below_grain(setup: Setup) -> Iterator[str]:
-    """That sand on the bed is as high as the gap below the grain; sand too high for the grain raises."""
+    """Warn where the bed's roughness is as high as the gap below the grain; one too high for the grain raises."""
     walls, grain = setup.resolved_walls, setup.geometry.grain
     if grain is None or not walls.roughness:
         return
     if (share := walls.roughness / grain.size) > COARSEST:
         raise SceneError(
             f"turbulence.roughness: is {walls.roughness:g}, {limits.percent(share)} of the grain, at most "
-            f"{limits.percent(COARSEST)}: among larger sand it does not stand on a level bed; use a smaller one, or "
-            "forms of the bed next to the grain and turbulence.upstream_roughness"
+            f"{limits.percent(COARSEST)}: on coarser roughness it does not rest on a planar bed; use a smaller one, or "
+            "bedforms next to the grain and turbulence.upstream_roughness"
         )
     if walls.roughness > (gap := setup.geometry.stance.gap):
         yield (
-            f"the sand of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: what "
-            "flows between them is no result of the model, for which sand is thin against all that the mesh resolves"
+            f"the roughness of the bed, {walls.roughness:.3g}, is higher than the gap below the grain, {gap:.3g}: flow "
+            "in the gap is not resolved, since the model assumes a roughness smaller than all meshed lengths"
         )
 
 
 def _of_forms_beyond(setup: Setup) -> Iterator[str]:
-    """That the inflow cuts forms of the bed."""
+    """Warn where the inflow cuts bedforms."""
     if cut_at_inflow(setup):
         yield (
-            "the inflow cuts forms of the bed, next to which k may run away, since what enters has developed over "
-            "level ground: put the grain farther behind the inflow"
+            "the inflow cuts bedforms, next to which k may diverge, since the inflow profile has developed over "
+            "a planar bed: put the grain farther downstream of the inflow"
         )
 
 

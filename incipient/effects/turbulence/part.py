@@ -48,7 +48,7 @@ class TurbulentFlow(RunPart):
     Attributes:
         fields: both quantities of the model.
         in_time: these in the steps of a flow in time, once there are any (`around`).
-        continued: how the steady flow was found, once it was.
+        continued: how the steady flow converged, once it did.
     """
 
     effect = EffectName.TURBULENCE
@@ -83,7 +83,7 @@ class TurbulentFlow(RunPart):
     # -- in the flow --------------------------------------------------------------------------------
 
     def within(self, model: FlowModel) -> FlowModel:
-        """The model of the flow with the eddy viscosity; on few cells with the direct solver in place of blocks."""
+        """The model of the flow with the eddy viscosity; on few cells with the direct solver instead of blocks."""
         fields, cells = (
             self.fields,
             self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global,
@@ -107,7 +107,7 @@ class TurbulentFlow(RunPart):
         The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
         Raises:
-            ConvergenceError: there is none that could be found.
+            ConvergenceError: none converged.
         """
         fluid, loads = self._fluid, self._loads(run)
         scene = self._scene
@@ -135,7 +135,7 @@ class TurbulentFlow(RunPart):
         return True
 
     def _loads(self, run: Solving) -> Callable[[], Floats]:
-        """A function that returns force and couple over the grain's size, (6,), or else the force on the bed, (3,)."""
+        """A function that returns force and torque over the grain's size, (6,), or else the force on the bed, (3,)."""
         grain, probe = self._of_run.geometry.grain, run.probe
         if probe is None or grain is None:
             on_bed = TractionProbe(self._fluid, self._walls.names[0], (0.0, 0.0, 0.0))
@@ -150,7 +150,7 @@ class TurbulentFlow(RunPart):
         return found
 
     def mean_load(self) -> tuple[Floats, Floats] | None:
-        """Force and couple (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
+        """Force and torque (3,) on the grain in the mean over the last iterations of a flow that has not converged."""
         grain, found = self._of_run.geometry.grain, self.continued
         if found is None or found.converged or found.loads is None or grain is None:
             return None

@@ -13,8 +13,8 @@ from ...planning.numbers import Numbers
 # shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
 # 2010, J. Fluid Mech. 650, 119).
 TURBULENT = 1300.0
-# The boundary layer of a uniform stream on a smooth plate, of the stream's velocity and the length of the plate
-# (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the stream).
+# The boundary layer of a uniform flow on a smooth plate, of the flow's velocity and the length of the plate
+# (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the flow).
 TURBULENT_LAYER = 5e5
 REMEDY = (
     "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
@@ -42,7 +42,7 @@ class Transition:
 def transition(setup: Setup, numbers: Numbers, faster: float = 1.0) -> Transition | None:
     """The Reynolds number by which a scene's flow, faster by a factor, may be turbulent, or None. Not collective.
 
-    A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not
+    A top that moves with the flow stands for an endless flow, whose depth the height of the domain does not
     tell; a uniform flow over a bed has a boundary layer all the same. The mean profile of a turbulent flow is none
     of a laminar flow.
     """

@@ -206,7 +206,7 @@ class Triangle:
         z[split.held] = r[split.held]
         left.setArray(z)
 
-    applyTranspose = apply  # what stands for A^T is told by `transposed`
+    applyTranspose = apply  # `transposed` says which stands for A^T
 
     def destroy(self, _: Any) -> None:
         """Free PETSc's memory; called by PETSc."""

@@ -1,4 +1,4 @@
-"""Approximate factors of a flow's matrix in space: what is far apart is compressed. A preconditioner."""
+"""Approximate factors of a flow's matrix in 3-D: what is far apart is compressed. A preconditioner."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ...installed import return_freed_memory
 from .direct import fits
 
 # Relative size of what is left out of blocks, and MUMPS's numbers for blocks of low rank, what is left out, workspace
-# in percent. With 78,000 unknowns past a sphere in its pocket factors take 9.8 s in place of 31.7, an iteration more or
-# less; with 0.05 they take 7.7 s and 24 iterations in place of 5.
+# in percent. With 78,000 unknowns past a sphere in its pocket factors take 9.8 s instead of 31.7, an iteration more or
+# less; with 0.05 they take 7.7 s and 24 iterations instead of 5.
 LEFT_OUT = 0.01
 LOW_RANK, DROPPED, WORKSPACE, OUTCOME = 35, 7, 14, 1
 # Memory over that of exact factors, at most: past a grain of a random bed, u* d/nu = 30, a process grew by 0.44 to 0.49
@@ -56,7 +56,7 @@ class CompressedFactors:
         self._factors.setReusePreconditioner(True)
         if made.getMumpsInfog(OUTCOME) < 0:
             raise ConvergenceError(
-                "the flow's matrix has no factors: use a smaller numerics.mesh_size"
+                "LU factorisation of the flow's matrix failed: use a smaller numerics.mesh_size"
             )
 
     def apply(self, _: Any, right: Any, left: Any) -> None:

@@ -14,7 +14,7 @@ from .options import defaults, exact
 from .split import Split
 
 # Algebraic multigrid for operators with convection on stretched cells: incomplete factors, of each rank, are nearly
-# exact across thin cells and along streams. Without fill
+# exact across thin cells and along streamlines. Without fill
 # they are not stable as a smoother (docs/contribute/defaults.md).
 INCOMPLETE = {
     "pc_type": "gamg",
@@ -28,7 +28,7 @@ INCOMPLETE = {
 
 
 class DiagonalBlocks:
-    """The velocity block F by what couples each component with itself, as it is in the Jacobian.
+    """The diagonal blocks of the velocity block F: each component with itself, as in the Jacobian.
 
     So friction of walls, what holds the flow from crossing them, the varying viscosity's symmetric gradient and
     upwinding are in it. Each component takes one cycle of algebraic multigrid, smoothed by incomplete factors; on thin

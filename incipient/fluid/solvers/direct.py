@@ -18,7 +18,7 @@ from .solver import LinearSolver, LinearStatistics
 # chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
-# Of factors in space over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/contribute/defaults.md).
+# Of factors in 3-D over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/contribute/defaults.md).
 LU_BYTES = 440.0
 WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
@@ -29,12 +29,12 @@ NOT_FINITE = (
 
 
 def bytes_of_factors(matrix: Any, part: float = 1.0) -> float:
-    """Memory that LU factors of a flow's matrix in space take, or such a part of it. Not collective."""
+    """Memory that LU factors of a flow's matrix in 3-D take, or such a part of it. Not collective."""
     return float(part * LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0))
 
 
 def fits(matrix: Any, part: float = 1.0) -> bool:
-    """Whether LU factors of a flow's matrix in space, or such a part, fit into half of the free memory. Collective."""
+    """Whether LU factors of a flow's matrix in 3-D, or such a part, fit into half of the free memory. Collective."""
     least = matrix.comm.tompi4py().allreduce(free_bytes(), MPI.MIN)
     return bool(bytes_of_factors(matrix, part) < 0.5 * least)
 

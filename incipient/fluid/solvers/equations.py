@@ -28,7 +28,7 @@ class Equations:
     carrier:       velocity that convects, less that of the mesh; None: nothing convects
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     surface:       what a free surface adds; None: there is none
-    varying:       whether the viscosity varies in space, and walls resist the flow along them by a law
+    varying:       whether the viscosity varies in 3-D, and walls resist the flow along them by a law
     level:         whether all these walls are, as in channels whose cells are much longer than high
     thin:          whether these walls are resolved by thin cells instead
     convected:     whether blocks of preconditioners hold convection in time, too

@@ -30,7 +30,7 @@ CONVECTED = {
     "mg_levels_ksp_max_it": 1,
     "mg_levels_pc_type": "sor",
 }
-# In place of a cycle, where a smoother is all that is asked for: symmetric relaxation, each rank by itself.
+# Instead of a cycle, where a smoother is all that is asked for: symmetric relaxation, each rank by itself.
 RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 RELAXED = "fluid_finer_velocity_"
 ALGEBRAIC = {

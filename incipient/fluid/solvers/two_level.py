@@ -23,7 +23,7 @@ from .solver import LinearSolver, LinearStatistics
 SMOOTHING, CONVECTED_SMOOTHING, COARSE = 4, 6, 0.2
 MOST_CYCLES, MOST_DIRECTIONS = 40, 60
 # Residual, relative to the right-hand side, of a correction that tells of an error, in creeping flow and where
-# something convects: that of force and couple then is known to a sixth of itself, where it was measured
+# something convects: that of force and torque then is known to a sixth of itself, where it was measured
 # (docs/contribute/defaults.md). A free sphere at Re 100 has, improved, a drag of 0.4283 by 0.05, and of 0.4288 by 0.02
 # and 0.001.
 ROUGH, CONVECTED_ROUGH = 0.05, 0.02
@@ -138,7 +138,7 @@ class TwoLevel(LinearSolver):
             if is_last and step > smoothing and self._size(residual) <= rtol * size:
                 return found
         raise UnsolvedError(
-            f"the correction in elements of a higher order was not found in {step + 1} iterations: "
+            f"the correction in elements of a higher order did not converge in {step + 1} iterations: "
             "use a smaller numerics.mesh_size, or numerics.error_bars = false"
         )
 
@@ -215,7 +215,7 @@ class OrderTransfer:
         return np.where(self._held[1], 0.0, found)
 
     def restricted(self, values: np.ndarray) -> np.ndarray:
-        """What tests of higher order have found, for those of lower order."""
+        """Restrict a residual of higher order to the lower order."""
         values, found = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]

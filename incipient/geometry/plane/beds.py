@@ -139,7 +139,7 @@ class Flat(Bed):
         return np.column_stack([x, self.height(x)])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One line."""
+        """A single line."""
         return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
 
 
@@ -260,7 +260,7 @@ class HalfDiscs(Bed):
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx left and right; infinite where a half-disc stands on the base line."""
         away = abscissae(x) - self._centre(abscissae(x))
-        # A foot of a half-disc found to round-off is that foot.
+        # A foot of a half-disc within round-off is that foot.
         foot = np.isclose(np.abs(away), self.radius, rtol=1e-12)
         on_disc = (np.abs(away) < self.radius) & ~foot
         root = np.sqrt(np.where(on_disc, self.radius**2 - away**2, 1.0))
@@ -398,7 +398,7 @@ class Polyline(Bed):
         at, (dx, dy) = self._vertices[:, 0], np.diff(self._vertices, axis=0).T
         # No abscissa lies within an upright line.
         slope = np.pad(np.divide(dy, dx, out=np.zeros_like(dx), where=dx > 0.0), 1)
-        # A vertex found to round-off is that vertex.
+        # A vertex within round-off is that vertex.
         x, slack = abscissae(x), 1e-12 * np.ptp(at)
         left, right = (
             np.searchsorted(at, x - slack, "left"),
@@ -452,7 +452,7 @@ class Curved(Polyline):
     """A smooth curve through `knots` (n, 2) with ascending x, y counting from origin_y.
 
     The height is piecewise cubic and has no crests or troughs but those of the knots (Fritsch & Carlson 1980, SIAM J.
-    Numer. Anal. 17, 238). `points` are on the curve, so close together that it is found from the lines between them.
+    Numer. Anal. 17, 238). `points` are on the curve, so close together that it is computed from the lines between them.
     """
 
     knots: tuple[Point, ...] = ()

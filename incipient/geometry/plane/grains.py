@@ -377,7 +377,7 @@ class Star(Smooth):
 
     @cached_property
     def pole(self) -> Floats:
-        """Where the radius is measured from, in the body frame (2,)."""
+        """The point from which the radius is measured, in the body frame (2,)."""
         angle = 2.0 * pi * np.arange(RADII) / RADII
         r = self._radius(angle)[0]
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -460,7 +460,7 @@ class Polygon(Grain):
 
 
 class _Smoothed(Polygon):
-    """A polygon with curves in place of its short sides."""
+    """A polygon with curves instead of its short sides."""
 
     def outline(self) -> tuple[Curve, ...]:
         """Lines, and smooth curves through the vertices between short sides."""

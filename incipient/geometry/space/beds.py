@@ -348,7 +348,7 @@ class SphereBed(Terrain):
         return self._seen(x)[0]
 
     def highest(self, x: ArrayLike) -> np.ndarray:
-        """Which sphere is seen from above at points (n, 2), (n,); -1: the base plane."""
+        """Index (n,) of the highest sphere at points (n, 2); -1: the base plane."""
         return self._seen(x)[1]
 
     def gradient(self, x: ArrayLike) -> Floats:
@@ -402,7 +402,7 @@ class SmoothTerrain(Terrain):
         return ClosestPoints(gaps, points, normals, second)
 
     def _feet(self, points: Floats, near: Floats) -> Floats:
-        """Where (n, 2) the vector to the points is normal to the bed."""
+        """Feet (n, 2) of the normals of the bed through the points."""
         best, least, pending = near.copy(), np.full(len(near), np.inf), np.arange(len(near))
         x = near
         for _ in range(30):

@@ -98,7 +98,7 @@ class SpatialProximity:
     def minima(self, placement: Placement, within: float) -> ClosestPoints:
         """All minima whose gap is at most `within` (a length): over the surface, or over each part of a core.
 
-        A minimum over a part need not be one over the surface (see `locally_least`). Different ones are told apart if
+        A minimum over a part need not be one over the surface (see `locally_least`). Two are distinct if
         they are farther from each other than the samples.
         """
         pieces = self.bed.pieces(placement.centre[:2], self.size + max(within, 0.0))
@@ -276,7 +276,7 @@ class SpatialProximity:
                 ends = self._parts[k][part]
                 rise = ((ends[:, 1] - ends[:, 0]) * normals).sum(axis=1)
                 keep[mine] |= (part >= len(core.triangles)) & (np.abs(rise) <= 1e-6 * self.size)
-        # Minima of smooth grains are told apart no farther than samples are.
+        # Minima of smooth grains are distinguished no better than samples are.
         return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
 
     def lowered(self, placement: Placement) -> Placement:

@@ -55,7 +55,7 @@ class SphereSwept:
 
     @cached_property
     def search(self) -> Triangles:
-        """The triangles, to be found by place."""
+        """The triangles in a spatial index."""
         return Triangles(self.points[self.triangles])
 
 

@@ -1,7 +1,7 @@
 """Remeshing of a triangulated surface to the wanted edge lengths: edges are split, collapsed and swapped.
 
 After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Operations that do not touch
-each other are done together; what is longer or better is told to a few digits, so that round-off decides nothing.
+each other are done together; lengths and qualities are compared to a few digits, so that round-off decides nothing.
 """
 
 from abc import ABC, abstractmethod
@@ -200,7 +200,7 @@ def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
 
 
 def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
-    """The draft with its sharp edges found, and these as segments."""
+    """The draft with its sharp edges, and these as segments."""
     surface, count = draft.surface, len(draft.surface.points)
     topology = Topology(surface.triangles)
     sharp = (

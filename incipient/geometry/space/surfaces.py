@@ -262,7 +262,7 @@ def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles (m, 3 corners, 3), which may be segments or points, in an order in which they are found by place."""
+    """Spatial index of triangles (m, 3 corners, 3), which may be segments or points."""
 
     corners: Floats
 

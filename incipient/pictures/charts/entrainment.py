@@ -53,7 +53,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
     figure.suptitle(
-        textwrap.fill(stored["title"] or "Motion in a fluctuating stream", 80), fontsize="medium"
+        textwrap.fill(stored["title"] or "Motion in a fluctuating flow", 80), fontsize="medium"
     )
     axes.legend(loc="lower right")
     return figure
