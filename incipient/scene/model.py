@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, field_validator, model_validator
+from pydantic import BeforeValidator, field_validator
 
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
@@ -24,7 +24,7 @@ from .grains import FRICTIONLESS
 from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Section, contradiction, key
+from .section import NotNegative, Positive, Rule, Section, contradiction, key
 from .settling import rested
 from .surface import FREE, Surface
 from .turbulence import Turbulence
@@ -96,6 +96,13 @@ class Contact(Section):
 class Time(Section):
     """Time dependence; without this section the flow is steady."""
 
+    rules = (
+        Rule("step", lambda s: s.step > s.end,
+             "is {s.step:g} but time ends at {s.end:g}", "reduce step or enlarge end"),
+        Rule("first_step", lambda s: s.first_step < 1.0 and s.tolerance is not None,
+             "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
+    )  # fmt: skip
+
     end: Positive = key("Time at which to stop [time]", examples=[10.0])
     step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
     first_step: Positive = key(
@@ -114,22 +121,6 @@ class Time(Section):
         None,
         examples=[1e-5],
     )
-
-    @model_validator(mode="after")
-    def _has_a_step(self) -> Time:
-        if self.step > self.end:
-            raise self.refused(
-                "step",
-                f"is {self.step:g} but time ends at {self.end:g}",
-                "reduce step or enlarge end",
-            )
-        if self.first_step < 1.0 and self.tolerance is not None:
-            raise self.refused(
-                "first_step",
-                "is for steps of a fixed length",
-                "leave it out: with tolerance the first steps are short",
-            )
-        return self
 
 
 class Output(Section):

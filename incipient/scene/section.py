@@ -1,7 +1,9 @@
 """What all sections of a scene share: immutability, strictness, and one-line errors."""
 
-from collections.abc import Callable
-from typing import Annotated, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     AfterValidator,
@@ -11,13 +13,14 @@ from pydantic import (
     Field,
     ValidationError,
     field_validator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .expression import Expression
-from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal, split
+from .messages import WITHIN, Problem, counted, one_line, problem, problems_of, refusal, split
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -52,11 +55,37 @@ PositiveTriple = Annotated[
 ]
 
 
+Text = str | Callable[[Any], str]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What must not be: at which key, what breaks the rule, why that is wrong, and the remedy.
+
+    `broken` is asked of the section or scene; `{s...}` in a text is an attribute of that.
+    """
+
+    key: Text
+    broken: Callable[[Any], Any]
+    why: Text
+    remedy: Text
+
+    def problem(self, section: Any) -> Problem:
+        """The problem of a section, or scene, that breaks the rule."""
+        texts = (self.key, self.why, self.remedy)
+        return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
+
+
 class Section(BaseModel):
     """A part of a scene: immutable, of known keys only, with finite numbers only.
 
     Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
+
+    Attributes:
+        rules: what keys of the section may not contradict; the first that is broken is reported.
     """
+
+    rules: ClassVar[tuple[Rule, ...]] = ()
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True
@@ -86,6 +115,16 @@ class Section(BaseModel):
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
         """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
+
+    @model_validator(mode="after")
+    def _obeys_its_rules(self) -> Self:
+        if broken := next((rule for rule in self.rules if rule.broken(self)), None):
+            raise refusal(type(self).__name__, [broken.problem(self)])
+        return self
+
+    def changed(self, key: str) -> bool:
+        """Whether a key has another value than by default."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
 
     def require(self, key: str, make: Callable[[], Any]) -> None:
         """Makes what a key describes; raises the error about the key if that cannot be."""
@@ -122,6 +161,11 @@ def require_formula(text: str, variables: str, why: str = "") -> None:
         raise contradiction(
             f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only"
         )
+
+
+def rises(rows: Sequence[Sequence[float]]) -> bool:
+    """Whether the first numbers of rows ascend."""
+    return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:

@@ -6,17 +6,25 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import field_validator, model_validator
+from pydantic import field_validator
 
 from ..arrays import SMALLEST
 from .messages import either, shown
-from .section import Positive, Section, contradiction, is_number, key
+from .section import Positive, Rule, Section, contradiction, is_number, key
 
+_ONE_LENGTH = 'give one of them, as in length = "mm"'
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 class Units(Section):
     """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
+
+    rules = (
+        Rule("length", lambda s: s.length is not None and s.diameter is not None,
+             "is given beside diameter", _ONE_LENGTH),
+        Rule("length", lambda s: s.length is None and s.diameter is None,
+             "is missing, and diameter as well", _ONE_LENGTH),
+    )  # fmt: skip
 
     length: Literal["um", "mm", "cm", "m"] | Positive | None = key(
         "The scene's unit of length, also that of files of grain and bed; a number is in metres",
@@ -43,13 +51,6 @@ class Units(Section):
         if value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf):
             return value
         raise contradiction(f"is {shown(value)}", f"give metres above zero, or {either([*METRES])}")
-
-    @model_validator(mode="after")
-    def _have_one_length(self) -> Units:
-        if (self.length is None) == (self.diameter is None):
-            both = "is given beside diameter" if self.length else "is missing, and diameter as well"
-            raise self.refused("length", both, 'give one of them, as in length = "mm"')
-        return self
 
     def metres(self, grain: Any) -> float:
         """What one of the scene's units of length is [m]."""
