@@ -52,7 +52,6 @@ def _too_short(s: Any) -> bool:
 class Gusts(FromFile):
     """A random factor, of mean one, that multiplies the velocity at the grain."""
 
-    needed = False
     rules = (
         Rule("points", lambda s: s.law not in GIVEN and (s.points or s.file),
              'are not read with law = "{s.law}"', 'set law = "measured" or "events"'),
@@ -129,6 +128,11 @@ class Gusts(FromFile):
         if value is None or value in words or (is_number(value) and SMALLEST <= value < math.inf):
             return value
         raise contradiction(f"is {shown(value)}", f"give a number above zero, or {either(words)}")
+
+    @classmethod
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """Laws of data."""
+        return data.get("law") in GIVEN
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,6 @@ RISE = 0.1  # of the duration: the time in which a top-hat rises, and falls, whe
 class Gust(FromFile):
     """A factor that multiplies the flow in time: 1 before and after a gust, `strength` in it."""
 
-    needed = False
     rules = (
         Rule("points", lambda s: s.shape == "points" and (len(s.points) < 2 or not rises(s.points)),
              "their times do not rise", "give two or more, one after the other"),
@@ -48,6 +47,11 @@ class Gust(FromFile):
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
         'With shape = "points": time after the start and factor, straight between [time, -]', ()
     )
+
+    @classmethod
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """A course of points."""
+        return data.get("shape") == "points"
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:

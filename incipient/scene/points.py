@@ -67,13 +67,16 @@ class FromFile(Section):
 
     Attributes:
         in_file: the key whose value the file has.
-        needed: whether the file or that key must be given.
         instead: what to do where both are given, or neither.
     """
 
     in_file: ClassVar[str] = "points"
-    needed: ClassVar[bool] = True
     instead: ClassVar[str] = "give one of them"
+
+    @classmethod
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """Whether the file or that key must be given, by the rest of the section."""
+        return True
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
@@ -87,7 +90,7 @@ class FromFile(Section):
             return data
         # A scene that was dumped names no file.
         given, from_file = cls.in_file in data, data.get("file") is not None
-        if (given and from_file) or (cls.needed and not (given or from_file)):
+        if (given and from_file) or (cls.is_needed(data) and not (given or from_file)):
             which = (
                 f"both file and {cls.in_file} are"
                 if given

@@ -32,7 +32,6 @@ class Wave(Section):
 class Surface(FromFile):
     """The free surface, which at rest lies at the top of the domain."""
 
-    needed = False
     rules = (
         Rule("points", lambda s: s.points and s.elevation != "0",
              "are given beside a formula for the elevation", "leave one of them out"),
@@ -67,6 +66,11 @@ class Surface(FromFile):
     pressure: str = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
+
+    @classmethod
+    def is_needed(cls, data: dict[str, Any]) -> bool:
+        """At rest it is level."""
+        return False
 
     @classmethod
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
