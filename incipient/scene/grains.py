@@ -56,7 +56,10 @@ OnContact = Annotated[
 ]
 
 
-_READ_ONLY = 'is read only with motion = "{}", but the motion is "{{s.motion}}"'
+def _read_only(key: str, motion: str) -> Rule:
+    return Rule(key, lambda s: s.motion != motion and s.changed(key),
+                f'is read only with motion = "{motion}", but the motion is "{{s.motion}}"',
+                f'leave it out, or set motion = "{motion}"')  # fmt: skip
 
 
 def _weightless(s: Any) -> bool:
@@ -82,11 +85,7 @@ class BodySection(Section):
              'give centre instead of x, or motion = "released" for one that starts from its rest'),
         Rule("centre", lambda s: s.motion == "released" and s.x is None,
              "a released grain starts from its rest on the bed", "give x instead of centre"),
-        *(
-            Rule(key, lambda s, key=key, motion=motion: s.motion != motion and s.changed(key),
-                 _READ_ONLY.format(motion), f'leave it out, or set motion = "{motion}"')
-            for key, motion in READ_ONLY_BY.items()
-        ),
+        *(_read_only(key, motion) for key, motion in READ_ONLY_BY.items()),
         Rule("mass", lambda s: s.density is not None and s.mass is not None,
              "is given beside density, from which it follows", "leave one of them out"),
         Rule("density", lambda s: s.is_free and _weightless(s),
@@ -104,7 +103,10 @@ class BodySection(Section):
     if TYPE_CHECKING:
         x: float | None
         centre: Any
+        density: float | None
         motion: str
+        mass: float | None
+        inertia: Any
         on_contact: str
 
     @field_validator("course", check_fields=False)

@@ -17,6 +17,20 @@ def _of_profile(broken: Callable[[Any], bool], why: str, remedy: str) -> Rule:
     return Rule("profile", lambda s: s.inflow == "profile" and broken(s), why, remedy)
 
 
+def _of_inflow(key: str) -> tuple[Rule, Rule]:
+    return (
+        Rule(key, lambda s: s.inflow == "developed" and getattr(s, key) is not None,
+             'is read only with inflow = "given" or "profile"', "leave it out"),
+        Rule(key, lambda s: s.inflow != "developed" and getattr(s, key) is None,
+             'is missing, which inflow = "{s.inflow}" needs', "add it"),
+    )  # fmt: skip
+
+
+def _of_k_epsilon(key: str) -> Rule:
+    return Rule(key, lambda s: not s.has_wall_functions and s.changed(key),
+                'is not read by model = "k-omega-sst"', "leave it out")  # fmt: skip
+
+
 class Turbulence(Section):
     """Turbulence by a model of the mean flow, with effects.turbulence = true."""
 
@@ -31,16 +45,7 @@ class Turbulence(Section):
              'is for smooth walls, but wall is "rough"', "leave it out: the inflow developed over these walls"),
         Rule("upstream_roughness", lambda s: s.upstream_roughness and s.inflow == "given",
              'is not read with inflow = "given"', "leave it out"),
-        *(
-            rule
-            for key in ("intensity", "length")
-            for rule in (
-                Rule(key, lambda s, key=key: s.inflow == "developed" and getattr(s, key) is not None,
-                     'is read only with inflow = "given" or "profile"', "leave it out"),
-                Rule(key, lambda s, key=key: s.inflow != "developed" and getattr(s, key) is None,
-                     'is missing, which inflow = "{s.inflow}" needs', "add it"),
-            )
-        ),
+        *(rule for key in ("intensity", "length") for rule in _of_inflow(key)),
         Rule("profile", lambda s: s.profile and s.inflow != "profile",
              'is read only with inflow = "profile"', "leave it out"),
         _of_profile(lambda s: len(s.profile) < 2 or len(set(map(len, s.profile))) != 1,
@@ -49,11 +54,7 @@ class Turbulence(Section):
                     "has heights that do not ascend from above zero", "sort the rows by height, walls left out"),
         _of_profile(lambda s: any(value <= 0.0 for row in s.profile for value in row[1:]),
                     "has a speed or a k that is not positive", "leave walls out: the law of the wall leads there"),
-        *(
-            Rule(key, lambda s, key=key: not s.has_wall_functions and s.changed(key),
-                 'is not read by model = "k-omega-sst"', "leave it out")
-            for key in OF_K_EPSILON
-        ),
+        *map(_of_k_epsilon, OF_K_EPSILON),
         Rule("c_2", lambda s: not 1.0 < s.c_1 < s.c_2,
              "is {s.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"),
     )  # fmt: skip

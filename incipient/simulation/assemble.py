@@ -234,7 +234,7 @@ def _unknowns(run: Run) -> dict[str, int]:
     """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if any(part.moving() for part in run.parts):
+    if run.plan.has(EffectName.MOVING_MESH):
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
     for part in run.parts:
