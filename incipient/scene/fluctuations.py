@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field
 
-from .messages import either, shown
+from .messages import either
 from .points import FromFile, file_key, read_points
-from .section import SMALLEST, Pair, Positive, Rule, contradiction, is_number, key, rises
+from .section import SMALLEST, Pair, Positive, Rule, allowed, is_number, key, rises
 
 FEWEST, FEWEST_EVENTS = 100, 20  # points of a measured series; gusts that were counted
 GIVEN = ("measured", "events")  # laws of data
@@ -19,6 +19,19 @@ ENDLESS = (
     "is given without microscale: an exponential correlation, whose upcrossings are infinitely many",
     "give gusts.microscale, too",
 )
+
+
+def _size(*words: str) -> BeforeValidator:
+    return allowed(
+        lambda value: (
+            value in (None, *words) or (is_number(value) and SMALLEST <= value < math.inf)
+        ),
+        f"give a number above zero, or {either(words)}",
+    )
+
+
+Intensity = Annotated[Positive | Literal["near-wall", "model"] | None, _size(NEAR_WALL, MODEL)]
+ModelTime = Annotated[Positive | Literal["model"] | None, _size(MODEL)]
 
 
 def _of_data(s: Any) -> str | None:
@@ -87,7 +100,7 @@ class Gusts(FromFile):
         "Distribution of the factor; measured: that of a series; events: of gusts that were counted",
         "lognormal",
     )
-    intensity: Positive | Literal["near-wall", "model"] | None = key(
+    intensity: Intensity = key(
         "Root mean square of the velocity's fluctuation over its mean at the grain [-]; near-wall: by a law of the "
         "wall region; model: by the inflow's k",
         None,
@@ -98,12 +111,12 @@ class Gusts(FromFile):
         None,
         examples=[20.0],
     )
-    microscale: Positive | Literal["model"] | None = key(
+    microscale: ModelTime = key(
         "Time lambda of the correlation 1 - (t/lambda)^2 at short times, for rates [time]; model: by the inflow",
         None,
         examples=[0.5],
     )
-    integral_time: Positive | Literal["model"] | None = key(
+    integral_time: ModelTime = key(
         "Integral of the correlation over time, for gusts that have to last; a measured series has its own [time]; "
         "model: by the inflow",
         None,
@@ -120,14 +133,6 @@ class Gusts(FromFile):
         "its mean, and how long it stayed as high [-, time]",
         (),
     )
-
-    @field_validator("intensity", "microscale", "integral_time", mode="before")
-    @classmethod
-    def _is_a_size(cls, value: Any, info: ValidationInfo) -> Any:
-        words = (NEAR_WALL, MODEL) if info.field_name == "intensity" else (MODEL,)
-        if value is None or value in words or (is_number(value) and SMALLEST <= value < math.inf):
-            return value
-        raise contradiction(f"is {shown(value)}", f"give a number above zero, or {either(words)}")
 
     @classmethod
     def is_needed(cls, data: dict[str, Any]) -> bool:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from ..geometry.placement import Placement
 from ..geometry.shape import Shape
-from .messages import shown
-from .section import NotNegative, Rule, Section, contradiction, require_formula
+from .section import NotNegative, Rule, Section, allowed, formula
 
 # Keys that grains have in 2-D and in 3-D.
 Density = Annotated[
@@ -37,16 +36,17 @@ READ_ONLY_BY = {
     "on_contact": "free",
     "course": "prescribed",
 }
+OfTime = Annotated[str, formula("t")]
 SETTLES = 'on the bed, by contact.friction; "frictionless": without'
 
 
-def _settles(value: Any) -> Any:
-    if not isinstance(value, bool) and value != FRICTIONLESS:
-        raise contradiction(f"is {shown(value)}", f'give true, false or "{FRICTIONLESS}"')
-    return value
-
-
-Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
+Settle = Annotated[
+    bool | Literal["frictionless"],
+    allowed(
+        lambda value: isinstance(value, bool) or value == FRICTIONLESS,
+        f'give true, false or "{FRICTIONLESS}"',
+    ),
+]
 OnContact = Annotated[
     Literal["stop", "touch"],
     Field(
@@ -108,13 +108,6 @@ class BodySection(Section):
         mass: float | None
         inertia: Any
         on_contact: str
-
-    @field_validator("course", check_fields=False)
-    @classmethod
-    def _are_formulas_of_time(cls, course: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        for text in course or ():
-            require_formula(text, "t")
-        return course
 
     @model_validator(mode="after")
     def _has_a_shape(self) -> Self:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, field_validator
+from pydantic import BeforeValidator
 
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
@@ -24,7 +24,7 @@ from .grains import FRICTIONLESS
 from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Rule, Section, contradiction, key
+from .section import NotNegative, Positive, Rule, Section, key
 from .settling import rested
 from .surface import FREE, Surface
 from .turbulence import Turbulence
@@ -65,6 +65,12 @@ class Gravity(Section):
 class Contact(Section):
     """The contact of grain and bed."""
 
+    rules = (
+        Rule("gap", lambda s: s.gap > WIDEST_GAP,
+             "is {s.gap:g}: this gap is too large to represent contact",
+             f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
+    )  # fmt: skip
+
     friction: NotNegative = key("Coefficient of static friction [-]")
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
@@ -83,14 +89,6 @@ class Contact(Section):
         "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
         0.0,
     )
-
-    @field_validator("gap")
-    @classmethod
-    def _is_narrow(cls, gap: float) -> float:
-        if gap > WIDEST_GAP:
-            why = f"is {gap:g}: this gap is too large to represent contact"
-            raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
-        return gap
 
 
 class Time(Section):

@@ -20,7 +20,17 @@ from pydantic_core import PydanticCustomError
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .expression import Expression
-from .messages import WITHIN, Problem, counted, one_line, problem, problems_of, refusal, split
+from .messages import (
+    WITHIN,
+    Problem,
+    counted,
+    one_line,
+    problem,
+    problems_of,
+    refusal,
+    shown,
+    split,
+)
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -42,19 +52,41 @@ Pair = Annotated[tuple[float, float], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
-def three(value: Any, example: str = "[x, y, z]") -> Any:
-    """The value, unless it is a list of another length than three; `example` says what the three would be."""
-    if isinstance(value, list | tuple) and len(value) != 3:
-        raise contradiction(f"has {counted(len(value), 'item')}", f"give three, as in {example}")
-    return value
+def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses values that do not fit."""
+
+    def fitting(value: Any) -> Any:
+        if not fits(value):
+            raise contradiction(f"is {shown(value)}", remedy)
+        return value
+
+    return BeforeValidator(fitting)
 
 
-Triple = Annotated[tuple[float, float, float], Field(strict=False), BeforeValidator(three)]
-PositiveTriple = Annotated[
-    tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)
-]
+def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses lists of another number of items."""
+
+    def as_long(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) not in counts:
+            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
+        return value
+
+    return BeforeValidator(as_long)
 
 
+def formula(variables: str, why: str = "") -> AfterValidator:
+    """The validator of a formula in these variables; `why` is added to what is wrong with others."""
+
+    def in_variables(text: str) -> str:
+        require_formula(text, variables, why)
+        return text
+
+    return AfterValidator(in_variables)
+
+
+_THREE = of_length((3,), "give three, as in [x, y, z]")
+Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
 Text = str | Callable[[Any], str]
 
 

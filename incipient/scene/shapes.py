@@ -8,23 +8,23 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from .. import geometry
 from ..arrays import Point
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
+from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
 from .points import MOST_POINTS, FromFile, about_file, file_key, read_points
-from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key, three
+from .section import NotNegative, Pair, Positive, PositivePair, Rule, Section, key, of_length
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
 Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=MOST_HARMONICS)]
-Course = Annotated[tuple[str, str, str], Field(strict=False)]
+Course = Annotated[tuple[OfTime, OfTime, OfTime], Field(strict=False)]
 
 
-_THREE = BeforeValidator(lambda value: three(value, "[x, y, radius]"))
-Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _THREE]
+_CIRCLE = of_length((3,), "give three, as in [x, y, radius]")
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _CIRCLE]
 
 
 class GrainSection(BodySection):
@@ -194,7 +194,7 @@ class BedSection(Section):
     @property
     def slope_angle(self) -> float:
         """The angle in radians by which gravity is turned."""
-        return 0.0
+        return math.radians(getattr(self, "slope", 0.0))
 
     def forms(self, length: float) -> float:
         """Approximate number of bedforms on a length; 0 in 3-D, where not all are meshed."""
@@ -236,11 +236,6 @@ class Inclined(_Plane):
     slope: float = key(
         "Angle by which the bed falls in the direction of the flow [degrees]", gt=-90, lt=90
     )
-
-    @property
-    def slope_angle(self) -> float:
-        """The angle in radians by which gravity is turned."""
-        return math.radians(self.slope)
 
 
 class Sinusoidal(BedSection):

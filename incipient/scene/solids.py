@@ -7,37 +7,32 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from .. import geometry
 from ..errors import SceneError
 from ..geometry.placement import product, rotation_by
 from ..geometry.plane.grains import MAX_EXPONENT
-from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
-from .messages import counted, split
+from .grains import SETTLES, BodySection, Density, Motion, OfTime, OnContact, Settle
+from .messages import split
 from .points import MOST_POINTS, FromFile, about_file, file_key
-from .section import NotNegative, Positive, PositiveTriple, Rule, Triple, contradiction, key
+from .section import NotNegative, Positive, PositiveTriple, Rule, Triple, key, of_length
 
 MOST_SPHERES = 500
 
 
-def _four(value: Any) -> Any:
-    """Refuse what is not a sphere by what its numbers would mean."""
-    if isinstance(value, list | tuple) and len(value) != 4:
-        raise contradiction(
-            f"has {counted(len(value), 'item')}", "give four, as in [x, y, z, radius]"
-        )
-    return value
-
-
-Ball = Annotated[tuple[float, float, float, Positive], Field(strict=False), BeforeValidator(_four)]
+Ball = Annotated[
+    tuple[float, float, float, Positive],
+    Field(strict=False),
+    of_length((4,), "give four, as in [x, y, z, radius]"),
+]
 Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
 SemiAxes = Annotated[
     PositiveTriple, Field(description="Semi-axes along x, y and z without orientation [length]")
 ]
 Exponent = Annotated[float, Field(ge=2, le=MAX_EXPONENT)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
-Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
+Course = Annotated[tuple[OfTime, OfTime, OfTime, OfTime, OfTime, OfTime], Field(strict=False)]
 
 
 def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from .domain import Domain
 from .expression import Expression
 from .points import FromFile, file_key, read_points
-from .section import NotNegative, Pair, Positive, Rule, Section, key, require_formula, rises
+from .section import NotNegative, Pair, Positive, Rule, Section, formula, key, rises
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
-_VARIABLES = {"elevation": "xy", "pressure": "txy"}
 FREE = "free-surface"
 
 
@@ -39,7 +38,9 @@ class Surface(FromFile):
              "do not ascend in x", "give two or more points sorted by x, each x once"),
     )  # fmt: skip
 
-    elevation: str = key("Formula in x, in 3-D also y: height above the still level [length]", "0")
+    elevation: Annotated[str, formula("xy")] = key(
+        "Formula in x, in 3-D also y: height above the still level [length]", "0"
+    )
     file: str | None = file_key("CSV file of x, elevation", "points", "elevation.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False)] = key(
         "In 2-D, instead of the formula: x and elevation, straight between [length]", ()
@@ -63,7 +64,7 @@ class Surface(FromFile):
     sponge: NotNegative = key(
         "Length before the right end of a channel in which waves die out [length]", 0.0
     )
-    pressure: str = key(
+    pressure: Annotated[str, formula("txy")] = key(
         "Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]", "0"
     )
 
@@ -76,12 +77,6 @@ class Surface(FromFile):
     def read(cls, path: Path, data: dict[str, Any]) -> dict[str, Any]:
         """Places and elevations."""
         return {"points": read_points(path, 2, "Surface")}
-
-    @field_validator("elevation", "pressure")
-    @classmethod
-    def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
-        require_formula(text, _VARIABLES[str(info.field_name)])
-        return text
 
     def height(self, x: np.ndarray) -> np.ndarray:
         """Elevations (n,) above the still level at time zero, at places (3, n). Not collective."""

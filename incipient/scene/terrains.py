@@ -41,11 +41,6 @@ class TerrainSection(BedSection):
         self.require(self.shape_key, lambda: self.terrain(0.0))
         return self
 
-    @property
-    def slope_angle(self) -> float:
-        """The angle in radians by which gravity is turned."""
-        return math.radians(self.slope)
-
 
 class SphereBed(TerrainSection):
     """Spheres of one size, the lowest sunk by half into the base plane."""
