@@ -2,8 +2,10 @@
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from ..arrays import Floats
 from .effects import Choice
 from .messages import counted
 from .section import Positive, Rule, Section, contradiction, key
@@ -107,6 +109,12 @@ class Domain(Section):
         """The least and the largest y of a 3-D domain."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
+
+    def grid(self, *counts: int) -> Floats:
+        """Points (n, k) evenly over the domain, from end to end, of k counts: along the flow, across, and in height."""
+        sides = (*self.spans, (self.bottom, self.ceiling))
+        axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     @property
     def middle(self) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import SceneError
 
 VARIABLES = ("x", "y", "z", "t")
@@ -123,6 +124,12 @@ def _refusal(text: str, why: str, remedy: str = _VOCABULARY, key: str = "") -> S
 def expressions(texts: Sequence[str], key: str) -> list[Expression]:
     """The formulas that a scene has in a list under a key."""
     return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
+
+
+def of_time(texts: Sequence[str], key: str) -> Callable[[float], Floats]:
+    """The values (n,) at a time of formulas in t that a scene has in a list under a key."""
+    formulas, origin = expressions(texts, key), np.zeros((3, 1))
+    return lambda time: np.array([float(one(origin, time)[0]) for one in formulas])
 
 
 def _number(node: ast.AST, names: dict[str, Any], text: str) -> Any:
