@@ -24,8 +24,6 @@ from ...mesh.sampling import Locator, sample
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
-from ...restart.checkpoint import StoredSurface
-from ...restart.redistribution import numbered_nodes, spread_nodes
 from ...results.elevations import ElevationReading, Elevations
 from ...scene.surface import stations_of
 from ..run_part import RunPart, Stage
@@ -230,6 +228,9 @@ class MovingSurface(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """Elevations now and before, and the places of the mesh."""
+        from ...restart.checkpoint import StoredSurface
+        from ...restart.redistribution import numbered_nodes
+
         assert coupling is not None
         part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
         kept = StoredSurface(
@@ -242,6 +243,8 @@ class MovingSurface(RunPart):
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take elevations and places of the mesh from a checkpoint."""
+        from ...restart.redistribution import spread_nodes
+
         assert kept.surface is not None and coupling is not None
         part, mesh = self.part, coupling.fluid.domain.mesh
         elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()

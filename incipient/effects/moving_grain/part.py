@@ -26,8 +26,6 @@ from ...planning.body import initial_state, rigid_body
 from ...planning.clearance import Clearance, Surroundings
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
-from ...restart.checkpoint import StoredBody
-from ...restart.redistribution import numbered_nodes, spread_nodes
 from ...results.loads import apart, named, named_couple
 from ..run_part import RunPart, Stage
 
@@ -259,6 +257,9 @@ class MovingGrain(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """The grain, its coupling to the fluid and its mesh."""
+        from ...restart.checkpoint import StoredBody
+        from ...restart.redistribution import numbered_nodes
+
         assert coupling is not None
         part, mean = self.part, self.part.mean_load
         nodes = numbered_nodes(coupling.fluid.domain.mesh)
@@ -284,6 +285,8 @@ class MovingGrain(RunPart):
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take state and past from a checkpoint; the part is one made for its mesh."""
+        from ...restart.redistribution import spread_nodes
+
         assert kept.body is not None and coupling is not None
         part, body, mesh = self.part, kept.body, coupling.fluid.domain.mesh
         part.mesh.weights[:] = spread_nodes(mesh, body.weights)
