@@ -20,8 +20,8 @@ from ..contact.verdict import judge
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..input_files import read_text
+from ..scene import Body
 from ..scene.file import parse, read
-from ..scene.kinds import Body
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
 from ..scene.section import NotNegative, Positive, Section, contradiction, key

@@ -3,8 +3,10 @@
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +15,10 @@ from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression, expressions, of_time
 from .messages import Problem, split
-from .model import SceneSections, Time
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from .model import Scene, Time
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
@@ -34,7 +38,7 @@ def contradictory(found: Iterator[str]) -> Iterator[Problem]:
         yield Problem(key, *split(str(error)))
 
 
-def differences(scene: SceneSections) -> Iterator[str]:
+def differences(scene: Scene) -> Iterator[str]:
     """What keeps a 3-D scene from being its own mirror image, in words."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
