@@ -24,7 +24,7 @@ from ..scene import Body
 from ..scene.file import parse, read
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Section, contradiction, key
+from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -99,23 +99,22 @@ class CaseLoad(Section):
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
 
 
+def _as_many(name: str) -> Rule:
+    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
+                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
+                "give one for each point")  # fmt: skip
+
+
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
+
+    rules = tuple(map(_as_many, ("normals", "areas")))
 
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
-
-    @model_validator(mode="after")
-    def _as_many(self) -> CaseContacts:
-        for name in ("normals", "areas"):
-            given = getattr(self, name)
-            if given is not None and len(given) != len(self.points):
-                why = f"{len(given)} given for {counted(len(self.points), 'point')}"
-                raise self.refused(name, why, "give one for each point")
-        return self
 
 
 class CaseGrain(Section):
