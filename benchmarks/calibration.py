@@ -216,9 +216,10 @@ def table(rows: list[Row]) -> str:
     """The table of all scenes, and what it comes to."""
     ratio = float(np.median([row.corrected_bar / row.computed_bar for row in rows]))
     within = sum(row.within for row in rows)
+    alone = sum(row.corrected <= row.corrected_bar for row in rows)
     summary = (
-        f"{within} of {len(rows)} corrected forces are within their bars (and those of the true forces); "
-        f"the bars are {ratio:.2f} times those without corrections in the median."
+        f"{within} of {len(rows)} corrected forces differ from the finer runs' by less than both bars together, "
+        f"{alone} by less than their own bars. The median ratio of bars with and without corrections is {ratio:.2f}."
     )
     return "\n".join([HEAD, *(row.text() for row in rows), "", summary])
 

@@ -36,11 +36,11 @@ CASES: dict[str, tuple[Path, tuple[str, ...]]] = {
     "sphere in a pocket": (SCENES / "sphere_in_pocket.toml", ()),
     "free sphere, Re 100": (MINE / "free_sphere.toml", ()),
 }
-HEAD = """| scene | asked for | corrected: error | s | MiB | unknowns | as computed: error | s | MiB | unknowns |
-| --- | --: | --: | --: | --: | --: | --: | --: | --: | --: |"""
+HEAD = """| scene | accuracy | corrected: error | s | as computed: error | s |
+| --- | --: | --: | --: | --: | --: |"""
 
 
-UNTRIED = ("not tried", "", "", "")  # after a larger error that was not reached
+UNTRIED = ("not tried", "")  # after a larger error that was not reached
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,9 @@ class Row:
         return self.error <= (self.asked or math.inf)
 
     def cells(self) -> tuple[str, ...]:
-        """Cells of the table: error, seconds, MiB, unknowns; an error that was not reached in brackets."""
+        """Cells of the table: error and seconds; an error that was not reached in brackets."""
         error = f"{100 * self.error:.2g}%"
-        return (
-            error if self.reached else f"({error})",
-            f"{self.seconds:.1f}",
-            f"{self.mib:.0f}",
-            f"{self.unknowns:,}",
-        )
+        return (error if self.reached else f"({error})", f"{self.seconds:.0f}")
 
 
 def row_of(
@@ -117,9 +112,9 @@ def table(rows: dict[tuple[str, float | None, bool], Row]) -> str:
     if ratios:
         lines += [
             "",
-            f"With corrected loads {len(ratios)} of {3 * len(CASES)} accuracies are reached, "
-            f"{ratios.count(0.0)} of them not with loads as computed. Their time is {median(ratios):.2f} of that with "
-            "loads as computed in the median, counted as 0 where those do not reach it.",
+            f"Corrected loads reach {len(ratios)} of {3 * len(CASES)} accuracies; {ratios.count(0.0)} of these are not "
+            "reached by loads as computed. "
+            f"The median ratio of the times is {median(ratios):.2f}, with 0 for the latter.",
         ]
     return "\n".join(lines)
 

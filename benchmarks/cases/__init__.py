@@ -7,7 +7,6 @@ from . import (
     free_body,
     grain,
     memory,
-    outlines,
     ranks,
     steep_cavity,
     vortex_street,
@@ -23,5 +22,4 @@ ALL = {
     "ranks": ranks,
     "memory": memory,
     "contact": contact,
-    "outlines": outlines,
 }

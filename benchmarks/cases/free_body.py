@@ -10,8 +10,6 @@ from tables import Row, seconds
 
 SCENE = "pothole_1"
 SIZES = (1.0, 0.3)
-GOAL = 0.15
-FROM_UNKNOWNS = 20_000  # on which the goal is set
 OWN = ("interface", "mesh motion")  # of the coupling; the rest a fixed grain has as well
 # So little way that the mesh stretches without a new one.
 SETTINGS = {
@@ -39,12 +37,6 @@ def share(row: Row) -> float:
     return sum(stages.get(name, 0.0) for name in OWN) / (
         stages["total"] - stages.get("remeshing", 0.0)
     )
-
-
-def fine(rows: list[Row]) -> Row | None:
-    """The row on which the goal is set."""
-    able = [row for row in rows if "error" not in row and row["unknowns"] >= FROM_UNKNOWNS]
-    return able[0] if able else None
 
 
 def describe(data: dict[str, Any]) -> str:
