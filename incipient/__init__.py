@@ -28,6 +28,7 @@ from .errors import (
 
 if TYPE_CHECKING:
     from .effects.plan import make_plan
+    from .flumes import flume
     from .output.critical_flow import threshold
     from .output.entrainment import entrainment
     from .output.gust_curve import gusts
@@ -47,6 +48,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "entrainment",
+    "flume",
     "gusts",
     "load",
     "make_plan",
@@ -59,6 +61,7 @@ __all__ = [
 # Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
 _LATER = {
     "Plan": "planning.plan",
+    "flume": "flumes",
     "make_plan": "effects.plan",
     "Scene": "scene",
     "load": "scene",
