@@ -8,7 +8,7 @@ from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..scene.grains import FRICTIONLESS
+from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
@@ -34,7 +34,10 @@ class ContactEffect(Effect):
         elif scene.body is not None and scene.body.settle:
             friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
             reason += f", where it settled with friction {friction:g}"
-            reason += ' (settle = "frictionless" gives one rest to compare)'
+            if scene.body.settle == LEVEL:
+                reason += " on the level bed"
+            else:
+                reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
     def warnings(self, setup: Setup) -> Iterator[str]:

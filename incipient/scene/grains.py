@@ -29,6 +29,7 @@ Motion = Annotated[
     ),
 ]
 FRICTIONLESS = "frictionless"
+LEVEL = "level"
 # Keys that only a grain with this motion reads.
 READ_ONLY_BY = {
     "velocity": "free",
@@ -37,16 +38,16 @@ READ_ONLY_BY = {
     "on_contact": "free",
     "course": "prescribed",
 }
-SETTLES = 'on the bed, by contact.friction; "frictionless": without'
+SETTLES = 'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
 
 
 def _settles(value: Any) -> Any:
-    if not isinstance(value, bool) and value != FRICTIONLESS:
-        raise contradiction(f"is {shown(value)}", f'give true, false or "{FRICTIONLESS}"')
+    if not isinstance(value, bool) and value not in (FRICTIONLESS, LEVEL):
+        raise contradiction(f"is {shown(value)}", f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"')
     return value
 
 
-Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
+Settle = Annotated[bool | Literal["frictionless", "level"], BeforeValidator(_settles)]
 OnContact = Annotated[
     Literal["stop", "touch"],
     Field(

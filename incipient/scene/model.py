@@ -20,7 +20,7 @@ from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .fluctuations import Gusts
-from .grains import FRICTIONLESS
+from .grains import FRICTIONLESS, LEVEL
 from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
@@ -318,8 +318,8 @@ class SceneSections(Section):
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
-        does not.
+        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
+        Raises SceneError if it does not.
         """
         body = self.body
         if body is None:
@@ -337,10 +337,9 @@ class SceneSections(Section):
             over.append(self.domain.middle if body.aside is None else body.aside)
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
-            down, friction = (
-                tuple(self.gravity_direction),
-                self.contact.friction if self.contact else None,
-            )
+            upright = (*[0.0] * (self.gdim - 1), -1.0)
+            down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
+            friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
