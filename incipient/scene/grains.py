@@ -38,12 +38,16 @@ READ_ONLY_BY = {
     "on_contact": "free",
     "course": "prescribed",
 }
-SETTLES = 'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+SETTLES = (
+    'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+)
 
 
 def _settles(value: Any) -> Any:
     if not isinstance(value, bool) and value not in (FRICTIONLESS, LEVEL):
-        raise contradiction(f"is {shown(value)}", f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"')
+        raise contradiction(
+            f"is {shown(value)}", f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"'
+        )
     return value
 
 

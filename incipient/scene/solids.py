@@ -158,6 +158,27 @@ class Cylinder(SolidSection):
         return geometry.Cylinder(self.diameter, self.length)
 
 
+class Capsule(SolidSection):
+    """A cylinder with hemispheres as ends, its axis along y before it is turned."""
+
+    shape: Literal["capsule"] = key("Shape of the grain", "capsule")
+    diameter: Positive = key("Diameter [length]")
+    length: Positive = key("Length with the ends, above the diameter [length]")
+
+    @model_validator(mode="after")
+    def _is_long(self) -> Capsule:
+        if self.length <= self.diameter:
+            why = f"is {self.length:g}, no more than the diameter"
+            raise self.refused(
+                "length", why, f'give more than {self.diameter:g}, or shape = "sphere"'
+            )
+        return self
+
+    def new_grain(self) -> geometry.Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
+
+
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
@@ -278,4 +299,6 @@ class Mesh(SolidSection):
         )
 
 
-SolidBody = Sphere | Cylinder | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+SolidBody = (
+    Sphere | Cylinder | Capsule | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+)
