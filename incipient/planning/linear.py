@@ -43,6 +43,8 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
+    if upwinds(setup) and setup.is_averaged:
+        return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
     if upwinds(setup):
         return Method("block", f"{DEAR}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..effects import known
+from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json
 from ..pictures.style import STATES
@@ -76,7 +77,6 @@ def context_of(record: Path) -> Context:
 
 def _of_run(stored: Context, record: Path) -> Context:
     case = None if stored["verdict"] is None else judged(stored["verdict"], record)
-    found = (effect.findings(stored) for effect in known.EFFECTS)
     bars = stored["error_bars"], stored["without_error_bars"]
     return {
         "planar": stored["scene"]["domain"].get("width") is None,
@@ -87,7 +87,7 @@ def _of_run(stored: Context, record: Path) -> Context:
         "captions": CAPTIONS,
         "forces": FORCES,
         "quantities": partial(_quantities, stored),
-        "findings": [finding for finding in found if finding is not None],
+        "turbulence": findings(stored),
         "omissions": [Omission(**omission) for omission in stored["omitted"]],
     }
 

@@ -18,9 +18,8 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
-    for part in run.parts:
-        if (mean := part.mean_load()) is not None:
-            flow = replace(flow, force=mean[0], couple=mean[1])
+    if run.turbulence is not None and (mean := run.turbulence.mean_load()) is not None:
+        flow = replace(flow, force=mean[0], couple=mean[1])
     check = probe.surface_resultant() if surface else flow
     (buoyancy, weight), unit = weights(scene), speed**2
     placement = scene.placement if run.grain is None else run.grain.state.placement

@@ -18,8 +18,6 @@ from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
-from ...geometry.plane.beds import Flat
-from ...geometry.space.beds import Plane
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
@@ -131,7 +129,5 @@ def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
 
     Raises SceneError if there are none.
     """
-    scene, level = setup.scene, setup.scene.domain.bottom
-    assert scene.grain is not None
-    bed = scene.bed_shape or (Flat(level) if scene.gdim == 2 else Plane(origin_z=level))
-    return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))
+    near, gap = setup.geometry.near_bed, setup.geometry.gap
+    return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))

@@ -156,10 +156,6 @@ class TurbulentFlow(RunPart):
             return None
         return found.loads[:3], grain.size * found.loads[3:]
 
-    def start(self, steady: TurbulentFlow) -> None:
-        """Take both quantities of a steady flow on the mesh."""
-        self.fields.state.x.array[:] = steady.fields.state.x.array
-
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere."""
         enters, logarithms = self._entering()
