@@ -148,14 +148,11 @@ class Capsule(SolidSection):
     diameter: Positive = key("Diameter [length]")
     length: Positive = key("Length with the ends, above the diameter [length]")
 
-    @model_validator(mode="after")
-    def _is_long(self) -> Capsule:
-        if self.length <= self.diameter:
-            why = f"is {self.length:g}, no more than the diameter"
-            raise self.refused(
-                "length", why, f'give more than {self.diameter:g}, or shape = "sphere"'
-            )
-        return self
+    rules = (
+        *SolidSection.rules,
+        Rule("length", lambda s: s.length <= s.diameter, "is {s.length:g}, no more than the diameter",
+             'give more than {s.diameter:g}, or shape = "sphere"'),
+    )  # fmt: skip
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
