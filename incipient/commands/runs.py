@@ -27,7 +27,7 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
         log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice, options.overwrite)
-    _tell(result, directory, comm)
+    _tell(result, directory, comm, options.verbose)
     return 0
 
 
@@ -36,7 +36,7 @@ def resume(options: argparse.Namespace, comm: Comm) -> int:
     require_left_by(options.directory, ("scene.toml",), comm)
     with telling(comm.rank) as voice:
         result = incipient.resume(options.directory, options.overrides, comm, voice)
-    _tell(result, options.directory, comm)
+    _tell(result, options.directory, comm, options.verbose)
     return 0
 
 
@@ -53,11 +53,11 @@ def threshold(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
-def _tell(result: Result, directory: Path, comm: Comm) -> None:
+def _tell(result: Result, directory: Path, comm: Comm, details: bool) -> None:
     """Say what came out and where it is; then draw the pictures if the scene wants some."""
     output, cost = result.scene["output"], result.cost
     if comm.rank == 0:
-        print(result.text())
+        print(result.text(details))
         print(f"verdict and numbers {directory / 'result.json'}")
         if output["fields"]:
             print(f"for ParaView        {directory / 'fields.xdmf'}")

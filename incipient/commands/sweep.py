@@ -12,7 +12,7 @@ from ..progress import telling
 from ..sweep.axes import parsed
 from ..sweep.cases import Source
 from ..sweep.procedure import LIMIT, Means, SweepProgress, computed_into
-from ..sweep.request import RefinementOptions, Request, parsed_seconds, requested
+from ..sweep.request import Request, parsed_seconds, requested
 from ..sweep.store import DONE, FAILED, Store
 from .options import refuse_old_workers
 
@@ -56,7 +56,9 @@ def _request(options: argparse.Namespace) -> Request:
         options.cases,
         options.do,
         options.overrides,
-        RefinementOptions(options.refine, options.most, options.quantity),
+        options.refine,
+        options.most,
+        options.quantity,
     )
 
 

@@ -16,7 +16,7 @@ from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..geometry.placement import Placement
 from ..judging.case import Case
-from ..scene import Body, Scene, load
+from ..scene import Body, Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from . import style
@@ -39,7 +39,7 @@ from .plane import (
     mark_contacts,
     show_place,
 )
-from .record import StoredRun, parsed_json
+from .record import StoredRun, parsed_json, scene_of
 from .sheet import (
     Group,
     contact_rows,
@@ -72,7 +72,7 @@ class Shape:
 
 def of_run(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and torque; the verdict in words; the numbers behind it."""
-    stored, scene = run.result.get("verdict"), Scene(**run.scene)
+    stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
     if stored is None:
@@ -114,7 +114,7 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
     figure, axes = sheet(
         "The forces on the grain; the scene asks for no verdict.", "", run.headline
     )
-    forces, torque = run.acting(), run.space("couple", "flow")
+    forces, torque = run.acting(), run.space("torque", "flow")
     write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
     if run.in_space:
         axes.set_axis_off()
@@ -207,12 +207,9 @@ def draw_threshold(directory: Path) -> list[Path]:
     """
     source, path = directory / "threshold.json", directory / "threshold.png"
     stored, again = parsed_json(source), "find the threshold again"
-    scene_file = directory / "scene.toml"
-    if not scene_file.exists():
-        raise OutputError(f"{scene_file}: no such file; {again}")
-    scene = load(scene_file)
+    scene = scene_of(directory)
     if scene.grain is None or scene.bed_shape is None:
-        raise OutputError(f"{scene_file}: has no grain on a bed; {again}")
+        raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     with style.applied():
         try:
             figure = _threshold(stored, scene, source)

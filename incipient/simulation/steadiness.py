@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results.steady import Steadied
+from ..results.result import Steadied
 
 if TYPE_CHECKING:
     from ..effects.run_part import RunPart

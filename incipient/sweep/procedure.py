@@ -31,7 +31,7 @@ from .axes import of_mapping
 from .cases import Source, SweepCase
 from .cluster import client_of, exceeded_memory, local_client, number_of_workers, usual_jobs
 from .refinement import SweepRefinement
-from .request import RefinementOptions, Request, parsed_seconds, requested
+from .request import Request, parsed_seconds, requested
 from .store import DONE, FAILED, Store
 from .table import in_words
 from .worker import RELEASE, CaseOutcome, computed_within
@@ -155,7 +155,9 @@ def run(
         None if cases is None else Path(cases),
         do,
         settings,
-        RefinementOptions(refine, most, quantity),
+        refine,
+        most,
+        quantity,
     )
     return computed_into(Path(file), request, means, voice or Silent())
 

@@ -16,7 +16,7 @@ from PIL import Image
 import incipient
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import OutputError
-from incipient.reporting import RECORDS, part
+from incipient.reporting import part
 from incipient.reporting.page import (
     TEMPLATES,
     Bounded,
@@ -29,7 +29,9 @@ from incipient.reporting.page import (
     error_size,
     look,
 )
-from incipient.results.si import FLOW, in_si
+from incipient.reporting.results import _in_si
+from incipient.results.kinds import KINDS
+from incipient.results.si import in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 GUSTS = {
@@ -78,7 +80,7 @@ def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     errors = [0.3, 0.4, None]
     assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
     assert error_cell(errors, "force", True) == (0.3, 0.4)
-    assert math.isnan(error_cell(errors, "couple", True))
+    assert math.isnan(error_cell(errors, "torque", True))
     assert error_cell(errors, "centreline", True) == 0.4
 
 
@@ -88,7 +90,7 @@ def test_short_lists_of_settings_stand_on_a_line() -> None:
 
 
 def test_every_record_has_a_template_that_can_be_read() -> None:
-    names = {Path(name).with_suffix(".html").name for name in RECORDS} | {"sweep.html", "page.html"}
+    names = {f"{kind.name}.html" for kind in KINDS} | {"sweep.html", "page.html"}
     for path in TEMPLATES.glob("*.html"):
         Environment().parse(path.read_text(encoding="utf-8"))
         names.discard(path.name)
@@ -128,15 +130,15 @@ def test_numbers_in_si_units() -> None:
             "body.density=2.65",
         ],
     )
-    shown = environment(si_of_flow=FLOW).get_template("numbers.html").module
-    page = shown.in_si(in_si(scene))
+    shown = environment(in_si=_in_si).get_template("numbers.html").module
+    page = shown.si(in_si(scene))
     row = r'row">([^<]*)</th><td class="number"><data value="([^"]*)">[^<]*</data></td><td class="">([^<]*)<'
     told = {name: (float(value), unit) for name, value, unit in re.findall(row, page)}
     assert told["nominal diameter"] == (pytest.approx(1e-3), "m")
     assert told["stress on the bed"] == (pytest.approx(5e-3), "Pa")
     assert told["shear velocity"] == (pytest.approx(5e-6**0.5), "m/s")
     assert told["one unit of time of the scene"] == (pytest.approx(0.2), "s")
-    assert not shown.in_si(None).strip()
+    assert not shown.si(None).strip()
 
 
 def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> None:
