@@ -34,6 +34,8 @@ class OutputQuantity:
     heading: str = ""  # of the table of the page in which it stands; empty: in none
     # Its value in a run, which result.json then has under the key; None: it is part of something else there
     measure: Callable[[Any], Any] | None = None
+    # Its value by the rest of result.json as plain data, which has it under the key; None: it is not derived
+    derive: Callable[[Mapping[str, Any]], Any] | None = None
     at_steps: bool = False  # whether it is measured after each step for history.csv
     line: str = ""  # of the screen on which it stands, beside others of that line; empty: on none
     short: str | None = None  # its name on that line; None: its words
@@ -117,6 +119,14 @@ def at(stored: Any, key: str) -> Any:
         else:
             stored = stored[int(part)] if part.isdigit() and stored is not None else None
     return stored
+
+
+def put(stored: dict[str, Any], key: str, value: Any) -> None:
+    """Store a value at a key such as ``force.pressure`` of plain data, unless that has no such section."""
+    section, _, name = key.rpartition(".")
+    within = at(stored, section) if section else stored
+    if within is not None:
+        within[name] = value
 
 
 def gdim_of(stored: Mapping[str, Any]) -> int:

@@ -21,7 +21,7 @@ from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
-from .quantity import OutputQuantity, as_stored, screen_lines
+from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
 from .trajectory import number_words, place_words, trajectory_lines
 
@@ -205,10 +205,10 @@ class Result:
         stored["schema_version"] = SCHEMA_VERSION
         stored["separated"] = longest_first(self.separated).tolist() if self.separated else None
         for key, value in (self.measured or {}).items():
-            section, _, name = key.rpartition(".")
-            within = stored[section] if section else stored
-            if within is not None:
-                within[name] = value
+            put(stored, key, value)
+        for quantity in self.quantities:
+            if quantity.derive is not None:
+                put(stored, quantity.key, quantity.derive(stored))
         loads = {one.column: one.value(stored) for one in self.quantities if one.is_load}
         known = {name: load for name, load in loads.items() if name and load is not None}
         stored["si"] = with_loads(self.si, known)
