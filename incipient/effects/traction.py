@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
-from ..results.quantity import OutputQuantity
+from ..results.quantity import OutputQuantity, at
 from .effect import Effect
+from .run_part import Solving
 
 # What force and torque have parts of in results, with their names on a page.
 _PARTS = {
@@ -34,12 +38,45 @@ def _load(unit: str, part: str) -> OutputQuantity:
     return load
 
 
+def _viscous(unit: str, run: Solving) -> Any:
+    """The viscous part (3,) of a computed load, None without a grain. Collective."""
+    if run.probe is None:
+        return None
+    found = run.probe.viscous_resultant()
+    return found.force if unit == "force" else found.couple
+
+
+def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
+    """The rest of the surface integral, None without a grain."""
+    whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
+    return None if whole is None else whole - viscous
+
+
+def _parts(unit: str) -> Iterator[OutputQuantity]:
+    """The pressure and the viscous part of a computed load: no correction is known of either."""
+    for part in ("pressure", "viscous"):
+        yield OutputQuantity(
+            f"{unit}.{part}",
+            f"{part} part of the {'' if unit == 'force' else 'torque as a '}surface integral, not corrected",
+            unit,
+            column=f"{part}_{unit}",
+            heading=unit,
+            line=f"{part} part",
+            short="" if unit == "force" else "torque",
+            detail=True,
+            measure=partial(_viscous, unit) if part == "viscous" else None,
+            derive=partial(_pressure, unit) if part == "pressure" else None,
+        )
+
+
 class TractionEffect(Effect):
     """Force and torque of the fluid on the grain."""
 
     name = EffectName.TRACTION
     quantities = (
         *(_load(unit, part) for part in _PARTS for unit in ("force", "torque")),
+        *_parts("force"),
+        *_parts("torque"),
         *(
             OutputQuantity(
                 f"coefficients.{name}",

@@ -136,7 +136,10 @@ def _in_si(found: Context | None) -> list[tuple[str, Any, str]]:
     """Name, value and unit of flow, loads and units of a result in SI units; none without."""
     if found is None:
         return []
-    loads = [(f"{name.replace('_', ' ')} of the flow", *more) for name, *more in si_loads(found)]
+    loads = [
+        (f"{name.replace('_', ' ')} of the flow", words, unit)
+        for name, words, unit in si_loads(found)
+    ]
     named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
     units = [(f"one unit of {name} of the scene", found["units"][name], u) for name, u in named]
     return [*si_rows(found), *loads, *units]

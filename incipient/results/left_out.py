@@ -25,8 +25,9 @@ class Omission:
 
     def lines(self) -> list[str]:
         """One line for a reader, and a warning where one is due."""
-        known = self.relative is not None
-        size = f"by about {percent(self.relative)}" if known else "by an unknown amount"
+        size = "by an unknown amount"
+        if self.relative is not None:
+            size = f"by about {percent(self.relative)}"
         told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
             told.append(
