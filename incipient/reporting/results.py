@@ -16,7 +16,6 @@ from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.quantity import OutputQuantity, at, gdim_of
-from ..results.safetybar import SafetyBar
 from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
 from .page import Bounded, erring
@@ -174,19 +173,8 @@ def certainty(stored: Context | None, without: str) -> str:
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
     bar = stored["safety_factor"]
-    return sentence(safety_bar(bar).sentence()) if bar is not None else ""
-
-
-def safety_bar(stored: Context) -> SafetyBar:
-    """The range of safety factors as a result holds it, where null is infinite."""
-
-    def ends(found: list[float | None] | None) -> tuple[float, float] | None:
-        return None if found is None else (_finite(found[0]), _finite(found[1]))
-
-    numbers = {name: _finite(stored[name]) for name in ("value", "low", "high")}
-    ranges = {name: ends(stored[name]) for name in ("some", "every")}
-    words_of = {name: tuple(stored[name]) for name in ("modes", "unknown")}
-    return SafetyBar(**{**stored, **numbers, **ranges, **words_of})
+    # Results of earlier versions have no sentence.
+    return sentence(bar["sentence"]) if bar is not None and "sentence" in bar else ""
 
 
 def _finite(value: float | None) -> float:

@@ -16,6 +16,8 @@ from PIL import Image
 import incipient
 from incipient.effects.turbulence import TurbulenceEffect
 from incipient.errors import OutputError
+from incipient.pictures.apart import draw_apart
+from incipient.pictures.record import parsed_json
 from incipient.reporting import part
 from incipient.reporting.page import (
     TEMPLATES,
@@ -176,3 +178,28 @@ def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"mine\.html: was not written by incipient"):
         incipient.report(tmp_path, tmp_path / "mine.html")
     assert (tmp_path / "mine.html").read_text() == "mine"
+
+
+def test_a_directory_of_poses_is_shown_and_reported(tmp_path: Path) -> None:
+    """Two thresholds of four poses, one of which has no rest; one run has failed."""
+    stored = {"shields": [0.02, 0.05], "modes": {"rolling": 2}, "poses": 4, "refused": 1}
+    record = json.dumps(stored | {"reason": "rolls away", "failed": 1})
+    (tmp_path / "poses.json").write_text(record)
+    page = incipient.report(tmp_path).read_text()
+    assert (tmp_path / "poses.png").is_file() and "4 poses: 2 thresholds, failed runs: 1." in page
+    assert "Poses without a rest: 1, the first: rolls away." in page
+    assert '<th scope="row">median</th><td class="number"><data value="0.02">' in page
+
+
+def test_results_of_an_earlier_version_are_read_or_refused_with_what_to_do(tmp_path: Path) -> None:
+    """The torque was called couple; a scene may have a key that is retired."""
+    (tmp_path / "result.json").write_text('{"couple": {"flow": [1]}, "terms": [{"couple": 2}]}')
+    stored = parsed_json(tmp_path / "result.json")
+    assert stored == {"torque": {"flow": [1]}, "terms": [{"torque": 2}]}
+    text = SCENE.read_text().replace("[numerics]", "[numerics]\nform = 'advective'")
+    (tmp_path / "scene.toml").write_text(text)
+    complaint = draw_apart(tmp_path).complaint
+    assert "scene.toml: numerics.form: " in complaint and "leave it out" in complaint
+    assert complaint.endswith(
+        "show them with the version that wrote them, or run that scene again, changed so"
+    )
