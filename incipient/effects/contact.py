@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..results.quantity import OutputQuantity, at
+from ..results.of_runs import VERDICT
 from ..scene.grains import FRICTIONLESS
 from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
@@ -19,32 +17,11 @@ from .effect import Effect, Solved
 NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
 
 
-def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of the safety factor, where null is infinite."""
-    bar = at(stored, "error_bars.safety_factor")
-    if bar is None:
-        return None
-    low, high = (math.inf if bar[end] is None else bar[end] for end in ("low", "high"))
-    return low, high
-
-
 class ContactEffect(Effect):
     """Contact forces between a grain at rest and its bed, by which both judges decide."""
 
     name = EffectName.CONTACT
-    quantities = (
-        OutputQuantity("verdict.mode", "mode", column="mode"),
-        OutputQuantity("verdict.moves", "moves", column="moves"),
-        OutputQuantity(
-            "verdict.safety_factor",
-            "safety factor",
-            column="safety_factor",
-            ends=_safety,
-            unbounded=True,
-        ),
-        OutputQuantity("error_bars.safety_factor.certain", "certain", column="certain"),
-        OutputQuantity("verdict.judges.criteria.wording", "the paper's criteria", column="paper"),
-    )
+    quantities = VERDICT
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where a grain rests on a bed."""

@@ -11,64 +11,18 @@ from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
-from ..results.quantity import OutputQuantity
+from ..results.of_runs import FLOW
 from .effect import Effect
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
 
 
-OVER_BED = "flow over the bed"
-# Extreme velocities on the centrelines of a lid-driven box, in the order of their errors: upwards is v2, in 3-D v3.
-EXTREMES = (
-    ("minimum of v1",),
-    ("maximum of v2", "maximum of v3"),
-    ("minimum of v2", "minimum of v3"),
-)
-
-
-def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantity]:
-    """An extreme velocity, and where it is."""
-    value = OutputQuantity(
-        f"centrelines.{name}.value",
-        name,
-        error=f"error_bars.centreline.{place}",
-        heading="other numbers",
-        line=name,
-        short="",
-    )
-    return value, OutputQuantity(f"centrelines.{name}.position", "at", line=name)
-
-
 class FlowEffect(Effect):
     """The motion of the fluid."""
 
     name = EffectName.FLOW
-    quantities = (
-        OutputQuantity(
-            "plan.numbers.shields", "Shields number", column="flow_shields", line=OVER_BED
-        ),
-        OutputQuantity("plan.numbers.shear_reynolds", "shear Reynolds number", line=OVER_BED),
-        *(
-            one
-            for place, names in enumerate(EXTREMES)
-            for name in names
-            for one in _on_centreline(place, name)
-        ),
-        *(
-            OutputQuantity(
-                f"separated.0.{end}",
-                f"x at which the flow along the bed {does}",
-                "length",
-                column,
-                error=f"error_bars.separated.{end}",
-                heading="other numbers",
-            )
-            for end, (does, column) in enumerate(
-                (("separates", "separation"), ("reattaches", "reattachment"))
-            )
-        ),
-    )
+    quantities = FLOW
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
