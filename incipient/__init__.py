@@ -29,11 +29,8 @@ from .errors import (
 if TYPE_CHECKING:
     from .effects.plan import make_plan
     from .flumes import flume
-    from .output.critical_flow import threshold
-    from .output.entrainment import entrainment
-    from .output.gust_curve import gusts
-    from .output.new_run import run
-    from .output.reopening import resume
+    from .output.runs import resume, run
+    from .output.searches import entrainment, gusts, threshold
     from .planning.plan import Plan
     from .scene import Scene, load
 
@@ -65,11 +62,11 @@ _LATER = {
     "make_plan": "effects.plan",
     "Scene": "scene",
     "load": "scene",
-    "run": "output.new_run",
-    "resume": "output.reopening",
-    "threshold": "output.critical_flow",
-    "gusts": "output.gust_curve",
-    "entrainment": "output.entrainment",
+    "run": "output.runs",
+    "resume": "output.runs",
+    "threshold": "output.searches",
+    "gusts": "output.searches",
+    "entrainment": "output.searches",
 }
 
 

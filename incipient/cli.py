@@ -124,13 +124,13 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ),
         (
             "gust",
-            "gusts",
+            "runs",
             options.of_gust,
             "find the weakest gusts that move the grain out of its pocket",
         ),
         (
             "entrainment",
-            "gusts",
+            "runs",
             options.of_entrainment,
             "find the probability of motion in a fluctuating flow",
         ),

@@ -41,7 +41,7 @@ class LoadsOnMesh:
     """Loads, elevations and walls that a run on a mesh has come to, as a result has them."""
 
     force: Forces | None
-    couple: Couples | None
+    torque: Couples | None
     elevations: Elevations | None = None
     turbulence: WallReport | None = None
 
@@ -78,9 +78,9 @@ def relative(goal: Quantity, on_mesh: Computed, term: Term) -> float | None:
         if error is None or on_mesh.elevations is None:
             return None
         return _ratio(float(error.max(initial=0.0)), on_mesh.elevations.largest)
-    if on_mesh.force is None or on_mesh.couple is None:
+    if on_mesh.force is None or on_mesh.torque is None:
         return None
-    return goal.error(on_mesh.force, on_mesh.couple, term.force, term.couple)
+    return goal.error(on_mesh.force, on_mesh.torque, term.force, term.couple)
 
 
 @dataclass(frozen=True)

@@ -122,11 +122,25 @@ class TractionProbe:
             traction = surface_traction(v, p, n, self.fluid.viscosity, self.fluid.reference_map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
-        vector = petsc.assemble_vector(self._surface_form)
+        return self._with_enclosed(self._integrated(self._surface_form))
+
+    def viscous_resultant(self) -> Resultant:
+        """What of `surface_resultant` is not pressure: viscous stress, or the friction of a law of the wall."""
+        _, p = ufl.split(self.fluid.state)
+        w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
+        pressure = -p * surface_vector(n, self.fluid.reference_map)
+        ds = self.fluid.domain.measure(self.boundary)
+        part = self._with_enclosed(self._integrated(compat.form(ufl.inner(pressure, w) * ds)))
+        whole = self.surface_resultant()
+        return Resultant(whole.force - part.force, whole.couple - part.couple, self.about)
+
+    def _integrated(self, form: Any) -> Resultant:
+        """Force and torque of the linear form of a traction."""
+        vector = petsc.assemble_vector(form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
         vector.destroy()
-        return self._with_enclosed(self._sum(forces))
+        return self._sum(forces)
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:

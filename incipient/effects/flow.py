@@ -14,6 +14,7 @@ from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..planning.plan import Plan
 from ..results.left_out import Omission
+from ..results.of_runs import FLOW
 from ..results.quantity import OutputQuantity
 from ..scene.symmetry import differences
 from .effect import Effect, Solved
@@ -34,25 +35,7 @@ class FlowEffect(Effect):
     """The motion of the fluid."""
 
     name = EffectName.FLOW
-    # On the centrelines of a lid-driven box, whose errors result.json has in this order: upwards is v2, in 3-D v3.
-    quantities = tuple(
-        OutputQuantity(
-            *(f"centrelines.{name}.value", f"{name} on the centreline"),
-            error=f"error_bars.centreline.{place}",
-            heading="other numbers",
-        )
-        for place, start in enumerate(("minimum of v1", "maximum of v", "minimum of v"))
-        for name in ([start] if place == 0 else [f"{start}2", f"{start}3"])
-    ) + tuple(
-        OutputQuantity(
-            *(f"separated.0.{end}", f"x at which the flow along the bed {does}", "length", column),
-            error=f"error_bars.separated.{end}",
-            heading="other numbers",
-        )
-        for end, (does, column) in enumerate(
-            (("separates", "separation"), ("reattaches", "reattachment"))
-        )
-    )
+    quantities = FLOW
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""

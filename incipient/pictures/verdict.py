@@ -17,7 +17,7 @@ from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..geometry.placement import Placement
 from ..judging.case import Case
-from ..scene import Body, Scene, load
+from ..scene import Body, Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from . import style
@@ -44,7 +44,7 @@ from .outlines import (
     sketched_outline,
     sketched_solid,
 )
-from .record import StoredRun, parsed_json
+from .record import StoredRun, parsed_json, scene_of
 from .sheet import (
     Group,
     contact_rows,
@@ -76,7 +76,7 @@ class Shape:
 
 def of_run(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and torque; the verdict in words; the numbers behind it."""
-    stored, scene = run.result.get("verdict"), Scene(**run.scene)
+    stored, scene = run.result.get("verdict"), run.model
     assert run.place is not None
     shape = Shape(scene.grain, run.place, scene.bed_shape)
     if stored is None:
@@ -131,7 +131,7 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
     figure, axes = sheet(
         "The forces on the grain; the scene asks for no verdict.", "", run.headline
     )
-    forces, torque = run.acting(), run.space("couple", "flow")
+    forces, torque = run.acting(), run.space("torque", "flow")
     write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
     listed = run.result.get("contacts") or []
     points, normals = (
@@ -224,12 +224,9 @@ def draw_threshold(directory: Path) -> list[Path]:
     """
     source, path = directory / "threshold.json", directory / "threshold.png"
     stored, again = parsed_json(source), "find the threshold again"
-    scene_file = directory / "scene.toml"
-    if not scene_file.exists():
-        raise OutputError(f"{scene_file}: no such file; {again}")
-    scene = load(scene_file)
+    scene = scene_of(directory)
     if scene.grain is None or scene.bed_shape is None:
-        raise OutputError(f"{scene_file}: has no grain on a bed; {again}")
+        raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
     with style.applied():
         try:
             figure = _threshold(stored, scene, source)

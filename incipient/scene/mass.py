@@ -1,11 +1,17 @@
 """Mass and moments of the grain of a scene, which have one source."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..arrays import Floats
-from ..contact.verdict import MassAndInertia
 from ..geometry.placement import Placement
 from .grains import BodySection
+
+if TYPE_CHECKING:
+    from ..contact.verdict import MassAndInertia
 
 
 def mean_density(body: BodySection) -> float | None:
