@@ -80,7 +80,7 @@ MODULES = (
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
 )
 # Terms of the flow's equations that a steady flow without inertia does not have.
-TERMS = ("inertia", "convection", "skew_convection", "through_boundary")
+TERMS = ("inertia", "convection")
 
 
 class TakenOut:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..planning.boundary_layer import is_convected
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
@@ -48,14 +47,7 @@ class InertiaEffect(Effect):
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
-        convected = (
-            unsteady
-            and plan.numbers is not None
-            and is_convected(setup, plan.numbers.grain_reynolds)
-        )
-        return replace(
-            model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected
-        )
+        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""

@@ -75,11 +75,6 @@ class Constraints:
         return tuple(one.boundary for one in self.friction)
 
     @property
-    def walls_are_level(self) -> bool:
-        """Whether all boundaries along which the flow is resisted are planes across an axis, at a distance of walls."""
-        return all(one.axis is not None for one in self.friction)
-
-    @property
     def crossings(self) -> tuple[str, ...]:
         """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
         return (*self.open, *(entry.boundary for entry in self.entries))
@@ -88,13 +83,6 @@ class Constraints:
     def influx(self) -> float:
         """Volume flux through all entries, at the last `update`."""
         return sum(entry.influx for entry in self.entries)
-
-    def crossed(self) -> Any:
-        """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
-        whole, names = self.space.boundary_quadrature(self._domain.facets), self._domain.names
-        if self.surface is None:
-            return whole
-        return whole(tuple(tag for name, tag in names.items() if name != self.surface.boundary))
 
     def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
         """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""

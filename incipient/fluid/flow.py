@@ -22,7 +22,7 @@ from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
-from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel
+from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -105,21 +105,12 @@ class Fluid(Holder, FlowEquations):
 
     def _equations(self) -> Equations:
         """What the Jacobian is made of."""
-        model, held = self.model, self.constraints
-        rate = self.rate[0] if model.unsteady else None
+        held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
-            varying=model.viscosity is not None,
-            level=bool(held.friction) and held.walls_are_level,
-            thin=model.viscosity is not None and not held.friction,
-            convected=model.convected,
         )
-
-    def triangle(self, matrix: Any) -> Any:
-        """The preconditioner by blocks for a matrix of the unknowns of this flow, to be freed by the caller."""
-        return Triangle(matrix, self._equations())
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""

@@ -11,8 +11,8 @@ from petsc4py import PETSc
 from .. import compat
 from ..compat import petsc
 from ..forms import vorticity as curl_of
+from ..symmetric import solve_symmetric
 from .flow import Fluid
-from .solvers.mass import solve_mass_matrix
 
 
 def vorticity(fluid: Fluid) -> Any:
@@ -22,7 +22,7 @@ def vorticity(fluid: Fluid) -> Any:
     mass, right = petsc.assemble_matrix(of_mass), petsc.assemble_vector(of_curl)
     mass.assemble()
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    solve_mass_matrix(mass, right, field, rtol=1e-10)
+    solve_symmetric(mass, right, field, rtol=1e-10)
     return field
 
 

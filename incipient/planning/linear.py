@@ -6,8 +6,6 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-# In 3-D, up to which an LU factorisation is faster than blocks with upwinding (docs/contribute/defaults.md)
-FEW_CELLS = 5000
 DEAR = "an LU factorisation in 3-D would take much time and memory"
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
-from ...planning.linear import DEAR, FEW_CELLS, Method
+from ...planning.linear import Method
 from ...planning.numbers import Numbers
 from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
@@ -120,9 +120,9 @@ class TurbulenceEffect(Effect):
         return Decision(self.name, False, reason, off)
 
     def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """LU factorisation on few cells with upwinding."""
+        """Compressed factors of the flow with upwinding."""
         if upwinds(setup):
-            return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
+            return Method("block", "factors of the flow, of low rank, then those of its turbulence")
         return None
 
     def warnings(self, setup: Setup) -> Iterator[str]:

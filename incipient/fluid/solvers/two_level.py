@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, ClassVar
 
+import dolfinx
 import numpy as np
+import ufl
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from ... import compat
+from ...compat import petsc
 from ...errors import UnsolvedError
 from ...forms import preconditioning
 from ..action import PressureForce
-from .equations import Equations
-from .multigrid import Components, component_rows
-from .schur import ScaledMass
-from .solver import LinearSolver, LinearStatistics
+from .equations import Equations, LinearSolver, LinearStatistics, component_rows
+from .options import preconditioner
+from .pressure import PressureMass
 
 # One cycle: so many steps of smoothing, in creeping flow and where something convects, then the coarse system solved to
 # this residual.
@@ -30,6 +32,8 @@ ROUGH, CONVECTED_ROUGH = 0.05, 0.02
 # Share of upwinding's viscosity in the smoother's Schur complement. A sphere in shear with G d^2/nu = 400 (70,000
 # unknowns) takes 95 iterations; without that, and with the mass matrix beside the relaxation, more than 200.
 UPWINDED = 0.15
+RELAXED = "fluid_finer_velocity_"
+SWEEPS = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 
 
 class TwoLevel(LinearSolver):
@@ -66,17 +70,11 @@ class TwoLevel(LinearSolver):
             equations.owned_held(),
         )
         self._comm = equations.space.mixed.mesh.comm
-        self._velocity, self._mass = (
-            Components(equations, smoothing_only=True),
-            ScaledMass(equations),
-        )
-        self._pressure, self._convected = (
-            _smoothing_mass(equations),
-            equations.block_carrier is not None,
-        )
-        self._pressures = _owned_pressures(equations)
+        self._velocity, self._mass = Relaxation(equations), PressureMass(equations)
+        self._pressure, self._convected = _smoothing_mass(equations), equations.carrier is not None
+        self._pressures = equations.owned_pressures()
         self._solver, self._transfer = coarse[0], OrderTransfer(coarse[1], equations)
-        self._constant = _constant_pressures(equations) if equations.closed else None
+        self._constant = equations.constant_pressures() if equations.closed else None
         matrix = self._solver.matrix
         self._right, self._left = matrix.createVecLeft(), matrix.createVecRight()
         self._scale: np.ndarray | None = None  # of residuals, made when first prepared
@@ -90,8 +88,7 @@ class TwoLevel(LinearSolver):
         self.statistics.factorisations += 1
         weights = np.ones(len(self._held))
         weights[self._pressures] = self._mass.diagonal()
-        free = np.setdiff1d(self._velocity.rows.ravel(), np.flatnonzero(self._held))
-        weights[free] = np.abs(self._velocity.diagonal()[free])
+        self._velocity.weigh(weights)
         self._scale = 1.0 / weights
 
     def approximate(self, b: Any, x: Any) -> None:
@@ -145,7 +142,7 @@ class TwoLevel(LinearSolver):
     def _smoothed(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
         """The pressure by its mass matrix, and a few relaxations of the velocity's components."""
         z, pressure = np.zeros_like(residual), np.zeros_like(residual)
-        pressure[self._pressures] = -self._pressure.solve(residual[self._pressures], transposed)
+        pressure[self._pressures] = -self._pressure.solve(residual[self._pressures])
         if self._convected:
             residual = residual - np.where(
                 self._held, 0.0, self._pressure_force.times(pressure, transposed)
@@ -184,6 +181,82 @@ class TwoLevel(LinearSolver):
             one.destroy()
 
 
+class Relaxation:
+    """Two sweeps of symmetric relaxation of each velocity component's own operator, each rank by itself. Collective."""
+
+    def __init__(self, equations: Equations):
+        scalar, rows = component_rows(equations.space)
+        self._rows = rows[:, : scalar.dofmap.index_map.size_local]
+        self._held = equations.held()[rows]
+        self._alike = _alike(self._held, scalar.mesh.comm)
+        self._convected = equations.carrier is not None
+        u, w = ufl.TrialFunction(scalar), ufl.TestFunction(scalar)
+        terms = (equations.viscosity, equations.rate, equations.carrier, equations.upwind_size)
+        integrand = preconditioning.component(u, w, equations.reference_map, *terms)
+        self._form = compat.form(integrand * equations.measure())
+        zero = dolfinx.fem.Function(scalar)
+        self._conditions = {
+            k: [dolfinx.fem.dirichletbc(zero, np.flatnonzero(self._held[k]).astype(np.int32))]
+            for k in sorted(set(self._alike))
+        }
+        self._matrices = {k: petsc.create_matrix(self._form) for k in self._conditions}
+        self._right, self._left = self._matrices[self._alike[0]].createVecs()
+        self._sweeps: dict[bool, dict[int, Any]] = {}  # by whether transposed
+
+    def assemble(self) -> None:
+        """Take the operators of the state as it is."""
+        self._forget()
+        for k, matrix in self._matrices.items():
+            matrix.zeroEntries()
+            petsc.assemble_matrix(matrix, self._form, self._conditions[k])
+            matrix.assemble()
+        self._sweeps[False] = {k: _swept(matrix) for k, matrix in self._matrices.items()}
+
+    def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool) -> None:
+        """Relax with the operators or their transposes, both (owned rows of the mixed system,)."""
+        transposed = transposed and self._convected
+        if transposed not in self._sweeps:
+            self._sweeps[True] = {
+                k: _swept(matrix.transpose(PETSc.Mat())) for k, matrix in self._matrices.items()
+            }
+        for rows, k in zip(self._rows, self._alike, strict=True):
+            self._right.setArray(right[rows])
+            self._sweeps[transposed][k].apply(self._right, self._left)
+            left[rows] = self._left.array_r
+
+    def weigh(self, weights: np.ndarray) -> None:
+        """Put the sizes of the operators' diagonals into (owned rows of the mixed system,) where no condition holds."""
+        for rows, held, k in zip(self._rows, self._held, self._alike, strict=True):
+            self._matrices[k].getDiagonal(self._left)
+            free = ~held[: len(rows)]
+            weights[rows[free]] = np.abs(self._left.array_r[free])
+
+    def _forget(self) -> None:
+        for transposed, sweeps in self._sweeps.items():
+            for one in sweeps.values():
+                if transposed:
+                    one.getOperators()[0].destroy()
+                one.destroy()
+        self._sweeps = {}
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._forget()
+        for held in (self._right, self._left, *self._matrices.values()):
+            held.destroy()
+
+
+def _swept(matrix: Any) -> Any:
+    return preconditioner(matrix, RELAXED, SWEEPS)
+
+
+def _alike(held: np.ndarray, comm: MPI.Comm) -> list[int]:
+    """The first component with the same conditions as each, on all ranks. Collective."""
+    same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=int)
+    comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
+    return [int(number) for number in same.argmax(axis=1)]
+
+
 class OrderTransfer:
     """Transfer from a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
 
@@ -197,7 +270,7 @@ class OrderTransfer:
         )
         self._velocity = compat.interpolation_matrix(one, other)
         self._pressure = compat.interpolation_matrix(coarse.space.pressure, fine.space.pressure)
-        pressures = [_owned_pressures(equations) for equations in (coarse, fine)]
+        pressures = [equations.owned_pressures() for equations in (coarse, fine)]
         owned = [space.dofmap.index_map.size_local for space in (one, other)]
         velocities = list(zip(mine[:, : owned[0]], theirs[:, : owned[1]], strict=True))
         self._parts = [(self._velocity, *rows) for rows in velocities]
@@ -233,26 +306,12 @@ class OrderTransfer:
         self._pressure.destroy()
 
 
-def _smoothing_mass(equations: Equations) -> ScaledMass:
+def _smoothing_mass(equations: Equations) -> PressureMass:
     """The pressure's mass matrix over the viscosity, where the flow is upwinded with a share of what that adds."""
-    carrier = equations.block_carrier
+    carrier = equations.carrier
     if carrier is None:
-        return ScaledMass(equations)
+        return PressureMass(equations)
     viscosity = preconditioning.upwinded_viscosity(
         equations.viscosity, carrier, equations.upwind_size, UPWINDED
     )
-    return ScaledMass(replace(equations, viscosity=viscosity))
-
-
-def _owned_pressures(equations: Equations) -> np.ndarray:
-    """Numbers in the mixed system of the owned pressures, in the order of their own space."""
-    space = equations.space
-    return space.pressure_map[: space.pressure.dofmap.index_map.size_local]
-
-
-def _constant_pressures(equations: Equations) -> np.ndarray:
-    """(owned unknowns,) the constant pressures, of length one over all ranks. Collective."""
-    found = np.zeros(len(equations.owned_held()))
-    found[_owned_pressures(equations)] = 1.0
-    comm = equations.space.mixed.mesh.comm
-    return found / np.sqrt(comm.allreduce(float(found.sum())))
+    return PressureMass(equations, viscosity)
