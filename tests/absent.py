@@ -16,8 +16,8 @@ from typing import Any
 
 # Modules that are for one effect only.
 OF_UNSTEADINESS = (
-    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady"),
-    "fluid.tolerance",
+    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.transient"),
+    "fluid.transient",
 )
 OF_MOVING_MESH = (
     "mesh.motion",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def _largest_of_cells(run: Solving) -> float:
-    from ..fluid.cell_reynolds import measured_cell_reynolds
+    from ..fluid.derived import measured_cell_reynolds
 
     return measured_cell_reynolds(run.fluid)
 

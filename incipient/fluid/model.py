@@ -44,7 +44,7 @@ class FlowModel:
     upwind:        whether it is by upwinding along streamlines (`forms.terms.streamline_upwind`), as `Block` needs
     exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
-    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
+    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`flow.build_fluid`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     shear_velocity: friction velocity by k (UFL), for walls with a law of friction; None without a model of k
     """

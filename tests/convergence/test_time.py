@@ -20,8 +20,7 @@ from moving import Steps
 
 from incipient import forms
 from incipient.fluid import FlowModel, Fluid
-from incipient.fluid.tolerance import ShareOfError
-from incipient.fluid.transient import Transient, backward_difference
+from incipient.fluid.transient import ShareOfError, Transient, backward_difference
 
 REYNOLDS, END = 10.0, 1.0
 
