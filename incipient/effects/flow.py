@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..planning.boundary_layer import is_convected
 from ..planning.clearance import near_inflow
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
@@ -70,7 +69,7 @@ def _reason_of_flow(setup: Setup) -> str:
 
 
 def _largest_of_cells(run: Solving) -> float:
-    from ..fluid.cell_reynolds import measured_cell_reynolds
+    from ..fluid.derived import measured_cell_reynolds
 
     return measured_cell_reynolds(run.fluid)
 
@@ -97,14 +96,7 @@ class InertiaEffect(Effect):
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
-        convected = (
-            unsteady
-            and plan.numbers is not None
-            and is_convected(setup, plan.numbers.grain_reynolds)
-        )
-        return replace(
-            model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected
-        )
+        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""
