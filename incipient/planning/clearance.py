@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Floats
-from ..geometry.closest import clearance
+from ..geometry.closest import proximity
 from ..geometry.placement import Placement, product, rotation_by
 from ..geometry.plane.beds import Bed
 from ..geometry.plane.grains import Grain
+from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Plane, Terrain
-from ..geometry.space.closest import SpatialProximity
 from ..geometry.space.grains import Solid
 from .scene_geometry import Geometry, Place, point
 from .sides import SideNames
@@ -113,7 +113,7 @@ class Surroundings:
             found = self._of_solid(placement)
             lowest = placement.centre[-1] - self.grain.size  # or higher
         if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
-            gap, on_grain, on_bed = self._of_bed(placement)
+            gap, on_grain, on_bed = self._near_bed.clearance(placement)
             found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
         return min(found, key=lambda one: one.distance)
 
@@ -125,20 +125,13 @@ class Surroundings:
     # Prepared once: that takes longer than a question.
 
     @cached_property
-    def _near_side(self) -> SpatialProximity:
-        assert isinstance(self.grain, Solid)
-        return SpatialProximity(self.grain, Plane())
+    def _near_side(self) -> Proximity:
+        return proximity(self.grain, Plane())
 
     @cached_property
-    def _near_bed(self) -> SpatialProximity:
-        assert isinstance(self.grain, Solid) and isinstance(self.bed, Terrain)
-        return SpatialProximity(self.grain, self.bed)
-
-    def _of_bed(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        if isinstance(self.grain, Solid):
-            return self._near_bed.clearance(placement)
+    def _near_bed(self) -> Proximity:
         assert self.bed is not None
-        return clearance(self.grain, placement, self.bed)
+        return proximity(self.grain, self.bed)
 
     def _of_solid(self, placement: Placement) -> list[Clearance]:
         """The distance from the nearest of the sides; those that cannot be that are passed over."""
