@@ -35,6 +35,7 @@ REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that 
 STEPS, PATIENCE = 14, 300  # of Newton's method, the latter where the former do not converge
 # Residuals of a solution; the latter if one more step leaves no better.
 CONVERGED, STALLED = 1e-12, 1e-11
+DERIVATIVE_WORK = 0.05  # of a row of the conic program, about
 HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
 SHIFT = 1e-11  # of the derivative, which may be singular
 RANDOM_STARTS = (40, 200)
@@ -69,9 +70,8 @@ class CoulombLaw:
     def is_open(self, local: Floats) -> bool:
         """Whether the equations at a solution (k, 3) leave a direction open in which velocities change."""
         derivative = np.empty_like(self.onto)
-        differentiate(self.onto, self.friction, local.ravel() @ self.onto + self.offset, derivative)
-        if np.linalg.cond(derivative, 1) < 0.01 / SINGULAR:
-            return False
+        trial = local.ravel() @ self.onto + self.offset
+        DERIVATIVE(self.onto, self.friction, trial, derivative, rows=DERIVATIVE_WORK)
         _, sizes, right = np.linalg.svd(derivative)
         ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())
@@ -286,3 +286,4 @@ def solve(matrix: Floats, right: Floats) -> None:
 
 
 NEWTON = Kernel(newton, interpreted=20)
+DERIVATIVE = Kernel(differentiate)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers, cross
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import FrictionCone, Law, Rows
 from incipient.errors import SceneError
 from incipient.files import plain as of_numbers
 from incipient.geometry.contacts import Contacts, freeze
@@ -26,7 +26,6 @@ SAME_PLACE = 1e-12  # of the longest arm: contacts nearer than that with equal n
 TINY = 1e-300  # divides instead of zero
 SKEW = np.zeros((3, 9))  # v @ SKEW are the entries of the matrix of v's vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
-Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,39 +65,6 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
-    """n loads: force and torque of the flow (n, 3), weight (n, 3), and the centre of mass (3,) of the torques.
-
-    Raises SceneError if shapes do not fit or a number is not finite.
-    """
-
-    force: Floats
-    couple: Floats
-    weight: Floats
-    centre: Floats
-
-    def __post_init__(self) -> None:
-        shape = np.shape(self.force)
-        if len(shape) != 2 or shape[1] != 3:
-            raise SceneError(f"loads: force has shape {shape}; give (n, 3)")
-        object.__setattr__(self, "weight", np.broadcast_to(self.weight, shape))
-        for name in ("force", "couple", "weight"):
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise SceneError(
-                    f"loads: {name} is not {shape[0]} rows of three finite numbers; give such"
-                )
-            object.__setattr__(self, name, value)
-
-    def __len__(self) -> int:
-        return len(self.force)
-
-    def load(self, number: int) -> Load:
-        """The load of one row."""
-        return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
-
-
-@dataclass(frozen=True, eq=False)
 class Scaled:
     """n cases of k contacts and the loads on them, dimensionless.
 
@@ -124,7 +90,7 @@ class Scaled:
         wrenches /= np.maximum(sizes, TINY)[:, :, None]
         return cls(arms / reach[:, None, None], -normals, reach, wrenches, sizes)
 
-    def part(self, rows: Integers | Booleans) -> Scaled:
+    def part(self, rows: Rows) -> Scaled:
         """Some of the cases."""
         return Scaled(*(getattr(self, item.name)[rows] for item in fields(self)))
 
@@ -183,7 +149,7 @@ class ContactProblem:
         loads = load.flow_force[None], load.flow_couple[None], load.weight[None]
         scaled = Scaled.of(arms[None, kept], contacts.normals[None, kept], loads)
         axes, planar = scaled.planes(None if inertia is None else inertia[None])
-        law = FrictionCone.of(law).repeated(1)
+        law = FrictionCone.of(law).rows(1)
         return cls(scaled, law, axes if planar[0] else None, copy, fraction)
 
     @classmethod
@@ -195,7 +161,7 @@ class ContactProblem:
     def __len__(self) -> int:
         return len(self.cases.arms)
 
-    def part(self, rows: Integers | Booleans) -> ContactProblem:
+    def part(self, rows: Rows) -> ContactProblem:
         """The problems of some of the cases."""
         plane = None if self.plane is None else self.plane[rows]
         return replace(self, cases=self.cases.part(rows), law=self.law.part(rows), plane=plane)

@@ -9,7 +9,8 @@ import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
-from incipient.contact.problem import TINY, ContactProblem, Law, Load
+from incipient.contact.friction import Law
+from incipient.contact.problem import TINY, ContactProblem, Load
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -62,16 +63,16 @@ class SafetyFactor:
     residual: float
 
 
-def safety_factor(load: Load, contacts: Contacts, friction: Law) -> SafetyFactor:
+def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
     """The largest s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
     At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
-    at most `friction` N. In 2-D, and where friction is zero or infinite, the program is linear.
+    at most friction N. In 2-D, and where friction is zero or infinite, the program is linear.
 
     Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
     not solved.
     """
-    return safety_of(ContactProblem.of(load, contacts, friction))
+    return safety_of(ContactProblem.of(load, contacts, law))
 
 
 def safety_of(problem: ContactProblem) -> SafetyFactor:
