@@ -169,9 +169,7 @@ class ReleaseProblem:
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
         inverse = np.zeros((len(contacts), 6, 6))
         inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
-        inverse[:, 3:, 3:] = np.linalg.inv(
-            inertia / (mass * contacts.cases.reach**2)[:, None, None]
-        )
+        inverse[:, 3:, 3:] = np.linalg.inv(inertia / (mass * contacts.reach**2)[:, None, None])
         once = contacts.within(inverse)
         return cls(
             contacts,
@@ -218,7 +216,7 @@ class ReleaseProblem:
         turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
         whole = np.concatenate([accelerations[:, :3], turning], axis=1)
         whole *= (np.abs(whole) > zero).any(axis=1)[:, None]
-        inward = self.contacts.cases.inward
+        inward = self.contacts.inward
         at = (whole[:, None] @ self.contacts.columns)[:, 0].reshape(inward.shape)
         return whole, at, *states_and_modes(at, inward, whole[:, 3:], zero, zero)
 
@@ -385,7 +383,7 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
     states = list(ContactState)
     return Solution(
         acceleration=unit * whole[0, :3],
-        angular_acceleration=unit / problem.cases.reach[0] * whole[0, 3:],
+        angular_acceleration=unit / problem.reach[0] * whole[0, 3:],
         contact_forces=case.force_unit[0] * problem.forces(problem.law.project(local[None])[0]),
         contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from incipient.contact.acceleration import MODES, Mode, ReleaseProblem, inertia_
 from incipient.contact.conic import FAILED as UNANSWERED
 from incipient.contact.conic import HELD
 from incipient.contact.friction import FrictionCone, Rows
-from incipient.contact.problem import SAME_PLACE, ContactProblem, Load, Scaled
+from incipient.contact.problem import SAME_PLACE, ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia, judged
 from incipient.errors import ConvergenceError, SceneError, shortened
@@ -160,12 +160,11 @@ def _groups(cases: Cases, start: int) -> Iterator[tuple[Integers, ContactProblem
             continue
         normals = normals[usual] / np.linalg.norm(normals[usual], axis=2)[:, :, None]
         loads = some.force, some.couple, some.weight
-        scaled = Scaled.of(arms, normals, loads)
-        axes, planar = scaled.planes(some.inertia)
+        problem = ContactProblem.of_rows(arms, normals, loads, some.law)
+        axes, planar = problem.planes(some.inertia)
         for rows, plane in ((planar, axes[planar]), (~planar, None)):
             if rows.any():
-                law = some.law.part(rows)
-                yield start + places[rows], ContactProblem.of_rows(scaled.part(rows), law, plane)
+                yield start + places[rows], replace(problem.part(rows), plane=plane)
 
 
 def _usual(cases: Cases, arms: Floats, normals: Floats) -> Booleans:

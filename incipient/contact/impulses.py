@@ -207,8 +207,7 @@ def newton(
                 reached += 1
                 continue
             differentiate(onto, friction, trial[i], derivative)
-            change, part, lowest, best = miss[i].copy(), 1.0, np.inf, 1.0
-            solve(derivative, change)
+            change, part, lowest, best = np.linalg.solve(derivative, miss[i]), 1.0, np.inf, 1.0
             start[:] = force[i]
             for tried in range(HALVINGS + 1):
                 force[i] = start
@@ -257,32 +256,6 @@ def differentiate(onto: Floats, friction: float, trial: Floats, out: Floats) -> 
             out[i + 2, j] = -wider * two * normal - kept * (second - two * longer)
     for i in range(len(trial)):
         out[i, i] += 1.0 + SHIFT
-
-
-def solve(matrix: Floats, right: Floats) -> None:
-    """Solve in place, by elimination with partial pivoting; an unknown without pivot becomes zero."""
-    count = len(right)
-    for column in range(count):
-        pivot = column
-        for row in range(column + 1, count):
-            if abs(matrix[row, column]) > abs(matrix[pivot, column]):
-                pivot = row
-        if matrix[pivot, column] == 0.0:
-            continue
-        right[pivot], right[column] = right[column], right[pivot]
-        for entry in range(column, count):
-            above, below = matrix[column, entry], matrix[pivot, entry]
-            matrix[column, entry], matrix[pivot, entry] = below, above
-        for row in range(column + 1, count):
-            factor = matrix[row, column] / matrix[column, column]
-            if factor != 0.0:
-                right[row] -= factor * right[column]
-                for entry in range(column + 1, count):
-                    matrix[row, entry] -= factor * matrix[column, entry]
-    for row in range(count - 1, -1, -1):
-        for other in range(row + 1, count):
-            right[row] -= matrix[row, other] * right[other]
-        right[row] = right[row] / matrix[row, row] if matrix[row, row] != 0.0 else 0.0
 
 
 NEWTON = Kernel(newton, interpreted=20)

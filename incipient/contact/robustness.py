@@ -130,7 +130,7 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
     """Changes (6, j) of the flow's load as wrenches with the equations of the problem, (m, j)."""
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.cases.reach[0]]])
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
     return problem.within((changes / units[:, None])[None])[0]
 
 
@@ -144,8 +144,8 @@ def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, 
     weight_held, count = state == HELD, box.error_directions.shape[1]
     if count and state != FAILED:
         ways = _flows(problem, box.error_directions)
-        flow, weight = problem.within(problem.cases.wrenches.swapaxes(1, 2))[0].T
-        flow_size, weight_size = problem.cases.sizes[0]
+        flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
+        flow_size, weight_size = problem.sizes[0]
         size = flow_size + float(np.linalg.norm(ways))
         columns, unity = problem.cone_columns[0], np.eye(count)
         rows = np.block(
@@ -174,11 +174,10 @@ def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None
     """The factors at which loads at all corners are held, the corner held at the fewest, and whether the weight is."""
     corners = box.corners()
     every = problem.part(np.zeros(len(corners), dtype=int))
-    cases = every.cases
-    units = np.array([1.0, 1.0, 1.0, *3 * [cases.reach[0]]])
-    flows = cases.sizes[:, :1] * cases.wrenches[:, 0] + corners / units
+    units = np.array([1.0, 1.0, 1.0, *3 * [every.reach[0]]])
+    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners / units
     sizes = np.linalg.norm(flows, axis=1)
-    cases.wrenches[:, 0], cases.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
     low, high, state, _ = intervals(every)
     lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
     common = float(low.max()), float(high.min())

@@ -129,12 +129,12 @@ class Intervals(NamedTuple):
 
 def intervals(problem: ContactProblem) -> Intervals:
     """The balanced factors of n problems."""
-    both = problem.within(problem.cases.wrenches.swapaxes(1, 2))
+    both = problem.within(problem.wrenches.swapaxes(1, 2))
     flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
     low, high, state, factors = INTERVALS(
         problem.cone_columns, flow, weight, problem.linear, rows=len(problem)
     )
-    flow_size, weight_size = problem.cases.sizes.T
+    flow_size, weight_size = problem.sizes.T
     unit = np.where(weight_size > 0.0, weight_size, flow_size)
     ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
     return Intervals(low * ratio, high * ratio, state, unit[:, None, None] * problem.local(factors))
@@ -168,7 +168,7 @@ def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None
 
 def can_jam(problem: ContactProblem) -> bool:
     """Whether contact forces in the cones of a single case, not all zero, balance one another."""
-    push = problem.cases.inward[0].sum(axis=0)
+    push = problem.inward[0].sum(axis=0)
     cosine, sine, _ = problem.law.scaling[0]
     inward = problem.frames[0] @ push
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
@@ -187,7 +187,7 @@ def _status(
         return SafetyStatus.UNHELD
     if not weight_held:
         return SafetyStatus.HELD_BY_FLOW
-    flow_size, weight_size = problem.cases.sizes[0]
+    flow_size, weight_size = problem.sizes[0]
     if flow_size == 0.0:
         return SafetyStatus.NO_FLOW
     if math.isinf(high):
