@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
+from ..contact.friction import FrictionCone
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
@@ -89,6 +90,11 @@ class Contact(Section):
         "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
         0.0,
     )
+
+    @property
+    def law(self) -> FrictionCone:
+        """The law of a contact at rest, which both criteria apply."""
+        return FrictionCone.of(self.friction)
 
 
 class Time(Section):

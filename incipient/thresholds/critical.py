@@ -210,4 +210,4 @@ def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
     scene = run.scene
     assert scene.body is not None and scene.contact is not None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.friction, inert)
+    return judge(load, contacts, scene.contact.law, inert)
