@@ -28,11 +28,9 @@ from .errors import (
 
 if TYPE_CHECKING:
     from .effects.plan import make_plan
-    from .output.critical_flow import threshold
-    from .output.entrainment import entrainment
-    from .output.gust_curve import gusts
-    from .output.new_run import run
-    from .output.reopening import resume
+    from .flumes import flume
+    from .output.runs import resume, run
+    from .output.searches import entrainment, gusts, threshold
     from .planning.plan import Plan
     from .scene import Scene, load
 
@@ -47,6 +45,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "entrainment",
+    "flume",
     "gusts",
     "load",
     "make_plan",
@@ -59,14 +58,15 @@ __all__ = [
 # Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
 _LATER = {
     "Plan": "planning.plan",
+    "flume": "flumes",
     "make_plan": "effects.plan",
     "Scene": "scene",
     "load": "scene",
-    "run": "output.new_run",
-    "resume": "output.reopening",
-    "threshold": "output.critical_flow",
-    "gusts": "output.gust_curve",
-    "entrainment": "output.entrainment",
+    "run": "output.runs",
+    "resume": "output.runs",
+    "threshold": "output.searches",
+    "gusts": "output.searches",
+    "entrainment": "output.searches",
 }
 
 

@@ -47,7 +47,7 @@ def _bars(run: Run, result: Result) -> tuple[ErrorBars | None, str]:
     improve = partial(improved_loads, comm=run.comm)
     with run.stage("error bars"):
         try:
-            return error_bars(run, result.force, result.couple, solve, improve), ""
+            return error_bars(run, result.force, result.torque, solve, improve), ""
         except IncipientError as error:
             return None, f"not computed: {error}"
 

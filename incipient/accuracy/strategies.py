@@ -165,7 +165,7 @@ class Steady(Strategy):
         self._recorder = recorder = self.handed_over(run)
         with told_where_kept(recorder.kept, comm):
             bars = error_bars(
-                run, on_mesh.force, on_mesh.couple, lambda scene: loads_of(scene, comm)
+                run, on_mesh.force, on_mesh.torque, lambda scene: loads_of(scene, comm)
             )
         bar = bars.safety
         assert bar is not None
@@ -223,7 +223,7 @@ class DualWeighted(Steady):
 
     def estimate(self, run: Run, on_mesh: LoadsOnMesh) -> Estimate:
         """See `Strategy`."""
-        search, force, couple = self.search, on_mesh.force, on_mesh.couple
+        search, force, couple = self.search, on_mesh.force, on_mesh.torque
         assert run.layout.placement is not None and force is not None and couple is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             plain = unit_of(run, search.speed)
@@ -339,7 +339,7 @@ class Uniform(Steady):
         """See `Strategy`."""
         search, walls = self.search, on_mesh.turbulence
         doubt = "" if walls is None or walls.applicable else walls.doubt
-        computed = loads_of_run(run, on_mesh.force, on_mesh.couple)
+        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest_at_walls(
@@ -417,7 +417,7 @@ class InTime(Strategy):
         if not same or scene.accuracy_of in OF_SURFACE:
             terms.pop(OF_MESH, None)
         self._last = scene
-        computed = loads_of_run(run, on_mesh.force, on_mesh.couple)
+        computed = loads_of_run(run, on_mesh.force, on_mesh.torque)
         runs = KeptRuns(search.known.loads, lambda: "", lambda each: loads_of(each, search.comm))
         try:
             with told_where_kept(self._recorder.provisional(outcome(run)), search.comm):

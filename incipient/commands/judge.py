@@ -16,6 +16,7 @@ from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
+from ..results.kinds import JUDGEMENT, SERIES
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -25,8 +26,6 @@ OPTIONS_OF = {
     "law": ("forces", "series"),
     **dict.fromkeys(("density", "grain", "bed"), ("forces",)),
 }
-OF_CASE = ("judgement.json", "judgement.png")
-OF_SERIES = ("series.csv", "series.json", "series.png")
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
@@ -75,7 +74,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
     if options.out is not None:
         directory = _directory(options, options.case or options.forces)
         theirs = filter(None, (options.case, options.grain))
-        refuse_foreign(directory, (*OF_CASE, *OF_SERIES), theirs)
+        refuse_foreign(directory, JUDGEMENT.files | SERIES.files, theirs)
         save(judged.judgement, directory)
         save_series(judged.series, directory)
         _tell(f"{directory}/: judgement.json, series.csv, series.json")
@@ -88,7 +87,7 @@ def _judge_case(options: argparse.Namespace) -> None:
     print(text(case, judgement))
     if options.out is not None:
         directory = _directory(options, options.case)
-        refuse_foreign(directory, OF_CASE)
+        refuse_foreign(directory, JUDGEMENT.files)
         save(judgement, directory)
         _tell(f"{directory / 'judgement.json'}")
         draw_and_tell(directory)
@@ -103,7 +102,7 @@ def _judge_series(options: argparse.Namespace) -> None:
         print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
     if options.out is not None:
         directory = _directory(options, options.series)
-        refuse_foreign(directory, OF_SERIES, [options.series, options.case])
+        refuse_foreign(directory, SERIES.files, [options.series, options.case])
         save_series(series, directory)
         _tell(f"{directory}/: series.csv, series.json")
         draw_and_tell(directory)

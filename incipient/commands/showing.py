@@ -9,18 +9,10 @@ import incipient
 from ..errors import OutputError, SceneError
 from ..parallel import Comm, collectively
 from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart
+from ..results.kinds import KINDS
 from .options import OF_SWEEPS, require_left_by
 
-# What one of the commands leaves in a directory of results.
-RECORDS = (
-    "result.json",
-    "threshold.json",
-    "judgement.json",
-    "cost.json",
-    "series.json",
-    "survey.json",
-    "scene.toml",
-)
+RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 
 def show(options: argparse.Namespace, comm: Comm) -> int:

@@ -56,9 +56,9 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
         return _of_path(scene, result.trajectory, history)
     if scene.time is not None:
         return _of_extremes(scene, history)
-    assert result.force is not None and result.couple is not None
+    assert result.force is not None and result.torque is not None
     force = dict(zip((f"force_{axis}" for axis in "xyz"), result.force.flow, strict=True))
-    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.couple.flow, strict=True))
+    torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.torque.flow, strict=True))
     found = _of_loads(scene, force, torque)
     safety = (result.verdict or {}).get("safety_factor")
     return found | _single("safety factor", safety or np.nan)
@@ -119,13 +119,12 @@ def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantiti
     begin = 0.0 if changing else SETTLED * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
-    found: dict[str, dict[str, float]] = {"force": {}, "couple": {}}
+    found: dict[str, dict[str, float]] = {"force": {}, "torque": {}}
     for part, numbers in found.items():
         for column in (name for name in rows[0] if name.startswith(part)):
             low, high = extremes(times, np.array([row[column] for row in rows]))
-            name = column.replace("couple", "torque")
-            numbers |= {f"least_{name}": low, f"most_{name}": high}
-    return _of_loads(scene, found["force"], found["couple"])
+            numbers |= {f"least_{column}": low, f"most_{column}": high}
+    return _of_loads(scene, found["force"], found["torque"])
 
 
 def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -> Quantities:

@@ -18,7 +18,8 @@ from pydantic import TypeAdapter
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import csv_text, make_directory, write_json, write_text_atomically
 from ..input_files import reading
-from ..output.ownership import OTHERS, SCENE, place_scene, refuse_foreign
+from ..output.ownership import SCENE, place_scene, refuse_foreign
+from ..results.kinds import COST
 from ..scene import Scene, load
 from ..scene.file import dumps
 from . import frontier
@@ -252,10 +253,10 @@ def run_ladder(
 def _prepared(scene: Scene, task: str, directory: Path) -> dict[Rung, MeasuredRun]:
     """The runs that the directory of a scene's study holds; it is made if it is not there. Raises OutputError."""
     source, kept = directory / STUDY, directory / SCENE
-    refuse_foreign(directory, {*OTHERS["cost"], SCENE})
+    refuse_foreign(directory, {*COST.files, SCENE})
     if not (source.exists() and kept.exists()):
         make_directory(directory, source)
-        place_scene(directory, dumps(scene), OTHERS["cost"])
+        place_scene(directory, dumps(scene), COST.files)
         return {}
     with reading(source, "delete it to begin anew", error=OutputError):
         stored = json.loads(source.read_text(encoding="utf-8"))

@@ -24,11 +24,11 @@ from ..arrays import Floats, cross, spatial
 from ..body.state import turned
 from ..compat import petsc
 from ..fluid import Fluid
-from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
+from ..symmetric import solve_symmetric
 from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry
@@ -122,11 +122,25 @@ class TractionProbe:
             traction = surface_traction(v, p, n, self.fluid.viscosity, self.fluid.reference_map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
-        vector = petsc.assemble_vector(self._surface_form)
+        return self._with_enclosed(self._integrated(self._surface_form))
+
+    def viscous_resultant(self) -> Resultant:
+        """What of `surface_resultant` is not pressure: viscous stress, or the friction of a law of the wall."""
+        _, p = ufl.split(self.fluid.state)
+        w, n = ufl.TestFunction(self.fluid.space.velocity), -ufl.FacetNormal(self.fluid.domain.mesh)
+        pressure = -p * surface_vector(n, self.fluid.reference_map)
+        ds = self.fluid.domain.measure(self.boundary)
+        part = self._with_enclosed(self._integrated(compat.form(ufl.inner(pressure, w) * ds)))
+        whole = self.surface_resultant()
+        return Resultant(whole.force - part.force, whole.couple - part.couple, self.about)
+
+    def _integrated(self, form: Any) -> Resultant:
+        """Force and torque of the linear form of a traction."""
+        vector = petsc.assemble_vector(form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
         vector.destroy()
-        return self._with_enclosed(self._sum(forces))
+        return self._sum(forces)
 
     def _with_enclosed(self, exposed: Resultant) -> Resultant:
         if self.enclosed is None:
@@ -151,7 +165,7 @@ class TractionProbe:
         mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty, too
         right.setValues(across, np.zeros(len(across)))
         right.assemble()
-        solve_mass_matrix(mass, right, traction)
+        solve_symmetric(mass, right, traction)
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..planning.boundary_layer import is_convected
 from ..planning.clearance import near_inflow
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..planning.plan import Plan
 from ..results.left_out import Omission
+from ..results.of_runs import FLOW
 from ..results.quantity import OutputQuantity
 from ..scene.symmetry import differences
 from .effect import Effect, Solved
@@ -34,25 +34,7 @@ class FlowEffect(Effect):
     """The motion of the fluid."""
 
     name = EffectName.FLOW
-    # On the centrelines of a lid-driven box, whose errors result.json has in this order: upwards is v2, in 3-D v3.
-    quantities = tuple(
-        OutputQuantity(
-            *(f"centrelines.{name}.value", f"{name} on the centreline"),
-            error=f"error_bars.centreline.{place}",
-            heading="other numbers",
-        )
-        for place, start in enumerate(("minimum of v1", "maximum of v", "minimum of v"))
-        for name in ([start] if place == 0 else [f"{start}2", f"{start}3"])
-    ) + tuple(
-        OutputQuantity(
-            *(f"separated.0.{end}", f"x at which the flow along the bed {does}", "length", column),
-            error=f"error_bars.separated.{end}",
-            heading="other numbers",
-        )
-        for end, (does, column) in enumerate(
-            (("separates", "separation"), ("reattaches", "reattachment"))
-        )
-    )
+    quantities = FLOW
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
@@ -87,7 +69,7 @@ def _reason_of_flow(setup: Setup) -> str:
 
 
 def _largest_of_cells(run: Solving) -> float:
-    from ..fluid.cell_reynolds import measured_cell_reynolds
+    from ..fluid.derived import measured_cell_reynolds
 
     return measured_cell_reynolds(run.fluid)
 
@@ -114,14 +96,7 @@ class InertiaEffect(Effect):
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
-        convected = (
-            unsteady
-            and plan.numbers is not None
-            and is_convected(setup, plan.numbers.grain_reynolds)
-        )
-        return replace(
-            model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected
-        )
+        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""

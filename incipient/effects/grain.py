@@ -11,8 +11,8 @@ from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..results.quantity import OutputQuantity
-from ..scene.grains import FRICTIONLESS
+from ..results.of_runs import LOADS, VERDICT
+from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
@@ -24,21 +24,7 @@ class TractionEffect(Effect):
     """Force and torque of the fluid on the grain."""
 
     name = EffectName.TRACTION
-    quantities = (
-        OutputQuantity("force.flow", "force of the flow", column="force", error="error_bars.force"),
-        OutputQuantity(
-            "couple.flow", "torque of the flow", column="couple", error="error_bars.couple"
-        ),
-        *(
-            OutputQuantity(f"coefficients.{name}", name, column=name, heading="other numbers")
-            for name in ("drag", "lift", "moment")
-        ),
-        *(
-            OutputQuantity(f"coefficients.{name}", name.replace("_", " "), heading="other numbers")
-            for name in ("reference_velocity", "reference_length")
-        ),
-        OutputQuantity("grain.size", "size of the grain", heading="other numbers"),
-    )
+    quantities = LOADS
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with a grain."""
@@ -81,6 +67,7 @@ class ContactEffect(Effect):
     """Contact forces between a grain at rest and its bed, by which both judges decide."""
 
     name = EffectName.CONTACT
+    quantities = VERDICT
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where a grain rests on a bed."""
@@ -95,7 +82,10 @@ class ContactEffect(Effect):
         elif scene.body is not None and scene.body.settle:
             friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
             reason += f", where it settled with friction {friction:g}"
-            reason += ' (settle = "frictionless" gives one rest to compare)'
+            if scene.body.settle == LEVEL:
+                reason += " on the level bed"
+            else:
+                reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
     def warnings(self, setup: Setup) -> Iterator[str]:

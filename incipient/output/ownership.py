@@ -15,12 +15,12 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..files import MARK, numbered, own, owned, reported, require_own, write_text_atomically
+from ..results.kinds import KINDS, RUN
 
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
 HISTORY, CONTACTS = "history.csv", "contacts.csv"
-SERIES = ("fields", "fields.xdmf", "surface", "surface.xdmf")
 DRAWN = (
     *("flow", "pressure", "vorticity", "traction", "verdict"),
     *("profiles", "mesh", "trajectory", "walls", "elevation"),
@@ -30,15 +30,9 @@ PICTURES = (
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
     "report.html",
 )
-FILES = {RESULT, HISTORY, CONTACTS, CHECKPOINT, *SERIES, *PICTURES}
-# Results of the other commands that leave their scene beside them.
-OTHERS = {
-    "threshold": {"threshold.json", "threshold.png"},
-    "gusts": {"gusts.json", "gusts.csv", "gusts.png"},
-    "entrainment": {"entrainment.json", "entrainment.csv", "entrainment.png"},
-    "cost": {"cost.json", "cost.csv", "cost.png"},
-}
-RESULTS = FILES.union(*OTHERS.values())
+FILES = {*RUN.files, CHECKPOINT, *PICTURES}
+# Of all commands that leave their scene beside their results.
+RESULTS = FILES.union(*(kind.files for kind in KINDS if kind.has_scene))
 
 
 def make_room(directory: Path, overwrite: bool) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
 from ..geometry.space.beds import Terrain
-from ..scene import Domain, Scene
+from ..scene import Domain
 from .mesh import QUARTERS
 from .record import StoredRun
 from .style import INK, panels
@@ -28,7 +28,7 @@ _LINES, _PLACES = (
 def picture(run: StoredRun) -> Figure:
     """Elevation above the still level in colour as seen from above, the bed's height in lines."""
     points, triangles = run.whole(*surface_of(run))
-    scene = Scene(**run.scene)
+    scene = run.model
     domain = scene.domain
     elevation = points[:, 2] - domain.ceiling
     view = (domain.left, domain.right, *domain.across)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..errors import OutputError
+from ..errors import OutputError, SceneError
 from ..geometry.placement import Placement
 from ..input_files import reading
 from ..output.series_file import StoredStep, read_step
-from ..scene import Scene
+from ..scene import Scene, load
 from . import style
 from .mesh import QuadraticMesh
 from .outlines import grain_outline
@@ -65,7 +65,12 @@ class StoredRun:
         """
         if not self.value("gap", "closed"):
             return None
-        return grain_outline(Scene(**self.scene).grain, self.place)
+        return grain_outline(self.model.grain, self.place)
+
+    @cached_property
+    def model(self) -> Scene:
+        """The resolved scene."""
+        return Scene(**self.scene)
 
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
@@ -124,14 +129,6 @@ class StoredRun:
         return np.vstack([points, other]), np.vstack([cells, cells + len(points)])
 
     @property
-    def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Contacts of grain and bed: point and normal out of the grain."""
-        listed = self.result.get("contacts") or []
-        return [
-            (np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed
-        ]
-
-    @property
     def title(self) -> str:
         """The scene's title, or what it is in two words."""
         return (
@@ -162,13 +159,36 @@ def read(directory: Path) -> StoredRun:
 
 
 def read_scene(directory: Path) -> dict[str, Any]:
-    """The resolved scene that a run has left, section by section. Raises OutputError: when it is missing or damaged."""
+    """The resolved scene that a run has left, section by section. Raises OutputError as `scene_of`."""
+    scene_of(directory)
     return _parsed(directory / "scene.toml", tomllib.loads)
 
 
+def scene_of(directory: Path) -> Scene:
+    """The resolved scene of results. Raises OutputError: missing, damaged, or not one of this version's."""
+    path = directory / "scene.toml"
+    _parsed(path, tomllib.loads)
+    try:
+        return load(path)
+    except SceneError as error:
+        remedy = "show them with the version that wrote them, or run that scene again, changed so"
+        raise OutputError(f"{error}; these results are of another version: {remedy}") from None
+
+
 def parsed_json(path: Path) -> dict[str, Any]:
-    """The content of a JSON file that results are in; raises OutputError where it is missing or damaged."""
-    return _parsed(path, json.loads)
+    """The content of a JSON file that results are in; raises OutputError where it is missing or damaged.
+
+    Of earlier versions, which had couple for torque, it comes under the new name.
+    """
+    return _renamed(_parsed(path, json.loads))
+
+
+def _renamed(stored: Any) -> Any:
+    if isinstance(stored, list):
+        return [_renamed(part) for part in stored]
+    if not isinstance(stored, dict):
+        return stored
+    return {"torque" if key == "couple" else key: _renamed(part) for key, part in stored.items()}
 
 
 def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str) -> list[Path]:

@@ -16,7 +16,6 @@ from matplotlib.path import Path
 from scipy.spatial import KDTree
 
 from ..geometry.placement import Placement
-from ..scene import Scene
 from .record import StoredRun
 from .style import GRAIN, GROUND, INK, View
 
@@ -138,7 +137,7 @@ def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
     centre = run.value("grain", "computed_centre")
     if centre is None:
         return ()
-    grain = Scene(**run.scene).grain
+    grain = run.model.grain
     placement = Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
     surface = grain.surface(_FINE * grain.size)
     solid = pyvista_off_screen().PolyData.from_regular_faces(

@@ -25,12 +25,13 @@ from matplotlib.ticker import MaxNLocator
 from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
-from ..scene import Domain, Scene, load
+from ..scene import Domain, Scene
 from . import style
 from .contact_forces import ContactForces, contact_forces
+from .drawing import draw_bed
 from .history import RATES, History, read_history
 from .outlines import bed_line, grain_outline, grain_silhouette, spoke
-from .plane import draw_bed
+from .record import scene_of
 from .style import GRAIN, INK, View
 
 # Early to late; the palest part of the map would be lost on white.
@@ -54,7 +55,7 @@ def draw(directory: Path, title: str = "") -> list[Path]:
         OutputError: when one of them is missing or damaged, or the picture cannot be written.
     """
     path = directory / "trajectory.png"
-    scene = load(directory / "scene.toml")
+    scene = scene_of(directory)
     first = Setup(scene).geometry.stance.placement
     if scene.grain is None or first is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")

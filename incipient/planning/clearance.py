@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Floats
-from ..geometry.closest import clearance
+from ..geometry.closest import proximity
 from ..geometry.placement import Placement
 from ..geometry.plane.beds import Bed
 from ..geometry.plane.grains import Grain
+from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Terrain
-from ..geometry.space.closest import SpatialProximity
 from ..geometry.space.grains import Solid
 from .scene_geometry import Geometry, Place, point
 from .sides import SideNames
@@ -96,7 +96,7 @@ class Surroundings:
         down = -np.eye(placement.gdim)[-1]
         lowest = float(self._extreme(placement, down)[-1])
         if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
-            gap, on_grain, on_bed = self._from_bed(placement)
+            gap, on_grain, on_bed = self._near_bed.clearance(placement)
             found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
         return min(found, key=lambda one: one.distance)
 
@@ -124,12 +124,6 @@ class Surroundings:
         return self.grain.chain.points(SAMPLES)
 
     @cached_property  # prepared once: that takes longer than a question
-    def _near_bed(self) -> SpatialProximity:
-        assert isinstance(self.grain, Solid) and isinstance(self.bed, Terrain)
-        return SpatialProximity(self.grain, self.bed)
-
-    def _from_bed(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        if isinstance(self.grain, Solid):
-            return self._near_bed.clearance(placement)
+    def _near_bed(self) -> Proximity:
         assert self.bed is not None
-        return clearance(self.grain, placement, self.bed)
+        return proximity(self.grain, self.bed)

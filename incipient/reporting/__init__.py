@@ -17,25 +17,10 @@ from markupsafe import Markup
 from ..errors import OutputError, SceneError
 from ..files import require_ending, require_own, write_text_atomically
 from ..pictures.apart import draw_apart
+from ..results.kinds import KINDS
 from . import results, sweep
 from .page import TEMPLATES, rendered
 
-# What commands leave in a directory, with the pictures that are always drawn of it; each has a template of its name.
-RECORDS = {
-    "result.json": ("flow.png", "pressure.png", "mesh.png"),
-    **{
-        f"{name}.json": (f"{name}.png",)
-        for name in ("threshold", "gusts", "entrainment", "survey", "judgement", "series", "cost")
-    },
-}
-TITLES = {
-    "gusts.json": "Critical gusts",
-    "entrainment.json": "Motion in a fluctuating flow",
-    "survey.json": "A bed of grains",
-    "judgement.json": "A case",
-    "series.json": "A series of loads",
-    "cost.json": "What accuracy costs",
-}
 NAME = "report.html"
 
 
@@ -63,13 +48,16 @@ def write(path: Path, target: Path | None = None) -> Path:
 
 def of_directory(directory: Path) -> str:
     """The page of all results in a directory; missing pictures are drawn. Not collective; raises as `write`."""
-    records = [directory / name for name in RECORDS if (directory / name).is_file()]
-    if not records:
+    kinds = [kind for kind in KINDS if (directory / kind.record).is_file()]
+    if not kinds:
         why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
         remedy = "give the directory that a run was written to, or a sweep's file"
         raise SceneError(f"{directory}: {why}; {remedy}")
+    records = [directory / kind.record for kind in kinds]
     parts = [part(record) for record in records]  # damage is reported before anything is drawn
-    pictures = [(directory / name, record) for record in records for name in RECORDS[record.name]]
+    pictures = [
+        (directory / name, directory / kind.record) for kind in kinds for name in kind.pictures
+    ]
     if not all(one.is_file() and _time(one) >= _time(record) for one, record in pictures):
         complaint = draw_apart(directory).complaint
         missing = f"Pictures that are missing here: {complaint}." if complaint else ""
@@ -80,7 +68,7 @@ def of_directory(directory: Path) -> str:
     scenes = [scene.read_text(encoding="utf-8")] if scene.is_file() else []
     scenes += [tomli_w.dumps(result["case"]) for result in stored if result.get("case")]
     computed = [_versions(result) for result in stored]
-    title = contexts[0]["title"] or TITLES.get(records[0].name) or directory.resolve().name
+    title = contexts[0]["title"] or kinds[0].title or directory.resolve().name
     return _page(title, [text for text, _ in parts], scenes, list(filter(None, computed)))
 
 

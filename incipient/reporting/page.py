@@ -82,7 +82,7 @@ def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
 def error_cell(errors: Sequence[float | None], key: str, planar: bool) -> Any:
     """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
     known = [math.nan if error is None else error for error in errors]
-    if key not in ("force", "couple"):
+    if key not in ("force", "torque"):
         return error_size(errors, key)
     return components(known, planar) if key == "force" else turning(known, planar)
 
@@ -90,7 +90,7 @@ def error_cell(errors: Sequence[float | None], key: str, planar: bool) -> Any:
 def error_size(errors: Sequence[float | None], key: str) -> float:
     """The norm of the error of a load, the largest of other errors."""
     known = [error or 0.0 for error in errors]
-    return float(np.linalg.norm(known)) if key in ("force", "couple") else max(known, default=0.0)
+    return float(np.linalg.norm(known)) if key in ("force", "torque") else max(known, default=0.0)
 
 
 def embedded(path: Path) -> str:

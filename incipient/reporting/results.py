@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,16 @@ from typing import Any
 from ..effects import known
 from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
-from ..pictures.record import parsed_json
+from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
+from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
-from ..results.safetybar import SafetyBar
-from ..results.si import FLOW
+from ..results.quantity import OutputQuantity, at, gdim_of
+from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
-from ..scene import load
-from .page import Bounded
+from .page import Bounded, erring
 
 Context = dict[str, Any]
 
@@ -35,14 +35,6 @@ CAPTIONS = {
     "trajectory": "Path of the grain",
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
-}
-FORCES = {
-    "flow": "flow, without buoyancy",
-    "computed": "flow as computed, without corrections",
-    "surface_integral": "flow as a surface integral, a check",
-    "buoyancy": "buoyancy",
-    "weight": "weight",
-    "total": "total",
 }
 # What makes an error smaller, by the name of its term.
 REMEDIES = {
@@ -70,7 +62,7 @@ def context_of(record: Path) -> Context:
     stored = parsed_json(record)
     shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
     shared |= {"sentence": sentence, "pressed": pressed, "states": STATES, "percent": percent}
-    shared |= {"corrected": _corrected, "remedies": REMEDIES, "si_of_flow": FLOW}
+    shared |= {"corrected": _corrected, "remedies": REMEDIES, "in_si": _in_si}
     special = _SPECIAL.get(record.name)
     return shared if special is None else shared | special(stored, record)
 
@@ -85,8 +77,8 @@ def _of_run(stored: Context, record: Path) -> Context:
         "certainty": certainty(*bars) if case else "",
         "notes": _notes(stored),
         "captions": CAPTIONS,
-        "forces": FORCES,
-        "quantities": partial(_quantities, stored),
+        "quantities": partial(_rows, stored, known.quantities()),
+        "loads": partial(_loads, stored),
         "turbulence": findings(stored),
         "omissions": [Omission(**omission) for omission in stored["omitted"]],
     }
@@ -116,21 +108,49 @@ def _notes(stored: Context) -> list[str]:
     return notes
 
 
-def _quantities(stored: Context, heading: str) -> list[tuple[str, Any]]:
-    """Labels and values, with error bars, of the quantities under a heading that the run has."""
+def _rows(
+    stored: Context, quantities: Sequence[OutputQuantity], heading: str
+) -> list[tuple[str, Any]]:
+    """Labels and values, with error bars, of the quantities under a heading that a result has."""
     rows: list[tuple[str, Any]] = []
-    for quantity in known.quantities():
+    for quantity in quantities:
         if quantity.heading == heading and (value := quantity.value(stored)) is not None:
             bar = quantity.bar(stored)
             rows.append((quantity.label, value if bar is None else Bounded(value, *bar)))
     return rows
 
 
+def _loads(stored: Context, unit: str) -> list[list[Any]]:
+    """Name and components, with errors, of all forces or torques."""
+    gdim = gdim_of(stored)
+    axes = range(gdim) if gdim == 3 or unit == "force" else (2,)
+    rows = []
+    for load in known.quantities():
+        if load.heading == unit and (value := load.shown(stored)) is not None:
+            errors = (at(stored, load.error) if load.error else None) or [None] * 3
+            rows.append([load.words, *(erring(value[axis], errors[axis]) for axis in axes)])
+    return rows
+
+
+def _in_si(found: Context | None) -> list[tuple[str, Any, str]]:
+    """Name, value and unit of flow, loads and units of a result in SI units; none without."""
+    if found is None:
+        return []
+    loads = [
+        (f"{name.replace('_', ' ')} of the flow", words, unit)
+        for name, words, unit in si_loads(found)
+    ]
+    named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
+    units = [(f"one unit of {name} of the scene", found["units"][name], u) for name, u in named]
+    return [*si_rows(found), *loads, *units]
+
+
 def _of_threshold(stored: Context, record: Path) -> Context:
-    scene = load(record.parent / "scene.toml")
+    scene = scene_of(record.parent)
     return {
         "title": scene.title,
         "planar": scene.gdim == 2,
+        "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
         "case": judged(with_motion(stored, scene.body, scene.placement), record),
         "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],
         "certainty": _certainty_of_threshold(stored),
@@ -154,19 +174,8 @@ def certainty(stored: Context | None, without: str) -> str:
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
     bar = stored["safety_factor"]
-    return sentence(safety_bar(bar).sentence()) if bar is not None else ""
-
-
-def safety_bar(stored: Context) -> SafetyBar:
-    """The range of safety factors as a result holds it, where null is infinite."""
-
-    def ends(found: list[float | None] | None) -> tuple[float, float] | None:
-        return None if found is None else (_finite(found[0]), _finite(found[1]))
-
-    numbers = {name: _finite(stored[name]) for name in ("value", "low", "high")}
-    ranges = {name: ends(stored[name]) for name in ("some", "every")}
-    words_of = {name: tuple(stored[name]) for name in ("modes", "unknown")}
-    return SafetyBar(**{**stored, **numbers, **ranges, **words_of})
+    # Results of earlier versions have no sentence.
+    return sentence(bar["sentence"]) if bar is not None and "sentence" in bar else ""
 
 
 def _finite(value: float | None) -> float:
@@ -191,6 +200,6 @@ def _corrected(term: Context) -> str:
     """By what the loads are corrected for a term, in words; nothing where they are not."""
     if (found := term.get("correction")) is None:
         return ""
-    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["couple"])}
+    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["torque"])}
     said = " and ".join(f"the {name} by {size:.2g}" for name, size in sizes.items() if size)
     return f"; it corrects {said}, and this is what remains"

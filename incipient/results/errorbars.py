@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..arrays import Floats
 from ..geometry.placement import Placement
 from .elevations import Elevations
 from .loads import Couples, Forces, loads_words
+from .quantity import STORED_NAMES, as_stored
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
@@ -21,6 +23,11 @@ if TYPE_CHECKING:
 # Force and torque where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
 MOST_SPANS = 4  # of reverse flow, listed in words
+# What a term has errors of.
+ERRORS = (
+    *("force", "couple", "place", "elevation", "level"),
+    *("shear", "separated", "centreline"),
+)
 
 
 @dataclass(frozen=True)
@@ -92,32 +99,32 @@ class Correction:
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they were estimated."""
+    """One source of error: absolute errors of force, torque (3,) and other quantities, and how they were estimated.
+
+    force, couple: what a correction leaves of them, if there is one; (0,) without a grain
+    place: (3,), in 3-D (6,), of place and turn of a moving grain, the turn in radians, in 3-D about x, y and z
+    power: exponent of the gap with which the error is expected to fall; parts: terms that this one is the sum of
+    elevation, level: (stations,) of a free surface, the largest ones within the run, and those at the end
+    shear: (2,) of u* at the outflow, and of its mean along the walls
+    separated: (2,) of x at which the flow along the bed separates and reattaches
+    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
+    doubt: why the errors may be more than twice as large; nothing where they are not known to be
+    correction: of force and torque for this error; None where they are not corrected
+    """
 
     name: str
-    # force, couple: what a correction leaves of them, if there is one; (0,) without a grain
     force: Floats
     couple: Floats
     how: str
-    # Errors of place and turn of a moving grain (3,), in 3-D (6,), the turn in radians, in 3-D about x, y and z
     place: Floats | None = None
-    power: float = 1.0  # exponent of the gap with which its error is expected to fall
-    parts: tuple[Term, ...] = ()  # terms that this one is the sum of, if any
-    elevation: Floats | None = (
-        None  # (stations,) of a free surface, the largest ones within the run
-    )
-    level: Floats | None = None  # (stations,) of these at the end
-    shear: Floats | None = None  # (2,) of u* at the outflow, and of its mean along the walls
-    separated: Floats | None = (
-        None  # (2,) of x at which the flow along the bed separates and reattaches
-    )
-    centreline: Floats | None = (
-        None  # (3,) of the extreme velocities on the centrelines of a lid-driven box
-    )
-    doubt: str = (
-        ""  # why the errors may be more than twice as large; nothing where they are not known to be
-    )
-    # Correction of force and torque for this error; None where they are not corrected
+    power: float = 1.0
+    parts: tuple[Term, ...] = ()
+    elevation: Floats | None = None
+    level: Floats | None = None
+    shear: Floats | None = None
+    separated: Floats | None = None
+    centreline: Floats | None = None
+    doubt: str = ""
     correction: Correction | None = None
 
     def corrected(self, change: Floats, left: Floats) -> Term:
@@ -152,14 +159,10 @@ class Term:
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
-        """The sum of terms."""
-        force, couple = (
-            np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple")
-        )
-        place, elevation, level, shear, separated = (
-            _sum_of(parts, of) for of in ("place", "elevation", "level", "shear", "separated")
-        )
-        return cls(name, force, couple, how, place, 1.0, parts, elevation, level, shear, separated)
+        """The sum of terms; of none the errors of force and torque are NaN."""
+        if not parts:
+            return cls(name, np.full(3, np.nan), np.full(3, np.nan), how)
+        return cls(name, how=how, parts=parts, **{of: _sum_of(parts, of) for of in ERRORS})  # type: ignore[arg-type]
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
@@ -207,37 +210,38 @@ class Term:
 
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
-        names = (
-            "force",
-            "couple",
-            "place",
-            "elevation",
-            "level",
-            "shear",
-            "separated",
-            "centreline",
-        )
-        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in ERRORS}
         known = {n: (a, b) for n, (a, b) in pairs.items() if a is not None and b is not None}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in known.items()})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json: null for what there is not."""
-        found = {**asdict(self), "parts": [part.to_dict() for part in self.parts]}
-        found["shear_velocity"] = found.pop("shear")
-        return found | {name: _if_any(found[name]) for name in ("force", "couple")}
 
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The error terms of a run, and what they mean for the verdict."""
+    """The error terms of a run, and what they mean for the verdict.
+
+    left_out: terms that do not apply or are not estimated, with the reason
+    failed: terms that should be there, with what kept them from being computed
+    """
 
     terms: tuple[Term, ...]
-    # Terms that do not apply or are not estimated, with the reason
     left_out: dict[str, str] = field(default_factory=dict)
-    # Terms that should be there, with what kept them from being computed
     failed: dict[str, str] = field(default_factory=dict)
     safety: SafetyBar | None = None
+
+    @cached_property
+    def total(self) -> Term:
+        """The sum of all terms."""
+        return Term.of_parts("all", self.terms, "the sum: an error bar is not a standard deviation")
+
+    @property
+    def force(self) -> Floats:
+        """(3,) absolute error of the force, (0,) without a grain."""
+        return self.total.force
+
+    @property
+    def couple(self) -> Floats:
+        """(3,) absolute error of the torque, (0,) without a grain."""
+        return self.total.couple
 
     @property
     def correction(self) -> Correction | None:
@@ -245,10 +249,8 @@ class ErrorBars:
         found = [term.correction for term in self.terms if term.correction is not None]
         if not found:
             return None
-        force, couple = (
-            np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple")
-        )
-        return Correction(force, couple)
+        parts = zip(*((one.force, one.couple) for one in found), strict=True)
+        return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
     def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
         """Forces and torques with the corrections added; as they are without one."""
@@ -258,80 +260,29 @@ class ErrorBars:
         return force.corrected(change.force), couple.corrected(change.couple)
 
     @property
-    def force(self) -> Floats:
-        """(3,) absolute error of the force, (0,) without a grain."""
-        return (
-            np.sum([term.force for term in self.terms], axis=0)
-            if self.terms
-            else np.full(3, np.nan)
-        )
-
-    @property
-    def couple(self) -> Floats:
-        """(3,) absolute error of the torque, (0,) without a grain."""
-        return (
-            np.sum([term.couple for term in self.terms], axis=0)
-            if self.terms
-            else np.full(3, np.nan)
-        )
-
-    @property
-    def place(self) -> Floats | None:
-        """(3,), in 3-D (6,), absolute error of place and turn of a moving grain at the end of its path."""
-        return _sum_of(self.terms, "place")
-
-    @property
-    def elevation(self) -> Floats | None:
-        """(stations,) absolute error of the elevations of a free surface, the largest within the run."""
-        return _sum_of(self.terms, "elevation")
-
-    @property
     def doubtful(self) -> str:
         """The name of the first term that may be more than twice as large; nothing where there is none."""
         return next((term.name for term in self.terms if term.doubt), "")
 
-    @property
-    def level(self) -> Floats | None:
-        """(stations,) absolute error of the elevations of a free surface at the end."""
-        return _sum_of(self.terms, "level")
-
-    @property
-    def shear(self) -> Floats | None:
-        """(2,) absolute error of u* at the outflow, and of its mean along the walls."""
-        return _sum_of(self.terms, "shear")
-
-    @property
-    def separated(self) -> Floats | None:
-        """(2,) absolute error of x at which the flow along the bed separates and reattaches."""
-        return _sum_of(self.terms, "separated")
-
-    @property
-    def centreline(self) -> Floats | None:
-        """(3,) absolute error of the extreme velocities on the centrelines of a lid-driven box."""
-        return _sum_of(self.terms, "centreline")
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
+        total = as_stored(self.total)
         return {
-            "force": _if_any(self.force),
-            "couple": _if_any(self.couple),
-            "place": self.place,
-            "elevation": self.elevation,
-            "level": self.level,
-            "shear_velocity": self.shear,
-            "separated": self.separated,
-            "centreline": self.centreline,
-            "terms": [term.to_dict() for term in self.terms],
+            **{name: total[name] for name in (STORED_NAMES.get(of, of) for of in ERRORS)},
+            "terms": as_stored(self.terms),
             "left_out": self.left_out,
             "failed": self.failed,
-            "safety_factor": None if self.safety is None else asdict(self.safety),
+            "safety_factor": as_stored(self.safety),
         }
 
     def lines(self, gdim: int = 2) -> list[str]:
         """Errors and where they come from, for a reader, of a scene of a dimension."""
-        lines = [f"error bars          {_errors(self, gdim) if self.terms else 'not known'}"]
+        lines = [f"error bars          {_errors(self.total, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
+            if (change := term.correction) is not None:
+                by = loads_words(change.force + 0.0, change.couple + 0.0, gdim, "+.2g")
+                lines.append(f"    {'corrected by':<16}{by}")
             if term.doubt:
                 lines.append(
                     f"    {'not certain':<16}may be more than twice as large: {term.doubt}"
@@ -371,11 +322,7 @@ def _shared(one: Floats, others: Floats) -> Floats:
     return np.asarray(np.minimum(one[1], others[:, 1]) - np.maximum(one[0], others[:, 0]))
 
 
-def _if_any(errors: Floats) -> Floats | None:
-    return errors if len(errors) else None
-
-
-def _errors(term: Term | ErrorBars, gdim: int) -> str:
+def _errors(term: Term, gdim: int) -> str:
     said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))

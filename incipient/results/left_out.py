@@ -1,7 +1,6 @@
 """An effect that was left out and what it would have changed, as data."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from ..arrays import Floats
 from ..planning.effects import percent
@@ -9,29 +8,26 @@ from ..planning.effects import percent
 
 @dataclass(frozen=True)
 class Omission:
-    """An effect left out."""
+    """An effect left out.
+
+    relative: change that it would have made, relative to the load; None: not known
+    exceeds: whether it may be more than the accuracy asked for
+    force, couple: change of the force and the torque (3,); None: not known
+    """
 
     name: str
-    relative: float | None  # change that it would have made, relative to the load; None: not known
+    relative: float | None
     how: str
-    exceeds: bool  # whether it may be more than the accuracy asked for
+    exceeds: bool
     remedy: str = ""
-    force: Floats | None = (
-        None  # change of the force (3,), and `couple` (3,) of the torque; None: not known
-    )
+    force: Floats | None = None
     couple: Floats | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
-        return asdict(self)
 
     def lines(self) -> list[str]:
         """One line for a reader, and a warning where one is due."""
-        size = (
-            "by an unknown amount"
-            if self.relative is None
-            else f"by about {percent(self.relative)}"
-        )
+        size = "by an unknown amount"
+        if self.relative is not None:
+            size = f"by about {percent(self.relative)}"
         told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
             told.append(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..contact.robustness import Interval
@@ -49,6 +49,10 @@ class SafetyBar:
             return _ratio(*self.some, self.some[1])
         lower = _ratio(self.some[0], self.every[0], self.every[0])
         return lower + _ratio(self.every[1], self.some[1], self.some[1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self) | {"sentence": self.sentence()}
 
     def sentence(self) -> str:
         """What the error bars mean for the verdict."""

@@ -28,6 +28,7 @@ Motion = Annotated[
     ),
 ]
 FRICTIONLESS = "frictionless"
+LEVEL = "level"
 # Keys that only a grain with this motion reads.
 READ_ONLY_BY = {
     "velocity": "free",
@@ -37,14 +38,16 @@ READ_ONLY_BY = {
     "course": "prescribed",
 }
 OfTime = Annotated[str, formula("t")]
-SETTLES = 'on the bed, by contact.friction; "frictionless": without'
+SETTLES = (
+    'on the bed, by contact.friction; "frictionless": without; "level": as if bed.slope were zero'
+)
 
 
 Settle = Annotated[
-    bool | Literal["frictionless"],
+    bool | Literal["frictionless", "level"],
     allowed(
-        lambda value: isinstance(value, bool) or value == FRICTIONLESS,
-        f'give true, false or "{FRICTIONLESS}"',
+        lambda value: isinstance(value, bool) or value in (FRICTIONLESS, LEVEL),
+        f'give true, false, "{FRICTIONLESS}" or "{LEVEL}"',
     ),
 ]
 OnContact = Annotated[

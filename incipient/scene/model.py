@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, partial
-from typing import Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
@@ -20,7 +20,7 @@ from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
 from .flows import Flow, LogLaw, Shear
 from .fluctuations import Gusts
-from .grains import FRICTIONLESS
+from .grains import FRICTIONLESS, LEVEL
 from .mass import mass, mean_density
 from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
@@ -34,6 +34,9 @@ from .surface import FREE, Surface
 from .terrains import TerrainBed
 from .turbulence import Turbulence
 from .units import Scales, Units, scales_of, with_units
+
+if TYPE_CHECKING:
+    from ..contact.friction import FrictionCone
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -94,6 +97,13 @@ class Contact(Section):
         "Torque that resists rolling, over the normal force and half of the grain's size, at most [-]",
         0.0,
     )
+
+    @property
+    def law(self) -> FrictionCone:
+        """The law of a contact at rest, which both criteria apply."""
+        from ..contact.friction import FrictionCone
+
+        return FrictionCone.of(self.friction)
 
 
 class Time(Section):
@@ -362,8 +372,8 @@ class Scene(Section):
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
-        does not.
+        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
+        Raises SceneError if it does not.
         """
         body = self.body
         if body is None:
@@ -381,10 +391,9 @@ class Scene(Section):
             over.append(self.domain.middle if body.aside is None else body.aside)
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
-            down, friction = (
-                tuple(self.gravity_direction),
-                self.contact.friction if self.contact else None,
-            )
+            upright = (*[0.0] * (self.gdim - 1), -1.0)
+            down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
+            friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:

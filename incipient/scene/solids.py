@@ -135,6 +135,24 @@ class Cylinder(SolidSection):
     length: Positive = key("Length, the width of the domain [length]")
 
 
+class Capsule(SolidSection):
+    """A cylinder with hemispheres as ends, its axis along y before it is turned."""
+
+    shape: Literal["capsule"] = key("Shape of the grain", "capsule")
+    diameter: Positive = key("Diameter [length]")
+    length: Positive = key("Length with the ends, above the diameter [length]")
+
+    rules = (
+        *SolidSection.rules,
+        Rule("length", lambda s: s.length <= s.diameter, "is {s.length:g}, no more than the diameter",
+             'give more than {s.diameter:g}, or shape = "sphere"'),
+    )  # fmt: skip
+
+    def new_grain(self) -> geometry.Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        return geometry.Box((self.diameter, self.length, self.diameter), 0.5 * self.diameter)
+
+
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
@@ -233,4 +251,6 @@ class Mesh(FromFile, SolidSection):
         )
 
 
-SolidBody = Sphere | Cylinder | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+SolidBody = (
+    Sphere | Cylinder | Capsule | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+)

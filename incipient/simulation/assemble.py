@@ -18,7 +18,6 @@ from ..planning.effects import EffectName
 from ..results.errorbars import ErrorBars
 from ..results.left_out import Omission
 from ..results.loads import Gap
-from ..results.quantity import OutputQuantity
 from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
@@ -68,7 +67,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         plan=run.plan,
         scene=scene.model_dump(mode="json"),
         force=force,
-        couple=couple,
+        torque=couple,
         coefficients=None if force is None or couple is None else coefficients(run, force, couple),
         grain=_grain(run),
         gap=gap,
@@ -77,7 +76,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         centrelines=lines,
         separated=separated,
         steady=None if run.steadiness is None else run.steadiness.told(),
-        si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
+        si=in_si(scene),
         cost=cost(run),
         status=status,
         error=error,
@@ -88,6 +87,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
+        quantities=known.quantities(),
         measured=measured,
     )
 
@@ -100,11 +100,11 @@ def with_rests(run: Run, result: Result) -> Result:
 
     if not may_rock(result.verdict):
         return result
-    assert result.force is not None and result.couple is not None
+    assert result.force is not None and result.torque is not None
     run.voice.begin("rests")
     with run.stage("contact"):
         first = result.verdict["safety_factor"]
-        load = load_of(run.scene.placement, result.force, result.couple)
+        load = load_of(run.scene.placement, result.force, result.torque)
         # The last digits of loads, and so the steps taken, may differ from rank to rank.
         rocking = from_first(run.comm, lambda: followed(run.scene, load))
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
@@ -129,15 +129,14 @@ def completed(
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     """The result with its loads corrected, and what follows from them. Collective."""
-    if bars is None or bars.correction is None or result.force is None or result.couple is None:
+    if bars is None or bars.correction is None or result.force is None or result.torque is None:
         return result
-    force, couple = bars.corrected(result.force, result.couple)
+    force, couple = bars.corrected(result.force, result.torque)
     return replace(
         result,
         force=force,
-        couple=couple,
+        torque=couple,
         coefficients=coefficients(run, force, couple),
-        si=in_si(run.scene, 1.0, force.flow, couple.flow),
         verdict=judged(run, force, couple),
     )
 
@@ -161,7 +160,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     with run.stage("omitted effects"):
         try:
-            return known.omissions(Solved(run, result.force, result.couple, result.verdict))
+            return known.omissions(Solved(run, result.force, result.torque, result.verdict))
         except IncipientError as error:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
@@ -184,11 +183,11 @@ def cost(run: Run) -> dict[str, Any]:
     }
 
 
-def _measured(run: Run) -> dict[OutputQuantity, Any]:
-    """Values of the quantities that effects measure, None of an effect that is absent. Collective."""
+def _measured(run: Run) -> dict[str, Any]:
+    """Values of the quantities that effects measure by their keys, None of an effect that is absent. Collective."""
     present = known.quantities(run.plan)
     measured = ((one, one.measure) for one in known.quantities() if one.measure is not None)
-    return {one: measure(run) if one in present else None for one, measure in measured}
+    return {one.key: measure(run) if one in present else None for one, measure in measured}
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:

@@ -64,7 +64,7 @@ def prepared(
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..fluid import raised
+        from ..fluid.flow import build_fluid
         from ..mesh import domain
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
@@ -86,7 +86,7 @@ def prepared(
             parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
-            newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
+            newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:

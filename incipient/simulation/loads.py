@@ -63,7 +63,7 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
             load_of(scene.placement, force, couple),
             mass_and_inertia(scene.body, scene.placement),
         )
-        verdict = judge(load, run.contacts, scene.contact.friction, inert).to_dict()
+        verdict = judge(load, run.contacts, scene.contact.law, inert).to_dict()
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict

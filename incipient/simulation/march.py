@@ -11,9 +11,7 @@ from ..effects import known
 from ..effects.run_part import RunPart
 from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
-from ..fluid.quasisteady import QuasiSteady
-from ..fluid.tolerance import of_steps
-from ..fluid.transient import Interface, Past, TimeStep, Transient
+from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..mesh import domain
 from ..planning import meshing
 from ..planning.effects import EffectName

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results.steady import Steadied
+from ..results.result import Steadied
 
 if TYPE_CHECKING:
     from ..effects.free_surface.part import MovingSurface

@@ -185,7 +185,7 @@ class TimeLoop:
             force, couple = loads(run, surface=False)
         found = coefficients(run, force, couple)
         row: dict[str, Any] = named("force", force.flow, gdim) | named_couple(
-            "couple", couple.flow, gdim
+            "torque", couple.flow, gdim
         )
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
 from ..input_files import read_text
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from .axes import Settings
 
-TASKS = ("run", "threshold", "gust", "entrainment", "judge")
 _DIGITS = 20  # of an identity
 
 
@@ -35,17 +33,6 @@ class Source:
             return cls(given.title or "scene", dumps(given))
         path = Path(given)
         return cls(path.stem, read_text(path, "give the name of a scene file"), path.parent)
-
-    @property
-    def section(self) -> dict[str, Any]:
-        """Section [sweep] as plain data; empty without one, or if the file is not TOML, which is reported later."""
-        try:
-            section = tomllib.loads(self.text).get("sweep", {})
-        except (ValueError, RecursionError):
-            return {}
-        if not isinstance(section, dict):
-            raise SceneError(f"{self.name}: sweep: is not a section; write [sweep]")
-        return section
 
 
 @dataclass(frozen=True)

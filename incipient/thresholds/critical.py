@@ -26,7 +26,7 @@ from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
-from ..results.si import in_si
+from ..results.si import in_si, with_loads
 from ..scene import Scene
 from ..scene.mass import mass_and_inertia
 from ..scene.units import nominal_diameter
@@ -149,7 +149,9 @@ def _threshold(run: Run, flow: CriticalFlow) -> Threshold:
         return threshold
     return replace(
         threshold,
-        si=in_si(scene, flow.factor, load.flow_force, load.flow_couple),
+        si=with_loads(
+            in_si(scene, flow.factor), {"force": load.flow_force, "torque": load.flow_couple}
+        ),
         steepness=flow.path.steepness(flow.factor),
         applicable=None if walls is None else walls.applicable,
         notes=(threshold.shields_note(scene.gdim), *_notes(run, flow)),
@@ -208,4 +210,4 @@ def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
     scene = run.scene
     assert scene.body is not None and scene.contact is not None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.friction, inert)
+    return judge(load, contacts, scene.contact.law, inert)

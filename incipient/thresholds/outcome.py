@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..contact import Contacts, Load
+from ..results.quantity import as_stored
 from ..results.si import si_lines
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Threshold:
             "schema_version": SCHEMA_VERSION,
             "error_bars": self.bars and self.bars.to_dict(),
             "without_error_bars": self.without_bars,
-            "adaptation": self.adaptation and self.adaptation.to_dict(),
+            "adaptation": as_stored(self.adaptation),
             "load": asdict(self.load),
             "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
             "trials": [asdict(trial) for trial in self.trials],

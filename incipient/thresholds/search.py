@@ -113,7 +113,7 @@ class CriticalSearch:
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
-        self._holds = run.contacts, scene.contact.friction
+        self._holds = run.contacts, scene.contact.law
         self._solved: dict[float, tuple[Forces, Couples]] = {}
         self._states: dict[float, list[Floats]] = {}
         numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)

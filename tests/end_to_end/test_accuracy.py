@@ -135,8 +135,8 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
 
 def test_couple() -> None:
     result = run(on_bed(accuracy=0.001, accuracy_of="couple"))
-    assert result.couple is not None and result.adaptation is not None and result.adaptation.met
-    assert abs(result.couple.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
+    assert result.torque is not None and result.adaptation is not None and result.adaptation.met
+    assert abs(result.torque.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
 
 
 def test_adapted_meshes_beat_uniform_refinement() -> None:
@@ -232,9 +232,9 @@ def test_a_disc_that_is_turned_in_fluid_at_rest(accuracy: float) -> None:
     exact = couple_on_a_turned_disc(4.0, viscosity=0.05, radius=0.5, frequency=2.0)
     found = result.adaptation
     assert (
-        result.couple is not None and found is not None and found.met and found.reached is not None
+        result.torque is not None and found is not None and found.met and found.reached is not None
     )
-    error = abs(result.couple.flow[2] / exact - 1.0)
+    error = abs(result.torque.flow[2] / exact - 1.0)
     assert error < accuracy
     assert 0.5 < found.reached / error < 3.0
     first, last = found.trials[0], found.trials[-1]

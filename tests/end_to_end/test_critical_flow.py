@@ -14,8 +14,9 @@ import incipient
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.safety import safety_factor
 from incipient.evaluation.contact_verdict import load_of
-from incipient.output.critical_flow import write_threshold
+from incipient.output.searches import write
 from incipient.pictures.record import parsed_json
+from incipient.results.kinds import THRESHOLD
 from incipient.scene import loads
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import loads_at
@@ -272,7 +273,7 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     changed = np.abs(fine - load_per_flow(coarse) * coarse.factor).sum()
     assert changed / 3.0 < np.concatenate([term.force, term.couple]).sum() < 3.0 * changed
     assert coarse.bars.low < coarse.factor < coarse.bars.high
-    write_threshold(tmp_path, on_bed(*STOKES), coarse, MPI.COMM_SELF)
+    write(THRESHOLD, tmp_path, on_bed(*STOKES), coarse.to_dict(), MPI.COMM_SELF)
     assert_told(coarse, tmp_path)
 
 

@@ -13,7 +13,7 @@ from test_released import POCKET
 
 import incipient
 from incipient.errors import SceneError
-from incipient.output.gust_curve import GustCurve
+from incipient.output.searches import GustCurve
 from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads

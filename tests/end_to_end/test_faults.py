@@ -163,7 +163,7 @@ def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, comman
     last = command(*further(), timeout=120)
     assert last.returncode == 0, last.stderr
     one, other = (result_of(directory) for directory in (target, whole))
-    for name in ("force", "couple", "coefficients"):
+    for name in ("force", "torque", "coefficients"):
         assert_same_numbers(one[name], other[name])
 
 

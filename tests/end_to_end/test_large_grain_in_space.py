@@ -132,7 +132,7 @@ def test_a_sphere_on_two_ranks(mpirun, tmp_path):
 
         found = incipient.run(loads(open({path!r}).read()))
         if MPI.COMM_WORLD.rank == 0:
-            print(*map(repr, found.force.flow.tolist() + found.couple.flow.tolist()))
+            print(*map(repr, found.force.flow.tolist() + found.torque.flow.tolist()))
     """
     scene = stone(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9))
     (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")

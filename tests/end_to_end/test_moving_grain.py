@@ -28,7 +28,7 @@ from incipient.scene import (
 )
 
 Columns = dict[str, Any]
-LOADS_AND_VELOCITIES = ("force_x", "force_y", "couple", "velocity_x", "velocity_y", "spin")
+LOADS_AND_VELOCITIES = ("force_x", "force_y", "torque", "velocity_x", "velocity_y", "spin")
 
 
 def history_of(directory: Path) -> Columns:

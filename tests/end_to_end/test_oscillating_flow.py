@@ -61,7 +61,7 @@ def threshold() -> tuple[float, float]:
     _, found = history(held)
     time, along, up, couple = (
         np.array([float(one) for one in found[name]])
-        for name in ("time", "force_x", "force_y", "couple")
+        for name in ("time", "force_x", "force_y", "torque")
     )
     placement = Setup(held).geometry.stance.placement
     assert placement is not None

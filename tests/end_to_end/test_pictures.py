@@ -24,6 +24,7 @@ from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.record import read
+from incipient.results.kinds import JUDGEMENT, THRESHOLD
 from incipient.scene.file import dumps, loads
 
 RADIUS, SIDE = 1.0, 8.0
@@ -143,7 +144,7 @@ def grain_run(tmp_path):
         "schema_version": 1,
         "title": "A disc in a square",
         "force": {"flow": FLOW, "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
-        "couple": {"about": [0, 0, 0], "flow": COUPLE},
+        "torque": {"about": [0, 0, 0], "flow": COUPLE},
         "coefficients": {"drag": 6.28, "lift": 1.0, "moment": None},
         "contacts": [{"point": point, "normal": point} for point in POINTS],
         "grain": {"centre": [0, 0], "angle": 0.0},
@@ -287,8 +288,8 @@ def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, mon
     for name in ("threshold", "judgement"):
         (tmp_path / f"{name}.json").write_text("{}")
     makers = {
-        "threshold.json": lambda directory: [][0],
-        "judgement.json": lambda directory: [directory / "judgement.png"],
+        THRESHOLD: lambda directory: [][0],
+        JUDGEMENT: lambda directory: [directory / "judgement.png"],
     }
     monkeypatch.setattr("incipient.pictures.directory_pictures._OTHERS", makers)
     announced = []

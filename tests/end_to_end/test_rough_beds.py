@@ -77,7 +77,7 @@ def on_sand(number, roughness, mesh_size=2.0, length=10.0, depth=4.0, upstream=0
 def loads(scene):
     """Drag, lift and couple."""
     found = incipient.run(scene)
-    return np.array([*found.force.flow[:2], found.couple.flow[2]])
+    return np.array([*found.force.flow[:2], found.torque.flow[2]])
 
 
 def test_flow_over_sand_on_a_free_mesh_is_developed_flow():
@@ -185,7 +185,7 @@ def test_new_meshes_over_sand_leave_a_free_grain_as_it_is(tmp_path):
 @pytest.mark.slow
 def test_a_run_over_sand_goes_on_where_it_was_kept(tmp_path):
     """Kept after three steps, with a new mesh after each: it ends where the whole run does."""
-    names = ("x", "couple", "y_plus_max", "mesh_quality")
+    names = ("x", "torque", "y_plus_max", "mesh_quality")
     resumed, whole = resumed_and_whole(
         lambda end: moving("free", end, 0.9995, checkpoint=3), (0.15, 0.25), tmp_path, names
     )

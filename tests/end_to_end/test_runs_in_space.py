@@ -36,14 +36,14 @@ import incipient, sys
 from mpi4py import MPI
 result = incipient.run(incipient.load(sys.argv[1]))
 if MPI.COMM_WORLD.rank == 0:
-    print(*result.force.flow, *result.couple.flow)
+    print(*result.force.flow, *result.torque.flow)
 """
 
 
 def scaled(scene, result):
     """Force along the stream and couple across it in the units of the exact ones."""
     mu, a, h = scene.viscosity, 0.5, 0.51
-    return result.force.flow[0] / (6 * pi * mu * a * h), result.couple.flow[1] / (
+    return result.force.flow[0] / (6 * pi * mu * a * h), result.torque.flow[1] / (
         4 * pi * mu * a**3
     )
 
@@ -53,7 +53,7 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     result = incipient.run(scene, tmp_path)
     # On the coarse mesh, with sides 20 diameters away: measured 1.1% and 1.0%.
     assert scaled(scene, result) == pytest.approx(EXACT, rel=0.02)
-    assert result.force.flow[1] == 0.0 and np.all(result.couple.flow[[0, 2]] == 0.0)
+    assert result.force.flow[1] == 0.0 and np.all(result.torque.flow[[0, 2]] == 0.0)
     assert result.verdict["mode"] == "rolling" and result.verdict["safety_factor"] == 0.0
     stored = incipient.load(tmp_path / "scene.toml")
     assert stored == scene and (tmp_path / "fields.xdmf").exists()
@@ -83,7 +83,7 @@ def test_half_of_a_scene_gives_what_the_whole_does():
         result = incipient.run(
             Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)})
         )
-        found[symmetric] = np.concatenate([result.force.flow, result.couple.flow])
+        found[symmetric] = np.concatenate([result.force.flow, result.torque.flow])
     # The meshes differ: their errors are about 1% (see above).
     assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
 

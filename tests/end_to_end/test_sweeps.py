@@ -334,15 +334,9 @@ def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path, mpirun: Any) -
     ("arguments", "said"),
     [
         (("--over", "contacts.friction=0.1,-1"), "case 2 of 2"),
-        (("--over", "contacts.nothing=1,2"), "unknown key"),
-        (("--over", "contacts.friction"), "is not a key with values"),
-        (("--over", "contacts.friction=1,2", "--wall", "soon"), "is not a time"),
         (("--over", "contacts.friction=1,2", "--limit", "20x"), "--limit 20x: is not a time"),
-        (("--over", "contacts.friction=1,2", "--jobs", "0"), "--jobs 0: is not above zero"),
         (("--over", "contacts.friction=1,2", "--ranks", "2"), "computes each case on one rank"),
         (("--executor", "dask://HOST:9"), "is now --scheduler; write --scheduler tcp://HOST:9"),
-        (("--cases", "absent.csv"), "absent.csv: cannot be read"),
-        ((), "nothing is varied"),
     ],
 )
 def test_wrong_sweeps_are_refused_in_one_line(

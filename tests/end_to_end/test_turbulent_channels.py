@@ -175,7 +175,7 @@ def test_a_step_reattaches_where_the_standard_model_does():
     """
     scene = load(DEMOS / "backward_facing_step.toml")
     found = incipient.run(scene)
-    walls, bars = found.turbulence, found.error_bars.separated
+    walls, bars = found.turbulence, found.error_bars.total.separated
     start, end = walls.separated
     assert walls.applicable and 0.0 < start < 1.0
     assert 0.75 * 6.26 < end < 0.86 * 6.26

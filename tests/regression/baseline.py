@@ -171,13 +171,13 @@ def measured(
 # Quantities of the JSON files by path; the names beside them stay when a path changes.
 PATHS = {
     "force": "force.flow",
-    "torque": "couple.flow",
+    "torque": "torque.flow",
     "computed force": "force.computed",
-    "computed torque": "couple.computed",
+    "computed torque": "torque.computed",
     "place": "grain.computed_centre",
     "safety factor": "verdict.safety_factor",
     "bar of the force": "error_bars.force",
-    "bar of the torque": "error_bars.couple",
+    "bar of the torque": "error_bars.torque",
     "elevations": "surface.elevations",
     "shear velocity": "turbulence.shear_velocity",
     "separation": "turbulence.separated",
@@ -227,7 +227,7 @@ def _numbers(stored: Any) -> list[float]:
 
 
 LAST_ROW = re.compile(
-    r"(x|y|z)|(velocity|force|elevation)_\w+|time|angle|spin\w*|couple\w*|energy_\w+"
+    r"(x|y|z)|(velocity|force|elevation)_\w+|time|angle|spin\w*|torque\w*|energy_\w+"
 )
 
 
@@ -236,7 +236,7 @@ def _last_row(row: Mapping[str, str]) -> Iterator[tuple[str, list[float]]]:
     for column, entry in row.items():
         if entry and (match := LAST_ROW.fullmatch(column)):
             group = "place" if match[1] else match[2] or column.partition("_")[0]
-            groups.setdefault(group.replace("couple", "torque"), []).append(float(entry))
+            groups.setdefault(group, []).append(float(entry))
     yield from ((f"{group} at the end", numbers) for group, numbers in groups.items())
 
 

@@ -313,7 +313,7 @@ def test_where_the_flow_separates_and_reattaches_has_error_bars(ends):
     assert (table["separation"], table["reattachment"]) == (1.0, 5.31)
     assert table["separation_high"] == pytest.approx(1.0 + max(0.048, within[0]))
     words = "x = 0.2 to 0.4, 1 to 5.31 (within {:.1e} and {:.1e})".format(*found.separated)
-    assert words in "\n".join(walls[0].lines(bars.shear, bars.separated))
+    assert words in "\n".join(walls[0].lines(bars.total.shear, bars.total.separated))
     assert "x of separation" in "\n".join(bars.lines())
 
 

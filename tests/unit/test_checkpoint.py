@@ -23,7 +23,7 @@ from incipient.fluid.transient import Transient
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
-from incipient.output.reopening import reopened
+from incipient.output.runs import reopened
 from incipient.planning.flow_setup import order_of
 from incipient.restart.checkpoint import (
     Checkpoint,

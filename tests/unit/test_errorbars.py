@@ -416,10 +416,10 @@ def test_what_does_not_apply_is_said() -> None:
         "gap": "does not apply: the grain moves, and contact.gap says where it stops",
         "domain": "does not apply: the domain is closed by walls",
     }
-    assert bars.place is not None and np.all(bars.place > 0.0)
+    assert bars.total.place is not None and np.all(bars.total.place > 0.0)
     total, *terms = bars.lines()
     assert (
-        f"   end of the path ({bars.place[0]:.1e}, {bars.place[1]:.1e}), turn {bars.place[2]:.1e} rad"
+        f"   end of the path ({bars.total.place[0]:.1e}, {bars.total.place[1]:.1e}), turn {bars.total.place[2]:.1e} rad"
         in total
     )
     assert [line[:18].strip() for line in terms[:3]] == ["discretisation", "time step", "mesh"]
@@ -723,7 +723,7 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     scene = example(*SETTLED, "output.fields=false", "numerics.mesh_size=2")
     found = incipient.run(scene, tmp_path, MPI.COMM_SELF, overwrite=True)
     plain = incipient.run(changed(scene, numerics={"correction": False}), comm=MPI.COMM_SELF)
-    assert found.force is not None and plain.force is not None and found.couple is not None
+    assert found.force is not None and plain.force is not None and found.torque is not None
     assert (
         found.error_bars is not None
         and plain.error_bars is not None
@@ -747,7 +747,7 @@ def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
         and bar.value == found.verdict["safety_factor"]
         and bar.high - bar.low < 0.4 * (high - low)
     )
-    assert "corrected for gap" in found.text() and "corrected for" not in plain.text()
+    assert "corrected by" in found.text() and "corrected by" not in plain.text()
     stored = json.loads((tmp_path / "result.json").read_text())
     assert stored["force"]["computed"] == found.force.plain.tolist()
     by_name = {one["name"]: one for one in stored["error_bars"]["terms"]}
@@ -792,12 +792,12 @@ def test_a_sphere_that_touches_a_plane() -> None:
     """
     scene = load(SCENES / "sphere_on_plane.toml", ["output.fields=false"])
     found = incipient.run(scene, comm=MPI.COMM_SELF)
-    assert found.force is not None and found.couple is not None and found.error_bars is not None
+    assert found.force is not None and found.torque is not None and found.error_bars is not None
     force, couple = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
     assert abs(found.force.flow[0] - 1.7009 * force) < min(
         found.error_bars.force[0], 0.001 * found.force.flow[0]
     )
-    assert abs(found.couple.flow[1] - 0.944 * couple) < min(
+    assert abs(found.torque.flow[1] - 0.944 * couple) < min(
         found.error_bars.couple[1], 0.001 * couple
     )
     assert found.force.plain[0] > 1.01 * found.force.flow[0]  # with the gap of 1%

@@ -16,7 +16,9 @@ from PIL import Image
 import incipient
 from incipient.effects.turbulence import findings
 from incipient.errors import OutputError
-from incipient.reporting import RECORDS, part
+from incipient.pictures.apart import draw_apart
+from incipient.pictures.record import parsed_json
+from incipient.reporting import part
 from incipient.reporting.page import (
     TEMPLATES,
     Bounded,
@@ -29,7 +31,9 @@ from incipient.reporting.page import (
     error_size,
     look,
 )
-from incipient.results.si import FLOW, in_si
+from incipient.reporting.results import _in_si
+from incipient.results.kinds import KINDS
+from incipient.results.si import in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 GUSTS = {
@@ -78,7 +82,7 @@ def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
     errors = [0.3, 0.4, None]
     assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
     assert error_cell(errors, "force", True) == (0.3, 0.4)
-    assert math.isnan(error_cell(errors, "couple", True))
+    assert math.isnan(error_cell(errors, "torque", True))
     assert error_cell(errors, "centreline", True) == 0.4
 
 
@@ -88,7 +92,7 @@ def test_short_lists_of_settings_stand_on_a_line() -> None:
 
 
 def test_every_record_has_a_template_that_can_be_read() -> None:
-    names = {Path(name).with_suffix(".html").name for name in RECORDS} | {"sweep.html", "page.html"}
+    names = {f"{kind.name}.html" for kind in KINDS} | {"sweep.html", "page.html"}
     for path in TEMPLATES.glob("*.html"):
         Environment().parse(path.read_text(encoding="utf-8"))
         names.discard(path.name)
@@ -128,15 +132,15 @@ def test_numbers_in_si_units() -> None:
             "body.density=2.65",
         ],
     )
-    shown = environment(si_of_flow=FLOW).get_template("numbers.html").module
-    page = shown.in_si(in_si(scene))
+    shown = environment(in_si=_in_si).get_template("numbers.html").module
+    page = shown.si(in_si(scene))
     row = r'row">([^<]*)</th><td class="number"><data value="([^"]*)">[^<]*</data></td><td class="">([^<]*)<'
     told = {name: (float(value), unit) for name, value, unit in re.findall(row, page)}
     assert told["nominal diameter"] == (pytest.approx(1e-3), "m")
     assert told["stress on the bed"] == (pytest.approx(5e-3), "Pa")
     assert told["shear velocity"] == (pytest.approx(5e-6**0.5), "m/s")
     assert told["one unit of time of the scene"] == (pytest.approx(0.2), "s")
-    assert not shown.in_si(None).strip()
+    assert not shown.si(None).strip()
 
 
 def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> None:
@@ -174,3 +178,28 @@ def test_a_page_does_not_replace_a_result(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"mine\.html: was not written by incipient"):
         incipient.report(tmp_path, tmp_path / "mine.html")
     assert (tmp_path / "mine.html").read_text() == "mine"
+
+
+def test_a_directory_of_poses_is_shown_and_reported(tmp_path: Path) -> None:
+    """Two thresholds of four poses, one of which has no rest; one run has failed."""
+    stored = {"shields": [0.02, 0.05], "modes": {"rolling": 2}, "poses": 4, "refused": 1}
+    record = json.dumps(stored | {"reason": "rolls away", "failed": 1})
+    (tmp_path / "poses.json").write_text(record)
+    page = incipient.report(tmp_path).read_text()
+    assert (tmp_path / "poses.png").is_file() and "4 poses: 2 thresholds, failed runs: 1." in page
+    assert "Poses without a rest: 1, the first: rolls away." in page
+    assert '<th scope="row">median</th><td class="number"><data value="0.02">' in page
+
+
+def test_results_of_an_earlier_version_are_read_or_refused_with_what_to_do(tmp_path: Path) -> None:
+    """The torque was called couple; a scene may have a key that is retired."""
+    (tmp_path / "result.json").write_text('{"couple": {"flow": [1]}, "terms": [{"couple": 2}]}')
+    stored = parsed_json(tmp_path / "result.json")
+    assert stored == {"torque": {"flow": [1]}, "terms": [{"torque": 2}]}
+    text = SCENE.read_text().replace("[numerics]", "[numerics]\nform = 'advective'")
+    (tmp_path / "scene.toml").write_text(text)
+    complaint = draw_apart(tmp_path).complaint
+    assert "scene.toml: numerics.form: " in complaint and "leave it out" in complaint
+    assert complaint.endswith(
+        "show them with the version that wrote them, or run that scene again, changed so"
+    )

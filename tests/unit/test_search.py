@@ -48,6 +48,7 @@ from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
 from incipient.results.errorbars import Term
 from incipient.results.loads import Couples, Forces
+from incipient.results.quantity import as_stored
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Recorder
@@ -398,7 +399,7 @@ def test_what_is_said() -> None:
         "error of the force 4.0e-03 (of discretisation), asked for 0.01: reached",
     ]
     assert [line.split()[0] for line in rest] == ["P2", "P3"]
-    assert said.to_dict()["trials"][1]["unknowns"] == 3000
+    assert as_stored(said)["trials"][1]["unknowns"] == 3000
 
 
 # -- in time -----------------------------------------------------------------------------------------------

@@ -63,7 +63,7 @@ def landing(
     load = load_of(state.placement, force, couple)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
-        found = judge(load, contacts, scene.contact.friction, inert).to_dict()
+        found = judge(load, contacts, scene.contact.law, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
     found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
@@ -88,7 +88,7 @@ def _factor_where_it_touches(
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
     try:
         closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
-        found = safety_factor(load_of(placement, *loads), closed, scene.contact.friction)
+        found = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
     return found.value if math.isfinite(found.value) else None

@@ -111,7 +111,7 @@ class GrainOnBed(MovingGrain):
         contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
         return {
             **columns_of_load(
-                contacts.mean_load(self.state.place, length), "contact", "contact_couple"
+                contacts.mean_load(self.state.place, length), "contact", "contact_torque"
             ),
             **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
             **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
@@ -145,7 +145,7 @@ class GrainOnBed(MovingGrain):
             else self.part.contacts.mean_load(self.state.place, length)
         )
         force, couple = load[: self.scene.gdim], load[self.scene.gdim :]
-        on_bed = {"force": force, "couple": couple if len(couple) == 3 else float(couple[0])}
+        on_bed = {"force": force, "torque": couple if len(couple) == 3 else float(couple[0])}
         return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:

@@ -165,7 +165,7 @@ class MovingGrain(RunPart):
         assert coupling is not None
         return {
             **columns_of_state(self.state),
-            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "couple"),
+            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
             **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
             **self._energies(),

@@ -1,4 +1,4 @@
-"""The run that a directory holds, resumed: by its checkpoint and its scene, if they fit and there is more to do."""
+"""Runs of scenes, new or resumed, which leave a directory behind."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from ..restart.checkpoint import Checkpoint
 from ..results.result import Result
 from ..scene import Scene, Time, load
 from ..scene.file import loads
+from ..simulation.recorder import Recorder
 from .directory import ResultDirectory
 from .lock import locked
 from .ownership import CHECKPOINT, SCENE
@@ -41,6 +42,37 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
 
 
 @one_at_a_time
+def run(
+    scene: Scene,
+    directory: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+    overwrite: bool = False,
+) -> Result:
+    """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
+
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). When the run has its
+    mesh, an earlier one in the directory makes room: it is removed, or moved to a numbered neighbour if it can be
+    resumed.
+
+    Args:
+        scene: what to simulate.
+        directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
+        voice: reports progress; default: none.
+        overwrite: remove the earlier run even if it can be resumed.
+
+    Raises:
+        IncipientError: on all ranks, one line; what was computed before it stays in the directory.
+    """
+    comm = comm or world()
+    if directory is None:
+        return run_scene(scene, comm, Recorder(), voice)
+    directory = Path(directory)
+    with locked(directory, comm, make=True):
+        return run_scene(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)
+
+
+@one_at_a_time
 def resume(
     directory: Path | str,
     overrides: Sequence[str] = (),
@@ -54,7 +86,7 @@ def resume(
 
     Args:
         directory: the directory of the run.
-        overrides: such as ``"time.end=20"``; what may change is in `output.reopening`.
+        overrides: such as ``"time.end=20"``; what may change is in `output.runs`.
         voice: where progress is reported; see `run`.
 
     Raises:
