@@ -173,6 +173,8 @@ class TimeLoop:
             row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:
             row |= run.steadiness.column(step)
+        if run.grain is not None:
+            row |= run.grain.energies()
         for one in known.quantities(run.plan):
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)

@@ -168,14 +168,13 @@ class MovingGrain(RunPart):
             **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
             **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
-            **self._energies(),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         """What a grain that moves on its bed adds."""
         return {}
 
-    def _energies(self) -> dict[str, float]:
+    def energies(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
