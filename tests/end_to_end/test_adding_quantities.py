@@ -24,7 +24,7 @@ from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell
 from incipient.results.quantity import OutputQuantity
 from incipient.scene import Disc, Domain, Fluid, Numerics, Output, Poiseuille, Scene, Time
-from incipient.sweep.quantities import quantities
+from incipient.sweep.worker import quantities
 
 LENGTH, HEIGHT, SHARE = 6.0, 3.0, 0.01
 SCENE = Scene(

@@ -27,11 +27,9 @@ from incipient.reporting.page import (
     compact,
     embedded,
     environment,
-    error_cell,
-    error_size,
     look,
 )
-from incipient.reporting.results import _in_si
+from incipient.reporting.results import _budget, _in_si
 from incipient.results.kinds import KINDS
 from incipient.results.si import in_si
 
@@ -79,11 +77,15 @@ def test_long_texts_have_wide_columns() -> None:
 
 
 def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
-    errors = [0.3, 0.4, None]
-    assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
-    assert error_cell(errors, "force", True) == (0.3, 0.4)
-    assert math.isnan(error_cell(errors, "torque", True))
-    assert error_cell(errors, "centreline", True) == 0.4
+    """Of two terms the second is unknown in one component; fractions are of the norm of the force, 1."""
+    one = {"name": "gap", "how": "x", "force": [0.3, 0.4, None], "torque": [0.0, 0.0, None]}
+    one |= {"level": [0.1, 0.2], "parts": []}
+    other = one | {"name": "domain", "torque": None}
+    bars = {"terms": [one, other], "force": [0.6, 0.8, 0.0], "torque": [0.0, 0.0, 1.0]}
+    heads, rows = _budget(True, bars | {"level": [0.2, 0.4]})
+    assert heads[1:4] == ["of the force", "of the torque", "of elevations at the end"]
+    assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
+    assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
 
 
 def test_short_lists_of_settings_stand_on_a_line() -> None:
