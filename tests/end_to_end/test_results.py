@@ -233,12 +233,6 @@ def steady(stem):
     return grid
 
 
-def test_vtk_opens_the_surface(grain):
-    surface, stored = steady(grain / "surface"), read_step(grain / "surface")
-    assert np.array_equal(surface["traction"], stored.fields["traction"])
-    assert np.array_equal(surface.points, stored.points) and surface.n_cells == len(stored.cells)
-
-
 def test_vtk_opens_the_fields(grain):
     grid = steady(grain / "fields")
     assert set(grid.point_data) == {"velocity", "pressure", "vorticity"}
