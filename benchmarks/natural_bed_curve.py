@@ -234,17 +234,15 @@ def critical(
     for place, one in enumerate(grains):
         normals[place, : len(one.contacts.normals)] = one.contacts.normals
     normals = np.repeat(normals, count, axis=0)
-    loads, total = coefficients.reshape(-1, 6), len(grains) * count
+    loads = coefficients.reshape(-1, 6)
     cases = Cases(
         points=0.5 * normals,
         normals=normals,
         force=loads[:, :3],
         couple=loads[:, 3:],
-        weight=np.tile(SUBMERGED_WEIGHT * DOWN, (total, 1)),
-        centre=np.zeros((total, 3)),
-        friction=np.full(total, friction),
-        mass=np.full(total, np.nan),
-        inertia=np.full((total, 3, 3), np.nan),
+        weight=SUBMERGED_WEIGHT * DOWN,
+        centre=np.zeros(3),
+        law=friction,
     )
     return judge_many(cases).factors.reshape(len(grains), count)
 

@@ -1,6 +1,7 @@
-"""The pages of the site that are made from the code: keys of scenes, commands, Python. A hook of MkDocs.
+"""Writes the pages that are made from the code: keys of scenes, commands, Python; a hook of MkDocs.
 
-After the build the site is looked through for what it would load from elsewhere.
+Run: python docs/reference.py; they end in .markdown, those by hand in .md. After a build the site is searched for what
+it would load from elsewhere.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.exceptions import PluginError
-from mkdocs.structure.files import File, Files
+from typing import TYPE_CHECKING, Any
 
 from incipient import cli
 from incipient.scene import schema
 
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+
+PAGES = Path(__file__).parent / "reference"
 BOUNDS = {
     "exclusiveMinimum": "> {}",
     "minimum": "≥ {}",
@@ -49,16 +50,16 @@ FOREIGN = re.compile(
 FOREIGN_STYLE = re.compile(r"""(?:url\(|@import)\s*["']?(?:https?:)?//""")
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages."""
-    pages = {"scene": scene_page(), "commands": commands_page(), "python": python_page()}
-    for name, text in pages.items():
-        files.append(File.generated(config, f"reference/{name}.md", content=text))
-    return files
+def pages() -> dict[Path, str]:
+    """The text of each page."""
+    texts = {"scene": scene_page(), "commands": commands_page(), "python": python_page()}
+    return {PAGES / f"{name}.markdown": text for name, text in texts.items()}
 
 
 def on_post_build(config: MkDocsConfig) -> None:
     """Refuse a site that loads anything from another host."""
+    from mkdocs.exceptions import PluginError
+
     for path in Path(config.site_dir).rglob("*"):
         pattern = {".html": FOREIGN, ".css": FOREIGN_STYLE}.get(path.suffix)
         found = pattern and pattern.search(path.read_text(encoding="utf-8"))
@@ -244,8 +245,8 @@ def python_page() -> str:
     parts = [
         "# Python",
         "The public functions and classes, made from the code. Scenes are built from the classes of `incipient.scene`, "
-        'one for each section; their keys are those of [the scene file](scene.md). "Collective" is said of functions '
-        "that all ranks of an MPI run must call together.",
+        'one for each section; their keys are those of [the scene file](scene.markdown). "Collective" is said of '
+        "functions that all ranks of an MPI run must call together.",
     ]
     for name, what in PUBLIC.items():
         module = importlib.import_module(name)
@@ -354,3 +355,8 @@ def escaped_html(text: str) -> str:
     """Angle brackets outside of code as entities."""
     parts = re.split(r"(`[^`\n]*`)", text)
     return "".join(part if part.startswith("`") else part.replace("<", "&lt;") for part in parts)
+
+
+if __name__ == "__main__":
+    for page, content in pages().items():
+        page.write_text(content, encoding="utf-8")

@@ -53,12 +53,6 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
     return head * ufl.dot(w, n)
 
 
-def component(u: Any, w: Any, way: Any, n: Any, surface: SurfaceTerms) -> Any:
-    """What of `load` resists a velocity component u along the unit vector `way`, tested with w: for preconditioners."""
-    up, along = n[len(n) - 1], ufl.dot(n, way)
-    return -(along**2) / surface.rate * surface.gravity[len(n) - 1] / up * u * w
-
-
 def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
     """What the surface adds to the Laplacian that stands for a0 times the pressure's Schur complement, a0 p q/m.
 

@@ -28,6 +28,7 @@ from .errors import (
 
 if TYPE_CHECKING:
     from .effects.plan import make_plan
+    from .flumes import flume
     from .output.runs import resume, run
     from .output.searches import entrainment, gusts, threshold
     from .planning.plan import Plan
@@ -44,6 +45,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "entrainment",
+    "flume",
     "gusts",
     "load",
     "make_plan",
@@ -56,6 +58,7 @@ __all__ = [
 # Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
 _LATER = {
     "Plan": "planning.plan",
+    "flume": "flumes",
     "make_plan": "effects.plan",
     "Scene": "scene",
     "load": "scene",

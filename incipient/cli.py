@@ -95,6 +95,12 @@ def _refuse(given: argparse.Namespace, comm: Comm) -> int:
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
     """The commands by name: the function called, the purpose in words, the function that adds the options."""
     rows = (
+        (
+            "flume",
+            "flume",
+            options.of_flume,
+            "say in a second whether a bed of grains moves, from known thresholds",
+        ),
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
         (
             "resume",

@@ -388,7 +388,7 @@ def _layered(boundary: Boundary, sizes: Sizes, frame: Frame, order: int) -> Simp
     walls = [name for name in mesh.sides if name in first]
     middles = np.concatenate([mesh.sides[name][:, 2] for name in walls])
     places = np.concatenate([boundary.middles[boundary.at(name)] for name in walls])
-    return mesh.curved(middles, places, *columns.by_point(len(mesh.points)))[0]
+    return mesh.curved(middles, places, None, *columns.by_point(len(mesh.points)))[0]
 
 
 def _filled(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,8 @@ from .session import generate, gmsh, set_background, view_field
 from .simplices import EDGES, Simplices, measures
 from .size_map import SizeMap, boxes
 from .sizes import LAYERS_SHARE, Sizes, WallLayers
+
+log = logging.getLogger("incipient")
 
 OTHERWISE = 1.07  # factor of the first triangles of a bed from one attempt to the next
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
@@ -42,14 +45,21 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
             f"3-D cells are of order 1 or 2, not {order}: change numerics.geometry_order"
         )
     size = SizeMap.of(region, sizes)
+    straight = np.empty((0, 3))
     for _ in range(ATTEMPTS):
+        if len(straight):
+            gmsh.clear()
+            size = size.finer_at(straight)
         size, mesh, straight = _meshed(size, order)
-        if sizes.layers is not None or not len(straight):
+        if not len(straight):
             break
-        size = size.finer_at(straight)
-        gmsh.clear()
-    text = f"cells would fold over: {len(straight)} edges are straight"
-    gmsh.logger.write(text, "warning" if len(straight) else "info")
+    else:
+        near = np.round(size.frame.scene(straight[0]), 6).tolist()
+        log.warning(
+            "%d edges of cells stay straight along a curved grain, one near %s, since cells would fold over: "
+            "use a smaller numerics.mesh_size",
+            *(len(straight), near),
+        )
     return replace(mesh, points=size.frame.scene(mesh.points))
 
 
@@ -301,13 +311,14 @@ def _on_surfaces(
     low, high = size.bounds
 
     def held(x: Floats) -> np.ndarray:
-        """Which coordinates (n, 3) of points (n, 3) are those of an upright side."""
+        """Which coordinates (n, 3) of points (n, 3) are those of a plane side."""
         on_side = [np.abs(x[:, :2] - end) <= ON_PLANE for end in (low, high)]
-        return np.column_stack([on_side[0] | on_side[1], np.zeros(len(x), dtype=bool)])
+        return np.column_stack([on_side[0] | on_side[1], np.abs(x[:, 2] - 1.0) <= ON_PLANE])
 
     points, none = mesh.points.copy(), np.empty(0, dtype=np.int64)
     middles, smooth, places = [none], [none], [np.empty((0, 3))]
-    for name, exact in {size.region.names[5]: size.ground, **size.bodies}.items():
+    walls = {size.region.names[5]: size.ground, **size.bodies}
+    for name, exact in walls.items():
         triangles = mesh.sides[name]
         corners = np.unique(triangles[:, :3])
         points[corners] = exact.project(points[corners], held(points[corners]))
@@ -326,6 +337,11 @@ def _on_surfaces(
     mesh = replace(mesh, points=points)
     if mesh.order == 1:
         return mesh, none
-    layers = () if columns is None else columns.by_point(len(points))
-    made, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *layers)
+    if columns is None:
+        free = ~held(mesh.points)
+        free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
+        how = (free,)
+    else:
+        how = (None, *columns.by_point(len(points)))
+    made, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *how)
     return made, np.intersect1d(straight, np.concatenate(smooth))

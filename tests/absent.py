@@ -16,8 +16,8 @@ from typing import Any
 
 # Modules that are for one effect only.
 OF_UNSTEADINESS = (
-    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady"),
-    "fluid.tolerance",
+    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.transient"),
+    "fluid.transient",
 )
 OF_MOVING_MESH = (
     "mesh.motion",
@@ -80,7 +80,7 @@ MODULES = (
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
 )
 # Terms of the flow's equations that a steady flow without inertia does not have.
-TERMS = ("inertia", "convection", "skew_convection", "through_boundary")
+TERMS = ("inertia", "convection")
 
 
 class TakenOut:

@@ -27,7 +27,7 @@ from ..arrays import Floats
 from ..compat import petsc
 from ..coupled.tractions import Resultant, TractionProbe, rigid_motion, shares_of_the_whole
 from ..fluid import Fluid
-from ..fluid.raised import enriched
+from ..fluid.flow import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 from ..results.errorbars import Loads

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, SafetyRange, safety_range
 from ..contact.verdict import MassAndInertia, judged
 from ..evaluation.contact_verdict import find_contacts, load_of
@@ -139,11 +140,9 @@ class Goal:
             self.contacts,
         )
         assert contacts is not None and scene.contact is not None and scene.grain is not None
-        friction, step = scene.contact.friction, DIFFERENCE * float(np.linalg.norm(force.flow))
+        law, step = scene.contact.law, DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
-        return slopes(
-            load, steps, places, lambda each: judged(each, contacts, friction).safety.value
-        )
+        return slopes(load, steps, places, lambda each: judged(each, contacts, law).safety.value)
 
 
 def components(gdim: int, halved: bool) -> dict[int, int]:
@@ -182,13 +181,13 @@ def bar_of_scene(
         load_of(scene.placement, force, couple),
         mass_and_inertia(scene.body, scene.placement),
     )
-    return bar_of_safety(load, contacts, scene.contact.friction, inert, errors)
+    return bar_of_safety(load, contacts, scene.contact.law, inert, errors)
 
 
 def bar_of_safety(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    law: Law,
     inert: MassAndInertia | None,
     errors: Errors,
 ) -> SafetyBar:
@@ -196,9 +195,9 @@ def bar_of_safety(
 
     def within(names: set[str]) -> SafetyRange:
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
-        return safety_range(load, contacts, friction, box)
+        return safety_range(load, contacts, law, box)
 
-    common, case = within(set(errors)), (contacts, friction, inert)
+    common, case = within(set(errors)), (contacts, law, inert)
     widths = {name: within(set(errors) - {name}).width for name in errors}
     exact = judged(load, *case)
     # Modes are those of the load and of the worst one within the box: it may have others, unless all loads rest.

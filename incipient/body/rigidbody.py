@@ -174,7 +174,7 @@ class RigidBody:
             at = state(t, y)
             return np.concatenate([at.velocity, turning(at.orientation, at.spin)])
 
-        path = Integrator(rate, self.tolerances, first_step=(time - start.time) or None)
+        path = Integrator(rate, self.tolerances)
         path.init(start.time, np.concatenate([start.place, start.orientation]))
         path.advance(time, None if root is None else lambda t, y: root(state(t, y)))
         end = state(path.t, path.y)

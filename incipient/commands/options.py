@@ -438,6 +438,40 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def of_flume(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient flume`."""
+    from .flume import length
+
+    parser.add_argument(
+        "--diameter", type=length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
+    )
+    parser.add_argument(
+        "--density",
+        type=float,
+        default=2650.0,
+        help="of the grains [kg/m3] (default: quartz, 2650)",
+    )
+    parser.add_argument(
+        "--shear-velocity", type=float, help="u* [m/s]; or depth and velocity, or depth and slope"
+    )
+    parser.add_argument("--depth", type=length, help="of the flow, as in 0.3m")
+    parser.add_argument("--velocity", type=float, help="mean over the depth [m/s]")
+    parser.add_argument("--slope", type=float, help="of bed and surface, rise over length")
+    parser.add_argument(
+        "--temperature", type=float, default=20.0, help="of the water [°C] (default: 20)"
+    )
+    parser.add_argument("--viscosity", type=float, help="kinematic, of another fluid [m2/s]")
+    parser.add_argument("--fluid-density", type=float, help="of another fluid [kg/m3]")
+    parser.add_argument("--gravity", type=float, default=9.81, help="[m/s2] (default: 9.81)")
+    parser.add_argument(
+        "--scene", type=named, metavar="FILE", help="write the scene that computes one such grain"
+    )
+    parser.add_argument(
+        "--curve", type=named, metavar="FILE.png", help="draw the point into Shields' diagram"
+    )
+    parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
+
+
 def of_new(parser: argparse.ArgumentParser) -> None:
     """Options of `incipient new`."""
     parser.add_argument("name", help="name of the scene; NAME.toml is written")

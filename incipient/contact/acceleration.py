@@ -8,19 +8,19 @@ solved by Newton's method from several starts. All else is one code.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear, nnls
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.impulses import PATIENCE, STEPS, CoulombLaw, newton
 from incipient.contact.kernels import Kernel, dot, largest, length
-from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import (
     SafetyFactor,
     can_jam,
@@ -29,10 +29,12 @@ from incipient.contact.safety import (
 )
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry.contacts import Contacts
+from incipient.geometry.statics import balance
 
 ZERO = 1e-8  # accelerations below it, relative to the free one, are zero
 SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
 NEARLY = 1e-9  # of unit vectors: what counts as parallel, or as the boundary of a cell
+DEPENDENT = 1e-10  # singular values below it, relative to the largest, count as zero
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 SYMMETRIC = 1e-9  # of the inertia's largest entry
 MOST = 12  # solutions kept of a case, those of least energy
@@ -167,9 +169,7 @@ class ReleaseProblem:
         wrench = np.where(left > NO_LOAD, 1.0 / np.maximum(left, NO_LOAD), 0.0)[:, None] * wrench
         inverse = np.zeros((len(contacts), 6, 6))
         inverse[:, [0, 1, 2], [0, 1, 2]] = 1.0
-        inverse[:, 3:, 3:] = np.linalg.inv(
-            inertia / (mass * contacts.cases.reach**2)[:, None, None]
-        )
+        inverse[:, 3:, 3:] = np.linalg.inv(inertia / (mass * contacts.reach**2)[:, None, None])
         once = contacts.within(inverse)
         return cls(
             contacts,
@@ -216,7 +216,7 @@ class ReleaseProblem:
         turning = accelerations[:, 3:] * (np.abs(accelerations[:, 3:]) > zero).any(axis=1)[:, None]
         whole = np.concatenate([accelerations[:, :3], turning], axis=1)
         whole *= (np.abs(whole) > zero).any(axis=1)[:, None]
-        inward = self.contacts.cases.inward
+        inward = self.contacts.inward
         at = (whole[:, None] @ self.contacts.columns)[:, 0].reshape(inward.shape)
         return whole, at, *states_and_modes(at, inward, whole[:, 3:], zero, zero)
 
@@ -257,7 +257,7 @@ def checked_inertia(mass: float, inertia: Floats) -> tuple[Floats, Floats]:
 def incipient_motion(
     load: Load,
     contacts: Contacts,
-    friction: Law,
+    law: Law,
     mass: float,
     inertia: Floats,
 ) -> IncipientMotion:
@@ -273,7 +273,7 @@ def incipient_motion(
     positive definite, and ConvergenceError if no solution converges.
     """
     known = checked_inertia(mass, inertia)
-    return motion_of(ContactProblem.of(load, contacts, friction, known[1][0]), *known)
+    return motion_of(ContactProblem.of(load, contacts, law, known[1][0]), *known)
 
 
 def motion_of(
@@ -301,38 +301,36 @@ def motion_of(
 
 def _motions(case: ReleaseProblem, may_rest: bool) -> tuple[Floats, Floats, bool]:
     """Converged accelerations (s, m) and forces (s, k, 3), rest first if among them, and whether these are all."""
-    law, scale = case.contacts.law, case.scale[0]
-    free = _frictionless(case)
-    if np.abs(free[0]).max() <= ZERO * scale:
-        return np.zeros_like(free[0]), np.zeros_like(free[1]), True  # to move takes energy
-    if law.is_frictionless:
-        return *free, True
-    held = forces_that_balance(case.contacts, 1.0) if may_rest else None
+    law, scale, held = case.contacts.law, case.scale[0], None
+    if may_rest or law.is_frictionless:
+        free = _frictionless(case)
+        if np.abs(free[0]).max() <= ZERO * scale:  # to move takes energy
+            return np.zeros_like(free[0]), np.zeros_like(free[1]), True
+        if law.is_frictionless:
+            return *free, True
+        held = forces_that_balance(case.contacts, 1.0)
     (count,), motions, local = case.motions(MOST)
     accelerations, forces = motions[0, :count], local[0].reshape(MOST, -1, 3)[:count]
     if held is None and count == 0:
-        reached = case.coulomb.solutions(np.zeros_like(free[1][0]))
+        reached = case.coulomb.solutions(np.zeros(local[0, 0].shape).reshape(-1, 3))
         forces = next((some for some in reached if len(some)), forces)
         whole = case.wrench + forces.reshape(len(forces), -1) @ case.columns[0].T
         accelerations = whole @ case.inverse[0]
     if held is not None:
         moves = np.abs(accelerations).max(axis=1, initial=0.0) > SAME * scale
-        accelerations = np.concatenate([np.zeros_like(free[0]), accelerations[moves]])
+        rest = np.zeros((1, accelerations.shape[1]))
+        accelerations = np.concatenate([rest, accelerations[moves]])
         forces = np.concatenate([held / case.force_unit[0], forces[moves]])
     return accelerations, forces, case.planar
 
 
 def _frictionless(case: ReleaseProblem) -> tuple[Floats, Floats]:
-    """The only motion without friction, (1, m), and its forces (1, k, 3), by non-negative least squares.
+    """The only motion without friction, (1, m), and its forces (1, k, 3).
 
     Of the accelerations that enter no contact it is that nearest to the free one.
     """
     root, columns = np.linalg.cholesky(case.inverse[0]), case.columns[0]
-    system, target = root.T @ columns[:, ::3], -root.T @ case.wrench[0]
-    try:
-        pressures = nnls(system, target)[0]
-    except RuntimeError:  # it cycles, which it rarely does
-        pressures = lsq_linear(system, target, (0.0, np.inf), tol=1e-15).x
+    _, pressures = balance(columns[:, ::3].T @ root, case.wrench[0] @ root)
     forces = np.zeros((1, len(pressures), 3))
     forces[0, :, 0] = pressures
     return (case.wrench + forces.reshape(1, -1) @ columns.T) @ case.inverse[0], forces
@@ -379,31 +377,25 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
     y = problem.within(whole[:, :, None])[0, :, 0]
     needed = case.wrench[0] - np.linalg.solve(case.inverse[0], y)
 
-    def missed(tried: Floats) -> float:
-        """How far Newton's and Coulomb's laws are missed."""
-        balance = float(np.abs(needed + case.columns[0] @ tried.ravel()).max())
-        return max(balance, case.coulomb.residual(tried)) / max(1.0, float(np.abs(tried).max()))
-
-    local, unique = inner_forces(case, needed, kinds[0], at[0])
-    residual = np.inf if local is None else missed(local)
-    if local is None or (residual > NEARLY and residual > missed(forces)):
-        local, residual = forces, missed(forces)
+    local, unique = inner_forces(case, needed, kinds[0], at[0], forces)
+    balance_missed = float(np.abs(needed + case.columns[0] @ local.ravel()).max())
+    missed = max(balance_missed, case.coulomb.residual(local))
     states = list(ContactState)
     return Solution(
         acceleration=unit * whole[0, :3],
-        angular_acceleration=unit / problem.cases.reach[0] * whole[0, 3:],
+        angular_acceleration=unit / problem.reach[0] * whole[0, 3:],
         contact_forces=case.force_unit[0] * problem.forces(problem.law.project(local[None])[0]),
         contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],
         forces_unique=unique,
-        residual=residual,
+        residual=missed / max(1.0, float(np.abs(local).max())),
     )
 
 
 def inner_forces(
-    case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats
-) -> tuple[Floats | None, bool]:
-    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others do; None: not converged.
+    case: ReleaseProblem, wrench: Floats, kinds: Integers, at: Floats, forces: Floats
+) -> tuple[Floats, bool]:
+    """Local forces (k, 3) that balance a wrench (m,) in a motion, and whether no others than `forces` do.
 
     Contacts that lift have none, those that slide friction in full against the sliding. Of several the shortest if
     they are inside the cones, otherwise those farthest inside.
@@ -414,21 +406,17 @@ def inner_forces(
     opposing = problem.law.edge(-at[None, :, 1:])[0, slides]
     units = np.concatenate([opposing, np.tile(spans, (len(stays), 1))])
     owners = np.concatenate([slides, np.repeat(stays, len(spans))])
-    local = np.zeros_like(at)
-    if len(owners) == 0:
-        return local, True
     columns = (case.columns[0].reshape(len(wrench), -1, 3)[:, owners] * units).sum(axis=2)
-    try:
-        factors = factors_that_balance(
-            columns, wrench, len(slides) if edges is None else len(owners)
-        )
-    except ConvergenceError:
-        factors = None
-    unique = bool(np.linalg.matrix_rank(columns, 1e-10 * np.abs(columns).max()) == len(owners))
-    if factors is None:
-        return None, unique
-    np.add.at(local, owners, factors[:, None] * units)
-    return local, unique
+    sizes = np.linalg.svd(columns, compute_uv=False) if len(owners) else np.ones(1)
+    if len(owners) <= len(wrench) and sizes[-1] > DEPENDENT * sizes[0]:
+        return forces, True
+    linear = len(slides) if edges is None else len(owners)
+    with suppress(ConvergenceError):
+        factors = factors_that_balance(columns, wrench, linear)
+        if factors is not None:
+            forces = np.zeros_like(at)
+            np.add.at(forces, owners, factors[:, None] * units)
+    return forces, False
 
 
 def states_and_modes(

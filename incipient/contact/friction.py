@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Booleans, Floats, Integers
 from incipient.errors import SceneError
 
 FRICTIONLESS = 1e-9  # a coefficient below it counts as zero
@@ -17,37 +17,45 @@ INFINITE = 1e6
 NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
 SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
+Rows = Integers | Booleans | slice
+
 
 @dataclass(frozen=True, eq=False)
 class FrictionCone:
     """Forces N >= 0, |T| <= coefficient N.
 
     `coefficient`: static friction of at least 0, or infinite: a number, or (n,) of n cases, all of them
-    frictionless, or all infinite, or none. Raises SceneError if it is negative or not a number.
+    frictionless, or all infinite, or none.
     """
 
     coefficient: Floats
 
-    def __post_init__(self) -> None:
-        coefficient = np.asarray(self.coefficient, dtype=float)
-        if not (coefficient >= 0.0).all():
-            raise SceneError(
-                f"friction {self.coefficient} is not a coefficient; give a number that is not negative"
-            )
-        object.__setattr__(self, "coefficient", coefficient)
-
     @classmethod
-    def of(cls, law: FrictionCone | float) -> FrictionCone:
-        """A law as it is, or that of a coefficient."""
-        return law if isinstance(law, FrictionCone) else cls(np.asarray(law, dtype=float))
+    def of(cls, law: Law) -> FrictionCone:
+        """A law as it is, or that of a coefficient; raises SceneError if that is negative or not a number."""
+        cone = law if isinstance(law, FrictionCone) else cls(np.asarray(law, dtype=float))
+        if not (cone.coefficient >= 0.0).all():
+            raise SceneError(
+                f"friction {cone.coefficient} is not a coefficient; give a number that is not negative"
+            )
+        return cone
 
-    def repeated(self, count: int) -> FrictionCone:
-        """The law of so many cases alike."""
-        return FrictionCone(np.full(count, self.coefficient))
+    def rows(self, count: int) -> FrictionCone:
+        """The law of n cases: each its own, or all alike."""
+        return FrictionCone(np.broadcast_to(self.coefficient, count))
 
-    def part(self, rows: np.ndarray) -> FrictionCone:
+    def part(self, rows: Rows) -> FrictionCone:
         """The law of some of the cases."""
         return FrictionCone(self.coefficient[rows])
+
+    def changed(self, change: float) -> FrictionCone:
+        """The law with a larger or smaller coefficient, of at least 0."""
+        return FrictionCone(np.maximum(self.coefficient + change, 0.0))
+
+    @property
+    def is_usual(self) -> Booleans:
+        """Whether the coefficient counts as neither zero nor infinite, shaped as the coefficient."""
+        return (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
 
     @property
     def is_frictionless(self) -> bool:
@@ -111,3 +119,6 @@ class FrictionCone:
         limit = self.coefficient[..., None] * pressure
         sticks = limit >= shear
         return np.asarray(np.where(sticks, 1.0, limit / np.where(sticks, 1.0, shear)))
+
+
+Law = FrictionCone | float  # the law of the contacts, or its coefficient of static friction

@@ -19,11 +19,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.batch import judge_batch
+from incipient.contact.batch import Cases, judge_many
 from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
-from incipient.contact.friction import FrictionCone
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import classify
-from incipient.contact.problem import PLANAR, TINY, ContactProblem, Law, Load, Loads
+from incipient.contact.problem import PLANAR, TINY, ContactProblem, Load
 from incipient.contact.safety import intervals
 from incipient.contact.verdict import MassAndInertia
 from incipient.errors import SceneError
@@ -87,11 +87,11 @@ class SafetyRange:
         return _extent(self.possible) - _extent(self.guaranteed)
 
 
-def safety_range(load: Load, contacts: Contacts, friction: Law, box: ErrorBox) -> SafetyRange:
+def safety_range(load: Load, contacts: Contacts, law: Law, box: ErrorBox) -> SafetyRange:
     """The factors at which some load of a box and every load of it are held. Raises SceneError as `safety_factor`."""
-    law = FrictionCone.of(friction)
+    cone = FrictionCone.of(law)
     firm, loose = (
-        _problem(load, contacts, FrictionCone(np.maximum(law.coefficient + change, 0.0)), box)
+        _problem(load, contacts, cone.changed(change), box)
         for change in (box.friction, -box.friction)
     )
     some, firm_holds = _possible(firm, box)
@@ -130,7 +130,7 @@ def _problem(load: Load, contacts: Contacts, law: FrictionCone, box: ErrorBox) -
 
 def _flows(problem: ContactProblem, changes: Floats) -> Floats:
     """Changes (6, j) of the flow's load as wrenches with the equations of the problem, (m, j)."""
-    units = np.array([1.0, 1.0, 1.0, *3 * [problem.cases.reach[0]]])
+    units = np.array([1.0, 1.0, 1.0, *3 * [problem.reach[0]]])
     return problem.within((changes / units[:, None])[None])[0]
 
 
@@ -144,8 +144,8 @@ def _possible(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None, 
     weight_held, count = state == HELD, box.error_directions.shape[1]
     if count and state != FAILED:
         ways = _flows(problem, box.error_directions)
-        flow, weight = problem.within(problem.cases.wrenches.swapaxes(1, 2))[0].T
-        flow_size, weight_size = problem.cases.sizes[0]
+        flow, weight = problem.within(problem.wrenches.swapaxes(1, 2))[0].T
+        flow_size, weight_size = problem.sizes[0]
         size = flow_size + float(np.linalg.norm(ways))
         columns, unity = problem.cone_columns[0], np.eye(count)
         rows = np.block(
@@ -174,11 +174,10 @@ def _guaranteed(problem: ContactProblem, box: ErrorBox) -> tuple[Interval | None
     """The factors at which loads at all corners are held, the corner held at the fewest, and whether the weight is."""
     corners = box.corners()
     every = problem.part(np.zeros(len(corners), dtype=int))
-    cases = every.cases
-    units = np.array([1.0, 1.0, 1.0, *3 * [cases.reach[0]]])
-    flows = cases.sizes[:, :1] * cases.wrenches[:, 0] + corners / units
+    units = np.array([1.0, 1.0, 1.0, *3 * [every.reach[0]]])
+    flows = every.sizes[:, :1] * every.wrenches[:, 0] + corners / units
     sizes = np.linalg.norm(flows, axis=1)
-    cases.wrenches[:, 0], cases.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
+    every.wrenches[:, 0], every.sizes[:, 0] = flows / np.maximum(sizes, TINY)[:, None], sizes
     low, high, state, _ = intervals(every)
     lengths = np.nan_to_num(1.0 / (1.0 + low) - 1.0 / (1.0 + high))
     common = float(low.max()), float(high.min())
@@ -322,7 +321,7 @@ class Probabilities:
 def probabilities(
     load: Load,
     contacts: Contacts,
-    friction: float,
+    law: Law,
     errors: StandardErrors,
     samples: int = 1000,
     seed: int = 0,
@@ -336,13 +335,16 @@ def probabilities(
     """
     if samples < 1:
         raise SceneError(f"samples is {samples}; draw at least one case")
-    drawn = draw(load, friction, errors, samples, seed)
+    cone = FrictionCone.of(law)
+    drawn = draw(load, cone, errors, samples, seed)
     inputs = np.column_stack(list(drawn.values()))
-    force, coefficients = inputs[:, :3], inputs[:, 6]
+    force, laws = inputs[:, :3], replace(cone, coefficient=inputs[:, 6])
     torque = inputs[:, 3:6] + np.cross(errors.arm(load.centre), force)
-    loads = Loads(force, torque, load.weight, load.centre)
-    paper = [classify(loads.load(i), contacts, coefficients[i]).mode for i in range(samples)]
-    exact = judge_batch(loads, contacts, coefficients, mass_and_inertia)
+    surface = contacts.points, contacts.normals
+    known = mass_and_inertia or ()
+    cases = Cases(*surface, force, torque, load.weight, load.centre, laws, *known)
+    paper = [classify(*cases.case(i)[:3]).mode for i in range(samples)]
+    exact = judge_many(cases).complete()
     moves = np.array([mode.moves for mode in paper])
     margin = 1.0 - 1.0 / (1.0 + exact.factors)
     varied = {name: drawn[name] for name, size in errors.sizes.items() if size > 0.0}
@@ -359,12 +361,12 @@ def probabilities(
         margin=tuple(np.quantile(exact.factors, (0.05, 0.5, 0.95), method="nearest").tolist()),
         influence=influence,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
-        within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
+        within=Within.of(safety_range(load, contacts, cone, errors.box(load.centre))),
     )
 
 
 def draw(
-    load: Load, friction: float, errors: StandardErrors, samples: int, seed: int
+    load: Load, law: Law, errors: StandardErrors, samples: int, seed: int
 ) -> dict[str, Floats]:
     """Independent values (samples,) of every input by its name in INPUTS.
 
@@ -372,7 +374,7 @@ def draw(
     """
     noise = np.random.default_rng(seed).standard_normal((samples, 7))
     torque = load.flow_couple - np.cross(errors.arm(load.centre), load.flow_force)
-    means = np.array([*load.flow_force, *torque, friction])
+    means = np.array([*load.flow_force, *torque, FrictionCone.of(law).coefficient])
     drawn = means + noise * np.array(list(errors.sizes.values()))
     drawn[:, 6] = np.maximum(drawn[:, 6], 0.0)
     return dict(zip(INPUTS, drawn.T, strict=True))

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import spatial
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.problem import Load
 from incipient.contact.safety import safety_factor
 from incipient.contact.verdict import MassAndInertia, judged
@@ -127,7 +128,7 @@ def follow(
     bed: Bed | Terrain,
     start: Placement,
     load: Load,
-    friction: float,
+    law: Law,
     mass_and_inertia: MassAndInertia | None = None,
     resolved: float = RESOLVED,
 ) -> Rocking | None:
@@ -138,7 +139,7 @@ def follow(
 
     Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
     """
-    pocket = _Pocket(grain, bed, load, friction, resolved)
+    pocket = _Pocket(grain, bed, load, FrictionCone.of(law), resolved)
     first = pocket.rest(0.0, start)
     if first is None:
         return None
@@ -148,7 +149,7 @@ def follow(
     if math.isfinite(last.high):
         more = max(last.high * (1.0 + BEYOND), BEYOND * pocket.unit)
         beyond = pocket.load_at(more, last.placement)
-        mode = judged(beyond, last.contacts, friction, mass_and_inertia).label
+        mode = judged(beyond, last.contacts, law, mass_and_inertia).label
     return Rocking(rests, last.high, mode, grain.size, pocket.round)
 
 
@@ -159,7 +160,7 @@ class _Pocket:
     grain: Grain | Solid
     bed: Bed | Terrain
     load: Load
-    friction: float
+    law: FrictionCone
     resolved: float
 
     @property
@@ -192,7 +193,14 @@ class _Pocket:
         if not force.any():
             return None
         settled = settle_under(
-            self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
+            self.grain,
+            self.bed,
+            start,
+            force,
+            couple,
+            float(self.law.coefficient),
+            2.0 * POCKET,
+            MOST_WAY,
         )
         placement, contacts = settled.placement, settled.contacts
         if not settled.stable or contacts is None or self._far(start, placement):
@@ -239,7 +247,7 @@ class _Pocket:
 
     def _held_to(self, factor: float, placement: Placement, contacts: Contacts) -> float:
         """The largest factor, not below the one that the contacts hold already, up to which they hold the load."""
-        interval = safety_factor(self.load_at(1.0, placement), contacts, self.friction).interval
+        interval = safety_factor(self.load_at(1.0, placement), contacts, self.law).interval
         if interval is None or interval[0] > factor * (1.0 + self.resolved):
             return factor
         return max(factor, interval[1])

@@ -9,7 +9,8 @@ import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.conic import FAILED, HELD, INTERVALS, TOLERANCE
-from incipient.contact.problem import TINY, ContactProblem, Law, Load
+from incipient.contact.friction import Law
+from incipient.contact.problem import TINY, ContactProblem, Load
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
 
@@ -62,16 +63,16 @@ class SafetyFactor:
     residual: float
 
 
-def safety_factor(load: Load, contacts: Contacts, friction: Law) -> SafetyFactor:
+def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
     """The largest s >= 0 such that forces in the friction cones balance weight + s (flow force, flow torque).
 
     At every contact the force on the grain has a part N >= 0 along the inward normal and a tangential part of
-    at most `friction` N. In 2-D, and where friction is zero or infinite, the program is linear.
+    at most friction N. In 2-D, and where friction is zero or infinite, the program is linear.
 
     Raises SceneError if friction is negative or not a number (it may be infinite), ConvergenceError if the program is
     not solved.
     """
-    return safety_of(ContactProblem.of(load, contacts, friction))
+    return safety_of(ContactProblem.of(load, contacts, law))
 
 
 def safety_of(problem: ContactProblem) -> SafetyFactor:
@@ -128,12 +129,12 @@ class Intervals(NamedTuple):
 
 def intervals(problem: ContactProblem) -> Intervals:
     """The balanced factors of n problems."""
-    both = problem.within(problem.cases.wrenches.swapaxes(1, 2))
+    both = problem.within(problem.wrenches.swapaxes(1, 2))
     flow, weight = np.ascontiguousarray(both.transpose(2, 0, 1))
     low, high, state, factors = INTERVALS(
         problem.cone_columns, flow, weight, problem.linear, rows=len(problem)
     )
-    flow_size, weight_size = problem.cases.sizes.T
+    flow_size, weight_size = problem.sizes.T
     unit = np.where(weight_size > 0.0, weight_size, flow_size)
     ratio = np.where(flow_size > 0.0, unit / np.maximum(flow_size, TINY), 1.0)
     return Intervals(low * ratio, high * ratio, state, unit[:, None, None] * problem.local(factors))
@@ -167,7 +168,7 @@ def forces_that_balance(problem: ContactProblem, factor: float) -> Floats | None
 
 def can_jam(problem: ContactProblem) -> bool:
     """Whether contact forces in the cones of a single case, not all zero, balance one another."""
-    push = problem.cases.inward[0].sum(axis=0)
+    push = problem.inward[0].sum(axis=0)
     cosine, sine, _ = problem.law.scaling[0]
     inward = problem.frames[0] @ push
     if (cosine * inward[:, 0] > sine * np.hypot(inward[:, 1], inward[:, 2])).all():
@@ -186,7 +187,7 @@ def _status(
         return SafetyStatus.UNHELD
     if not weight_held:
         return SafetyStatus.HELD_BY_FLOW
-    flow_size, weight_size = problem.cases.sizes[0]
+    flow_size, weight_size = problem.sizes[0]
     if flow_size == 0.0:
         return SafetyStatus.NO_FLOW
     if math.isinf(high):

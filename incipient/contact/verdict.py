@@ -15,9 +15,10 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
+from incipient.contact.friction import Law
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
-from incipient.contact.problem import ContactProblem, Law, Load, plain
+from incipient.contact.problem import ContactProblem, Load, plain
 from incipient.contact.safety import SafetyFactor, SafetyStatus, safety_factor, safety_of
 from incipient.errors import ConvergenceError
 from incipient.geometry.contacts import Contacts
@@ -145,14 +146,14 @@ class Exact:
 
 
 def judged(
-    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Exact:
     """The safety factor and, if the grain moves, how it does.
 
     Raises SceneError as `safety_factor` and `incipient_motion` do.
     """
     known = None if mass_and_inertia is None else checked_inertia(*mass_and_inertia)
-    problem = ContactProblem.of(load, contacts, friction, known and known[1][0])
+    problem = ContactProblem.of(load, contacts, law, known and known[1][0])
     safety = safety_of(problem)
     if safety.held or known is None:
         return Exact(safety, None)
@@ -260,14 +261,14 @@ class Verdict:
 
 
 def judge(
-    load: Load, contacts: Contacts, friction: Law, mass_and_inertia: MassAndInertia | None = None
+    load: Load, contacts: Contacts, law: Law, mass_and_inertia: MassAndInertia | None = None
 ) -> Verdict:
     """Both judges on one case; without mass and inertia the exact one does not say how the grain moves.
 
     Raises SceneError as `classify` and `incipient_motion` do.
     """
-    paper = classify(load, contacts, friction)
-    exact = judged(load, contacts, friction, mass_and_inertia)
+    paper = classify(load, contacts, law)
+    exact = judged(load, contacts, law, mass_and_inertia)
     return Verdict(paper, exact, compare(paper, exact))
 
 

@@ -24,11 +24,11 @@ from ..arrays import Floats, cross, spatial
 from ..body.state import turned
 from ..compat import petsc
 from ..fluid import Fluid
-from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import surface_traction, surface_vector
 from ..mesh.domain import Domain
 from ..meshes import SYMMETRY
+from ..symmetric import solve_symmetric
 from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry
@@ -165,7 +165,7 @@ class TractionProbe:
         mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty, too
         right.setValues(across, np.zeros(len(across)))
         right.assemble()
-        solve_mass_matrix(mass, right, traction)
+        solve_symmetric(mass, right, traction)
         return traction
 
     def vectors(self) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
-from ..planning.linear import Method
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.left_out import Omission
@@ -48,19 +47,6 @@ class SlowestFlow:
     expected: str = ""
 
 
-@dataclass(frozen=True)
-class Findings:
-    """What a run says of an effect on a page: a title, a sentence, and a table under a heading.
-
-    The table has the quantities with that heading, then rows of words and value.
-    """
-
-    title: str
-    sentence: str
-    heading: str
-    rows: tuple[tuple[str, Any], ...]
-
-
 class Effect:
     """One physical effect. The methods here are those of an effect that needs none of them.
 
@@ -85,32 +71,12 @@ class Effect:
         """
         return model
 
-    def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """The method for the linear systems of a flow with the effect; None: the one without it. Not collective."""
-        return None
-
     def warnings(self, setup: Setup) -> Iterator[str]:
         """What in the scene makes the result less sure where the effect is present, in words. Not collective.
 
         Raises:
             SceneError: the effect cannot be simulated in the scene.
         """
-        return iter(())
-
-    def as_fast(self, setup: Setup, speed: float) -> Setup:
-        """The setup that a mesh is made for if the flow is faster by a factor. Not collective."""
-        return setup
-
-    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """The slowest flow in which the effect, if it is present, can be simulated; None: any. Not collective."""
-        return None
-
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """What the scene lacks for its critical flow to be sought with the effect, in words. Not collective."""
-        return iter(())
-
-    def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
-        """What is to be known of the critical flow, so many times the scene's, in words. Not collective."""
         return iter(())
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
@@ -124,10 +90,6 @@ class Effect:
     def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB that the effect adds to a flow with so many unknowns. Not collective."""
         return 0.0
-
-    def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """The entry of result.json for the effect, apart from its quantities; None: none. Not collective."""
-        return None
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """What the effect, which the plan has decided to leave out, would have changed. Collective."""

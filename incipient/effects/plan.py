@@ -13,7 +13,7 @@ from ..geometry.space.grains import Box, Triangulated
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
-from ..planning.linear import Method, method_of
+from ..planning.linear import method_of
 from ..planning.numbers import grain_size
 from ..planning.plan import Plan
 from ..planning.scene_geometry import Geometry
@@ -51,7 +51,7 @@ def plan_of(setup: Setup) -> Plan:
         convection=convection if inert else "no",
         scheme=scheme,
         reynolds=1.0 / scene.viscosity,
-        solver=_linear_method(setup, present, slow=not (inert or unsteady), unsteady=unsteady),
+        solver=method_of(setup, slow=not (inert or unsteady), unsteady=unsteady),
         numbers=numbers,
         stabilisation=stabilisation_of(setup, inert),
         sought=_sought(setup),
@@ -59,14 +59,6 @@ def plan_of(setup: Setup) -> Plan:
         datum=datum_of(setup),
         grain=grain_size(scene),
     )
-
-
-def _linear_method(setup: Setup, present: set[EffectName], slow: bool, unsteady: bool) -> Method:
-    """What an effect that is present calls for, else what the flow does."""
-    asked = (
-        effect.linear_method(setup, unsteady) for effect in known.EFFECTS if effect.name in present
-    )
-    return next(filter(None, asked), None) or method_of(setup, slow, unsteady)
 
 
 def _sought(setup: Setup) -> str:

@@ -47,7 +47,7 @@ def followed(scene: Scene, load: Load) -> Rocking | None:
     body, contact = scene.body, scene.contact
     assert body is not None and contact is not None and scene.placement is not None
     inert = mass_and_inertia(body, scene.placement)
-    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.friction, inert)
+    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.law, inert)
 
 
 def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:

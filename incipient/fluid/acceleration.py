@@ -18,8 +18,8 @@ from petsc4py import PETSc
 from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
-from ..errors import ConvergenceError
 from ..mesh.domain import Domain
+from ..symmetric import solve_symmetric
 
 ORDER = 2
 
@@ -78,17 +78,4 @@ def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
     right = petsc.assemble_vector(flux)
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     petsc.set_bc(right, conditions)
-    solver, solution = PETSc.KSP().create(phi.function_space.mesh.comm), matrix.createVecRight()
-    solver.setOperators(matrix)
-    solver.setType("cg")
-    solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
-    solver.setTolerances(rtol=1e-10, max_it=10_000)
-    solver.solve(right, solution)
-    if solver.getConvergedReason() <= 0:
-        raise ConvergenceError(
-            "the potential of a growing flow did not converge: use a smaller numerics.mesh_size"
-        )
-    phi.x.array[: solution.getLocalSize()] = solution.array_r
-    phi.x.scatter_forward()
-    for one in (matrix, right, solution, solver):
-        one.destroy()
+    solve_symmetric(matrix, right, phi, 1e-10, multigrid=True)

@@ -29,7 +29,7 @@ class AlongWall:
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
     lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
-    those that k stands for; facets (m, 2) by the numbers of their ends, of a resolved 2-D wall
+    those that k stands for; facets (m, 2) of a resolved wall by the numbers of their ends, in 3-D their edges
     """
 
     places: np.ndarray
@@ -58,16 +58,19 @@ class AlongWall:
         return np.asarray(even & (np.abs(self.normals[:, 0]) < STEEP))
 
     def coarse_share(self, largest: float) -> float:
-        """The fraction of the change of the stress along a 2-D wall in cells in which it changes too much.
+        """The fraction of the change of the stress along a wall in cells in which it changes too much, in 3-D in edges.
 
         Too much is more than `largest` times the larger stress at both ends of the cell, or the mean stress if that is
         larger still. `velocities` are stresses. Where they are singular, at corners and at the ends of the wall, two
         facets to both sides do not count, since stresses are means over two.
         """
-        across = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
-        stress = self.velocities[:, 1] * across[:, 0] - self.velocities[:, 0] * across[:, 1]
-        count = np.bincount(self.facets.ravel(), minlength=len(stress))
-        singular = (count == 1) | (np.linalg.norm(self.normals, axis=1) < CORNER)
+        singular = np.linalg.norm(self.normals, axis=1) < CORNER
+        if self.places.shape[1] == 3:
+            stress = np.linalg.norm(self.velocities, axis=1)
+        else:
+            across = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
+            stress = self.velocities[:, 1] * across[:, 0] - self.velocities[:, 0] * across[:, 1]
+            singular |= np.bincount(self.facets.ravel(), minlength=len(stress)) == 1
         for _ in range(2):
             singular[self.facets[singular[self.facets].any(axis=1)]] = True
         ends = stress[self.facets[~singular[self.facets].any(axis=1)]]
@@ -112,7 +115,7 @@ def at_end(x: np.ndarray) -> np.ndarray:
 def coarse_along(
     walls: Mapping[str, AlongWall], rough: Collection[str], largest: float
 ) -> float | None:
-    """The largest `coarse_share` of 2-D walls but the rough ones; None without one, and in 3-D."""
+    """The largest `coarse_share` of walls but the rough ones; None without one."""
     shares = [
         one.coarse_share(largest)
         for name, one in walls.items()
@@ -215,14 +218,17 @@ def _along_wall_in_space(fluid: Fluid, boundary: str, rough: bool) -> AlongWall:
         x = whole[:, 0]
         whole = whole[~(at_end(-x) | at_end(x))]
     places, area, normal, pull = np.split(whole, [3, 4, 7], axis=1)
+    corners = cKDTree(places).query(places_on_facets(domain, [boundary])[:, :3])[1]
+    edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     along = pull / area
     if rough:
         units = normal / np.linalg.norm(normal, axis=1, keepdims=True)
         along -= (along * units).sum(axis=1, keepdims=True) * units
     else:
         along /= fluid.reynolds
+    shear_velocities = np.sqrt(np.linalg.norm(along, axis=1))
     return AlongWall(
-        places, normal / area, area[:, 0], along, np.sqrt(np.linalg.norm(along, axis=1))
+        *(places, normal / area, area[:, 0], along, shear_velocities, np.unique(edges, axis=0))
     )
 
 

@@ -71,7 +71,7 @@ class IncomingWave:
 
 @dataclass(frozen=True)
 class Entering:
-    """An end below a free surface through which fluid enters, or leaves, at a given rate (see `entry.Entry`).
+    """An end below a free surface through which fluid enters, or leaves, at a given rate (see `constraints.Entry`).
 
     axis:     that of its normal
     velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,12 +18,13 @@ from ..compat import petsc
 from ..mesh.domain import Domain
 from ..parallel import Holder
 from . import newton
-from .action import Action, PressureForce
 from .conditions import Condition
 from .flow_equations import FlowEquations
 from .model import FlowModel
-from .solvers import SOLVERS, Equations, LinearSolver, Triangle, TwoLevel
+from .solvers import SOLVERS, Direct, Equations, LinearSolver, TwoLevel
+from .solvers.two_level import Action, PressureForce
 
+LOWEST_ORDER = 2  # of the velocity
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
 # Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
@@ -105,21 +106,12 @@ class Fluid(Holder, FlowEquations):
 
     def _equations(self) -> Equations:
         """What the Jacobian is made of."""
-        model, held = self.model, self.constraints
-        rate = self.rate[0] if model.unsteady else None
+        held, rate = self.constraints, self.rate[0] if self.model.unsteady else None
         carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(self.reference_map, rate, carrier, self._upwind_size(), self.surface),
-            varying=model.viscosity is not None,
-            level=bool(held.friction) and held.walls_are_level,
-            thin=model.viscosity is not None and not held.friction,
-            convected=model.convected,
         )
-
-    def triangle(self, matrix: Any) -> Any:
-        """The preconditioner by blocks for a matrix of the unknowns of this flow, to be freed by the caller."""
-        return Triangle(matrix, self._equations())
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
@@ -336,3 +328,48 @@ class Fluid(Holder, FlowEquations):
         if change <= self.negligible**2 * self.space.velocity_nodes():
             return 0.0
         return float(np.sqrt(change / whole)) if whole else np.inf
+
+
+def build_fluid(
+    domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
+) -> Fluid:
+    """The fluid of a model, and that of order two where its systems are solved by two levels. Collective.
+
+    The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
+    """
+    if model.solver != "two-level":
+        return Fluid(domain, model, conditions, reynolds)
+    coarse = Fluid(domain, replace(model, order=LOWEST_ORDER, solver="block"), conditions, reynolds)
+    with ExitStack() as on_failure:
+        on_failure.push(coarse)
+        fluid = Fluid(domain, model, conditions, reynolds, coarse)
+        on_failure.pop_all()
+    fluid.solver.statistics = coarse.solver.statistics
+    fluid.holding(coarse)
+    return fluid
+
+
+@contextmanager
+def lowered(fluid: Fluid) -> Iterator[Fluid]:
+    """The flow of order two of a fluid, or a temporary one, with the fluid's state. Collective."""
+    if fluid.coarse is not None:
+        fluid.coarse.interpolate(fluid)
+        yield fluid.coarse
+        return
+    with fluid.at_order(LOWEST_ORDER) as coarse:
+        coarse.interpolate(fluid)
+        yield coarse
+        fluid.solver.statistics.add(coarse.solver.statistics)
+
+
+def enriched(fluid: Fluid) -> Fluid:
+    """A copy of a solved flow in elements of the next-higher order; the caller destroys it before that. Collective.
+
+    Where the flow's solver iterates, it helps that of the copy. The copy's Jacobian then is upwinded as the flow is,
+    its residual not at all: what is left of it is what the flow's elements cannot see, and what upwinding changed.
+    """
+    order, model = fluid.model.order, fluid.model
+    if isinstance(fluid.solver, Direct):
+        return fluid.at_order(order + 1)
+    model = replace(model, order=order + 1, upwind_order=model.upwind_order or order, exact=True)
+    return Fluid(fluid.domain, model, fluid.conditions, fluid.reynolds, fluid.coarse or fluid)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import dolfinx
@@ -12,7 +11,7 @@ import ufl
 
 from .. import forms
 from ..arrays import Floats
-from ..forms import energy_stable_rate, swept
+from ..forms import terms
 from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from .conditions import Condition
@@ -116,16 +115,14 @@ class FlowEquations:
 
         Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
         """
-        v, p = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, q, self.reference_map)
-        return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
+        flow = (*ufl.split(self.state), w, q)
+        return self._integrated(flow, measure or self.quadrature(cells), upwind)
 
     def pressure_force(self, measure: Any, upwind: bool = True) -> Any:
         """What a pressure does to the residual of momentum, as a bilinear form of both spaces; `upwind` or not."""
         w, p = ufl.TestFunction(self.space.velocity), ufl.TrialFunction(self.space.pressure)
-        v, _ = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, ufl.as_ufl(0), self.reference_map)
-        return ufl.lhs(forms.residual(unknowns, self._terms(v, upwind), measure))
+        flow = (ufl.split(self.state)[0], p, w, ufl.as_ufl(0))
+        return ufl.lhs(self._integrated(flow, measure, upwind))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
@@ -137,41 +134,52 @@ class FlowEquations:
             self._kept[name] = make()
         return self._kept[name]
 
-    def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
-        """The terms that the model calls for."""
-        model, viscosity = self.model, self.viscosity
-        force = self._body_force()
+    def _integrated(self, flow: Sequence[Any], dx: Any, upwind: bool) -> Any:
+        """Weak residual of momentum and continuity, (338) and (339), of v, p tested with w, q: the model's terms."""
+        (v, p, w, q), model, at = flow, self.model, self.reference_map
+        viscosity, force = self.viscosity, self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
-        yield forms.Stress(viscosity)
+        found = terms.internal_force(v, p, w, viscosity, at) + terms.continuity(v, q, at)
         if rate is not None:
-            yield forms.RateOfChange(rate)
+            found += terms.inertia(rate, w, at)
         if carrier is not None:
-            yield forms.Convection(
-                carrier, self.constraints.crossed() if model.energy_stable else None
-            )
+            found += self._convection(v, carrier, w)
         if model.inertia and model.stabilisation:
-            yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
-        upwind = model.inertia and model.upwind and upwind
-        if upwind:
+            size = cell_size(self.domain.mesh) / model.order
+            found += terms.grad_div(v, carrier, w, viscosity, size, at)
+        if model.inertia and model.upwind and upwind:
             # A Jacobian of corrections alone is cheaper by half without what is small where the residual is.
             along = self._frozen_velocity() if model.exact else carrier
-            viscous = model.viscosity is None and not model.exact
-            yield forms.StreamlineUpwind(
-                carrier, along, viscosity, self._upwind_size(), viscous, rate, force
-            )
+            known = None if model.exact or model.viscosity is not None else viscosity
+            strong = terms.momentum(v, p, carrier, known, rate, force, at)
+            size = self._upwind_size()
+            found += terms.streamline_upwind(strong, along, w, viscosity, size, at)
         if force is not None:
-            yield forms.BodyForce(force)
+            found += terms.body_force(force, w, at)
+        found = found * dx
         if self.constraints.crossings:
-            # 2-D flow past a grain on a rough bed does not converge with it (tests/end_to_end/test_rough_beds.py).
-            in_space = self.domain.gdim == 3 and model.viscosity is not None
-            stream = self.constraints.stream
-            returning = carrier if in_space or stream is not None else None
-            measure = self.domain.measure(*self.constraints.crossings)
-            yield forms.OpenBoundary(viscosity, measure, returning, stream)
+            found += self._at_crossings(v, carrier, w)
         if self.walls is not None:
-            yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
-        if (surface := self.surface) is not None:
-            yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
+            found += self.walls.integral(v, p, rate, w, q)
+        return found if self.surface is None else found + self.surface.integral(v, carrier, w)
+
+    def _convection(self, v: Any, carrier: Any, w: Any) -> Any:
+        return terms.convection(v, carrier, w, self.reference_map)
+
+    def _at_crossings(self, v: Any, carrier: Any, w: Any) -> Any:
+        """The terms of boundaries through which fluid leaves, or enters at a given rate."""
+        n, at, stream = (
+            ufl.FacetNormal(self.domain.mesh),
+            self.reference_map,
+            self.constraints.stream,
+        )
+        found = terms.open_boundary(v, w, n, self.viscosity, at)
+        # 2-D flow past a grain on a rough bed does not converge with it (tests/end_to_end/test_rough_beds.py).
+        in_space = self.domain.gdim == 3 and self.model.viscosity is not None
+        if carrier is not None and (in_space or stream is not None):
+            brought = v if stream is None else v - stream
+            found += terms.entering_boundary(brought, carrier, w, forms.surface_vector(n, at))
+        return found * self.domain.measure(*self.constraints.crossings)
 
     def _body_force(self) -> Any:
         """The force per unit mass; None without one."""
@@ -197,8 +205,6 @@ class FlowEquations:
         if not self.model.unsteady:
             return None
         velocities = [v, *self._past()]
-        if self.model.energy_stable:
-            return energy_stable_rate(self.rate, velocities, self._shifts)
         return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
 
     def carrier(self, v: Any) -> Any:
@@ -211,10 +217,8 @@ class FlowEquations:
             carrier = v
         if not model.moving_mesh:
             return carrier
-        # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
-        # energy-stable form the volume swept at that rate.
-        moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
-        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], moved, strict=True))
+        # The rate of the mesh's places by the same backward difference, places past being x - shift.
+        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], self._shifts, strict=True))
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:

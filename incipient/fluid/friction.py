@@ -74,12 +74,11 @@ class WallLoad:
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
         self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
-    def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
-        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
+    def integral(self, v: Any, p: Any, rate: Any, w: Any, q: Any) -> Any:
+        """The walls' part in the residual of velocity and pressure, tested with w and q, in UFL. Not collective.
 
         `rate` is that at which the velocity changes; None in a steady flow.
         """
-        v, p = ufl.split(state)
         return sum(
             self._of(wall, distance, (v, p, rate), (w, q))
             * self._measure(self._names[wall.boundary])

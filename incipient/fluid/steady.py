@@ -1,4 +1,4 @@
-"""Steady flow at a Reynolds number reached by steps that steer themselves."""
+"""Steady flow: elements of a higher order from those of order two, large Reynolds numbers from smaller ones."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError
-from .flow import Fluid
+from .flow import LOWEST_ORDER, Fluid, lowered
 from .newton import NewtonReport
-from .raised import LOWEST_ORDER, lowered
 
 # A step on the way is only a better start for the next one.
 TOLERANCE_ON_THE_WAY = 1e-2

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..forms import terms
-from ..forms.surface import SurfaceTerms, component, load, pressure
+from ..forms.surface import SurfaceTerms, load, pressure
 from ..mesh.domain import Domain
 from .conditions import Sponge
 from .constraints import Constraints
@@ -63,10 +63,6 @@ class SurfaceLoad:
             for measure in self._entering:
                 found += terms.entering_boundary(brought, carrier, w, self.normal) * measure
         return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
-
-    def of_component(self, u: Any, w: Any, way: Any) -> Any:
-        """What it adds to the operator of the velocity's component along a unit vector, in UFL. Not collective."""
-        return component(u, w, way, self.normal, self._acting()) * self.measure
 
     def of_pressure(self, p: Any, q: Any) -> Any:
         """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from ..arrays import extrapolated
 from ..errors import ConvergenceError
 from .flow import Fluid
 from .newton import NewtonReport
-from .tolerance import ShareOfError
 
+LEAST = 1e-9  # tolerance of a time step
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 # Shortest step of a run over its first one: a flow that diverges would else halve step after step without end.
 SHORTEST = 0.5**MOST_REJECTED
@@ -23,6 +23,32 @@ SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 IMPULSE = 0.01
 # Fixed steps that begin short or had to be halved, each over the one before.
 GROWTH = 1.25
+
+
+@dataclass(frozen=True)
+class ShareOfError:
+    """The tolerance of a time step as a share of the local error in time that the step before has made.
+
+    share:       what the algebra may add to the error of a step
+    unknown:     tolerance while no step has an error estimate yet
+    least, most: between which the tolerance stays
+    """
+
+    share: float = 0.1
+    unknown: float = 1e-6
+    least: float = LEAST
+    most: float = 1e-4
+
+    def after(self, error: float | None) -> float:
+        """The tolerance of a step after one of this local error, which None leaves open. Not collective."""
+        if error is None:
+            return self.unknown
+        return float(np.clip(self.share * error, self.least, self.most))
+
+
+def of_steps(asked: float | Literal["auto"]) -> float | ShareOfError:
+    """The tolerance of time steps, from `numerics.tolerance`. Not collective."""
+    return ShareOfError() if asked == "auto" else max(asked, LEAST)
 
 
 class Interface(Protocol):
@@ -361,6 +387,21 @@ class Transient:
         exponent = 1 / (self.order + 1)
         factor = SAFETY * (self.accuracy / max(taken.error, 1e-300)) ** exponent
         return taken.length * float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
+
+
+class QuasiSteady(Transient):
+    """Advances a steady fluid whose boundary values change in time. All methods are collective.
+
+    As `Transient`, for a fluid built with `FlowModel(unsteady=False)`: each step is steady, started from that
+    of the step before. There is no error in time, and so no adaptive step.
+    """
+
+    def _attempt(self, length: float) -> NewtonReport:
+        self.fluid.time = self._past[0].time + length
+        return self.fluid.solve(self._tolerance(), keep_factors=True)
+
+    def _error(self, length: float) -> float | None:
+        return None
 
 
 def _landing(left: float, step: float) -> float:

@@ -19,10 +19,9 @@ from incipient.geometry.closest import proximity
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
-from incipient.geometry.plane.closest import PlanarProximity
 from incipient.geometry.plane.grains import Grain
+from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
-from incipient.geometry.space.closest import SpatialProximity
 from incipient.geometry.space.grains import Solid
 from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion, tangents, wrenches
 
@@ -146,13 +145,13 @@ class _Descent:
     friction: float
 
     @cached_property
-    def size(self) -> float:
-        """The grain's largest diameter, computed once: of a polyhedron it takes time."""
-        return self.grain.size
-
-    @cached_property
-    def _proximity(self) -> PlanarProximity | SpatialProximity:
+    def _proximity(self) -> Proximity:
         return proximity(self.grain, self.bed)
+
+    @property
+    def size(self) -> float:
+        """The grain's largest diameter."""
+        return self._proximity.size
 
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
         """Step by step down to a rest."""

@@ -26,6 +26,7 @@ from ..arrays import Floats, determinants, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
 from ..meshes import SYMMETRY
+from ..symmetric import solve_symmetric
 from .cells import CELLS, barycentric_nodes, is_node_of, shape_functions, straight_cells
 from .domain import Domain
 
@@ -221,17 +222,7 @@ class Potentials:
         petsc.apply_lifting(right, [self._stiffness], [conditions])
         right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(right, conditions)
-        solver = PETSc.KSP().create(self.space.mesh.comm)
-        solver.setOperators(matrix)
-        solver.setType("cg")
-        solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
-        solver.setTolerances(rtol=1e-10, max_it=10_000)
-        solution = matrix.createVecRight()
-        solver.solve(right, solution)
-        potential.x.array[: solution.getLocalSize()] = solution.array_r
-        potential.x.scatter_forward()
-        for held in (matrix, right, solution, solver):
-            held.destroy()
+        solve_symmetric(matrix, right, potential, 1e-10, multigrid=True)
 
 
 def _slopes(mesh: Any) -> Floats:

@@ -15,11 +15,6 @@ from ..errors import ConvergenceError, OutputError, SceneError
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
 _PAPER = "; by the paper's criteria"
-# How a case is drawn, in 2-D and in 3-D; lengths in grain sizes.
-STRONGEST = 0.8  # arrow of the largest force
-SHORTEST_CONE, BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
-MOVED = 0.09  # how far the grain is shown to have moved
-SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,14 +129,6 @@ class StoredRun:
         return np.vstack([points, other]), np.vstack([cells, cells + len(points)])
 
     @property
-    def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Contacts of grain and bed: point and normal out of the grain."""
-        listed = self.result.get("contacts") or []
-        return [
-            (np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed
-        ]
-
-    @property
     def title(self) -> str:
         """The scene's title, or what it is in two words."""
         return (

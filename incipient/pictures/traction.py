@@ -11,9 +11,9 @@ from matplotlib.lines import Line2D
 
 from ..arrays import planar_cross, quarter_turned
 from .cells import pyvista_off_screen
+from .drawing import draw_grain, show_place
 from .flow import draw_solids
 from .mesh import directed, enclosed_area
-from .plane import draw_grain, show_place
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline
 

@@ -28,9 +28,9 @@ from ..planning.flow_setup import Setup
 from ..scene import Domain, Scene
 from . import style
 from .contact_forces import ContactForces, contact_forces
+from .drawing import draw_bed
 from .history import RATES, History, read_history
 from .outlines import bed_line, grain_outline, grain_silhouette, spoke
-from .plane import draw_bed
 from .record import scene_of
 from .style import GRAIN, INK, View
 

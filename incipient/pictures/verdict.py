@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..arrays import spatial
 from ..contact import Contacts, Load, incipient_motion
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..geometry.placement import Placement
@@ -20,6 +21,20 @@ from ..scene import Body, Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
 from . import style
+from .drawing import (
+    PLANE,
+    Marks,
+    Sight,
+    draw_bed,
+    draw_case,
+    draw_directions,
+    draw_grain,
+    draw_load,
+    draw_pieces,
+    mark_contacts,
+    render,
+    show_place,
+)
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence
 from .outlines import (
@@ -28,16 +43,6 @@ from .outlines import (
     placed_surface,
     sketched_outline,
     sketched_solid,
-)
-from .plane import (
-    Marks,
-    draw_bed,
-    draw_case,
-    draw_grain,
-    draw_load,
-    draw_strips,
-    mark_contacts,
-    show_place,
 )
 from .record import StoredRun, parsed_json, scene_of
 from .sheet import (
@@ -51,7 +56,6 @@ from .sheet import (
     sheet,
     write_numbers,
 )
-from .solid import show_judged
 from .style import FLOW, INK, MOTION
 
 _UNIT = "[scene units]"
@@ -88,48 +92,61 @@ def of_run(run: StoredRun) -> Figure:
 
 
 def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
-    """A judged case, with strips of bed or a sketched grain where no more is known; what the marks mean."""
-    if not case.planar or (shape is not None and shape.placement.gdim == 3):
-        bed = None if shape is None else shape.bed
-        surface = (
-            sketched_solid(case) if shape is None else placed_surface(shape.grain, shape.placement)
-        )
-        return show_judged(axes, case, *surface, bed)
-    outline = (
-        sketched_outline(case) if shape is None else grain_outline(shape.grain, shape.placement)
-    )
-    seen = np.vstack([outline, case.contacts.points[:, :2]])
-    size = float(np.ptp(seen, axis=0).max())
-    x0, x1, _, _ = show_place(axes, seen, size)
+    """A judged case, with pieces of bed or a sketched grain where no more is known; what the marks mean."""
+    load, contacts = case.load, case.contacts
+    planar = case.planar and (shape is None or shape.placement.gdim == 2)
+    sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
+    places, size = _place(axes, sight, shape or case, contacts.points)
     if shape is None or shape.bed is None:
-        draw_strips(axes, case, size)
+        draw_pieces(axes, case, sight, size)
+    return draw_case(axes, case, sight, places, size)
+
+
+def _place(
+    axes: Axes, sight: Sight, shown: Shape | Judged, contacts: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Draw a grain, sketched by its contacts (n, 3) where its shape is not known, and its bed; its places and size."""
+    known, bed = isinstance(shown, Shape), getattr(shown, "bed", None)
+    if sight.planar:
+        outline = grain_outline(shown.grain, shown.placement) if known else sketched_outline(shown)
+        places, triangles = spatial(outline), np.empty((0, 3))
     else:
-        draw_bed(axes, bed_line(shape.bed, x0, x1))
-    draw_grain(axes, outline, known=shape is not None)
-    return draw_case(axes, case, outline, size)
+        solid = placed_surface(shown.grain, shown.placement) if known else sketched_solid(shown)
+        places, triangles = solid
+    seen = np.vstack([places, contacts])
+    size = float(np.ptp(seen if sight.planar else places, axis=0).max())
+    x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if sight.planar else 0.3)
+    if not sight.planar:
+        render(axes, sight, places, triangles, bed)
+        draw_directions(axes, sight)
+        return places, size
+    if bed is not None:
+        draw_bed(axes, bed_line(bed, x0, x1))
+    draw_grain(axes, sight(places), known)
+    return places, size
 
 
 def _unjudged(run: StoredRun, shape: Shape) -> Figure:
-    """The load on a grain without a verdict, and its contacts if there are any; of a grain in 3-D in numbers alone."""
+    """The load on a grain without a verdict, and its contacts if there are any."""
     figure, axes = sheet(
         "The forces on the grain; the scene asks for no verdict.", "", run.headline
     )
     forces, torque = run.acting(), run.space("torque", "flow")
     write_numbers(axes, [load_rows(forces, torque, _UNIT, not run.in_space), *_flow_rows(run)])
-    if run.in_space:
-        axes.set_axis_off()
-        return figure
-    outline, size = grain_outline(shape.grain, shape.placement), shape.grain.size
-    x0, x1, *_ = view = show_place(axes, outline, size)
-    if shape.bed is not None:
-        draw_bed(axes, bed_line(shape.bed, x0, x1))
-    draw_streamlines(run, axes, view, "#9db8cf")
-    draw_grain(axes, outline)
+    listed = run.result.get("contacts") or []
+    points, normals = (
+        spatial([contact[name] for contact in listed]) if listed else np.empty((0, 3))
+        for name in ("point", "normal")
+    )
+    down = forces.get("weight", np.zeros(3))
+    sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
+    _, size = _place(axes, sight, shape, np.empty((0, 3)))
+    if not run.in_space:
+        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
-    draw_load(axes, np.array(shape.placement.centre), size, forces, torque, largest)
-    if run.contacts:
-        points, normals = (np.array(column) for column in zip(*run.contacts, strict=True))
-        mark_contacts(axes, points, normals, (), [INK] * len(points), size)
+    draw_load(axes, sight, spatial(shape.placement.centre), size, forces, torque, largest)
+    if listed:
+        mark_contacts(axes, sight(points), sight(normals), (), [INK] * len(points), size)
         mark = Line2D([], [], color=INK, ls="--", lw=1.1, marker="o")
         explain(axes, [(mark, "contact, with its normal")])
     return figure

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scene import Domain, Scene
-from ..scene.expression import expressions
+from ..scene import Scene
+from ..scene.expression import of_time
 from ..scene.model import Time
 from ..scene.units import nominal_diameter
 from .base_flow import BaseFlow
@@ -141,10 +141,9 @@ def _own_speed(setup: Setup) -> float:
     if body is None or not body.moves:
         return 0.0
     if body.course is not None:
-        course = expressions(body.course, "body.course")
-        origin = np.zeros((3, 1))
+        course = of_time(body.course, "body.course")
         times = _times(setup.base_flow, scene.time, SAMPLES)
-        velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
+        velocities = np.abs([course(float(t)) for t in times])
         turning = 3 if scene.gdim == 3 else 1
         weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
         return float((velocities @ weights).max())
@@ -158,22 +157,15 @@ def _bed_reynolds(base_flow: BaseFlow) -> float | None:
     """Reynolds number of the bed's forms, by the base flow up to their height above its datum; None for a plane."""
     if base_flow.bed is None:
         return None
-    heights = base_flow.bed.height(_along_bed(base_flow.domain))
+    domain = base_flow.domain
+    along = domain.grid(*(20 * SAMPLES, 2 * SAMPLES)[: len(domain.spans)])
+    heights = base_flow.bed.height(along if domain.gdim == 3 else along[:, 0])
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None
     levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
     points = base_flow.column(base_flow.domain.entrance, levels)
     return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
-
-
-def _along_bed(domain: Domain) -> np.ndarray:
-    """Abscissae (n,) at which the bed is looked at; in 3-D points (n, 2)."""
-    x = np.linspace(domain.left, domain.right, 20 * SAMPLES)
-    if domain.width is None:
-        return x
-    y = np.linspace(*domain.across, 2 * SAMPLES)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def wall_distance(setup: Setup) -> float:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..geometry.closest import NearBed, clearance, lifted, touching
+from ..geometry.closest import clearance, lifted, proximity, touching
 from ..geometry.placement import Placement
 from ..geometry.plane.beds import Flat
 from ..geometry.plane.closing import Closing, closing
+from ..geometry.proximity import Proximity
 from ..geometry.space.beds import Plane
 from ..scene import Domain
 
@@ -106,11 +107,11 @@ class Geometry:
         return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
 
     @cached_property
-    def near_bed(self) -> NearBed:
+    def near_bed(self) -> Proximity:
         """Places where the grain is near its bed, or the lower side instead."""
         level = self.domain.bottom
         flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
-        return NearBed(self.grain, flat if self.bed is None else self.bed)
+        return proximity(self.grain, flat if self.bed is None else self.bed)
 
     def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
         """Points where grain and bed nearly touch: the narrowest one, and every contact of a resting grain."""

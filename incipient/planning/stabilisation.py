@@ -91,10 +91,8 @@ def cell_reynolds(setup: Setup) -> float:
 
 def largest_peclet(setup: Setup) -> float:
     """|c| h/(2 k nu) of the largest cells of a 3-D scene in its fastest base flow. Not collective."""
-    domain, cells, base_flow = setup.geometry.domain, setup.far_cells, setup.base_flow
-    sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
-    axes = [np.linspace(low, high, PLACES) for low, high in sides]
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T
+    cells, base_flow = setup.far_cells, setup.base_flow
+    points = setup.geometry.domain.grid(PLACES, PLACES, PLACES).T
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
     return 0.5 * fastest * size / float(base_flow.viscosity)

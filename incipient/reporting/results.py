@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..effects import known
+from ..effects.turbulence import findings
 from ..pictures.judged import Judged, judged, pressed, sentence
 from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
@@ -16,6 +17,7 @@ from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
 from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
+from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at, gdim_of
 from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
@@ -77,7 +79,6 @@ def context_of(record: Path) -> Context:
 
 def _of_run(stored: Context, record: Path) -> Context:
     case = None if stored["verdict"] is None else judged(stored["verdict"], record)
-    found = (effect.findings(stored) for effect in known.EFFECTS)
     bars = stored["error_bars"], stored["without_error_bars"]
     return {
         "planar": gdim_of(stored) == 2,
@@ -89,8 +90,8 @@ def _of_run(stored: Context, record: Path) -> Context:
         "captions": CAPTIONS,
         "quantities": partial(_rows, stored, known.quantities()),
         "loads": partial(_loads, stored),
-        "findings": [finding for finding in found if finding is not None],
-        "omissions": stored["omitted"],
+        "turbulence": findings(stored),
+        "omissions": [Omission(**omission) for omission in stored["omitted"]],
     }
 
 

@@ -22,7 +22,7 @@ class ResolvedWallReport(WallReport):
     are that of rough ones, without rough ones the second is 0
     excess: largest thickness of a cell over that up to which it resolves its wall
     coarse_along: the largest fraction of the stress's change along a smooth wall that lies in cells in which it
-    changes too much, zero along plane walls; None: in 3-D and along rough walls alone cells are not judged
+    changes too much, zero along plane walls; None: where all walls are rough cells are not judged
     judged_along: whether it decides, past forms without corners and without a grain. Elsewhere it only withholds that
     walls are resolved: at the grain of demos/scenes/sand_in_turbulence.toml, with a fraction of 0.61, the stress was
     within 2% on average, and 2.3% at its peak, of that on cells of half the size

@@ -23,7 +23,17 @@ from .shapes import (
     Star,
     Superellipse,
 )
-from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .solids import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Mesh,
+    Polyhedron,
+    Sphere,
+    Spheres,
+    Superquadric,
+)
 from .surface import Surface
 from .terrains import HeapBed, HeightMapBed, MeshBed, RidgeBed, SphereBed
 from .turbulence import Turbulence
@@ -33,6 +43,7 @@ __all__ = [
     "Bed",
     "Body",
     "Box",
+    "Capsule",
     "Contact",
     "Cylinder",
     "Disc",

@@ -2,20 +2,28 @@
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from .effects import one_of_three
+from ..arrays import Floats
+from .effects import Choice
 from .messages import counted
-from .section import Positive, Section, contradiction, key
+from .section import Positive, Rule, Section, contradiction, key
 
 Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]
-Symmetry = Literal["auto", True, False]
 Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
+
+
+def _with_width(key: str) -> Rule:
+    return Rule(key, lambda s: s.width is None and getattr(s, key) is not None,
+                "goes with width, which is not given", "add domain.width or leave it out")  # fmt: skip
 
 
 class Domain(Section):
     """The region the fluid may fill."""
+
+    rules = tuple(map(_with_width, ("sides", "symmetric")))
 
     kind: Literal["channel", "box"] = key(
         "Channel: inflow left, open outflow right; box: closed", "channel"
@@ -41,7 +49,7 @@ class Domain(Section):
         None,
         examples=["slip"],
     )
-    symmetric: Symmetry | None = key(
+    symmetric: Choice | None = key(
         "With width: true computes half of a scene that is its own mirror image; by default by the scene",
         None,
         examples=["auto"],
@@ -58,20 +66,6 @@ class Domain(Section):
         if len(value) != (3 if in_space else 2):
             remedy = "give three, as in [x, y, z]" if in_space else "give two, as in [x, y]"
             raise contradiction(f"has {counted(len(value), 'item')}", remedy)
-        return value
-
-    @field_validator("symmetric", mode="before")
-    @classmethod
-    def _is_a_choice(cls, value: Any) -> Any:
-        return value if value is None else one_of_three(value)
-
-    @field_validator("sides", "symmetric")
-    @classmethod
-    def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is not None and info.data.get("width") is None and "width" in info.data:
-            raise contradiction(
-                "goes with width, which is not given", "add domain.width or leave it out"
-            )
         return value
 
     @property
@@ -115,6 +109,12 @@ class Domain(Section):
         """The least and the largest y of a 3-D domain."""
         assert self.width is not None
         return self.origin[1], self.origin[1] + self.width
+
+    def grid(self, *counts: int) -> Floats:
+        """Points (n, k) evenly over the domain, from end to end, of k counts: along the flow, across, and in height."""
+        sides = (*self.spans, (self.bottom, self.ceiling))
+        axes = [np.linspace(*ends, count) for ends, count in zip(sides, counts, strict=False)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
     @property
     def middle(self) -> float:

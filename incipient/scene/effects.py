@@ -2,19 +2,12 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator
+from .section import Section, allowed, key
 
-from .section import Section, contradiction, key
-
-
-def one_of_three(value: Any) -> Any:
-    """Refuses in one line what is neither "auto" nor a truth value."""
-    if value == "auto" or isinstance(value, bool):
-        return value
-    raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
-
-
-Choice = Annotated[Literal["auto", True, False], BeforeValidator(one_of_three)]
+Choice = Annotated[
+    Literal["auto", True, False],
+    allowed(lambda value: value == "auto" or isinstance(value, bool), 'use "auto", true or false'),
+]
 
 
 class Effects(Section):

@@ -237,6 +237,8 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
             f"has {counted(context['actual_length'], 'item')}",
             f"give {context['min_length']} or more",
         )
+    if detail["type"] == "too_long" and (most := detail["ctx"]["max_length"]) > 3:
+        return Problem(key, f"has {counted(len(detail['input']), 'item')}", f"give {most} at most")
     whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
     return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
 

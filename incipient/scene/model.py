@@ -12,19 +12,20 @@ from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, field_validator, model_validator
+from pydantic import BeforeValidator
 
+from ..contact.friction import FrictionCone
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .fluctuations import Gusts
-from .grains import FRICTIONLESS
+from .grains import FRICTIONLESS, LEVEL
 from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Section, contradiction, key
+from .section import NotNegative, Positive, Rule, Section, key
 from .settling import rested
 from .surface import FREE, Surface
 from .turbulence import Turbulence
@@ -65,6 +66,12 @@ class Gravity(Section):
 class Contact(Section):
     """The contact of grain and bed."""
 
+    rules = (
+        Rule("gap", lambda s: s.gap > WIDEST_GAP,
+             "is {s.gap:g}: this gap is too large to represent contact",
+             f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less"),
+    )  # fmt: skip
+
     friction: NotNegative = key("Coefficient of static friction [-]")
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
@@ -84,17 +91,21 @@ class Contact(Section):
         0.0,
     )
 
-    @field_validator("gap")
-    @classmethod
-    def _is_narrow(cls, gap: float) -> float:
-        if gap > WIDEST_GAP:
-            why = f"is {gap:g}: this gap is too large to represent contact"
-            raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
-        return gap
+    @property
+    def law(self) -> FrictionCone:
+        """The law of a contact at rest, which both criteria apply."""
+        return FrictionCone.of(self.friction)
 
 
 class Time(Section):
     """Time dependence; without this section the flow is steady."""
+
+    rules = (
+        Rule("step", lambda s: s.step > s.end,
+             "is {s.step:g} but time ends at {s.end:g}", "reduce step or enlarge end"),
+        Rule("first_step", lambda s: s.first_step < 1.0 and s.tolerance is not None,
+             "is for steps of a fixed length", "leave it out: with tolerance the first steps are short"),
+    )  # fmt: skip
 
     end: Positive = key("Time at which to stop [time]", examples=[10.0])
     step: Positive = key("Time step, the first one if adaptive [time]", examples=[0.05])
@@ -114,22 +125,6 @@ class Time(Section):
         None,
         examples=[1e-5],
     )
-
-    @model_validator(mode="after")
-    def _has_a_step(self) -> Time:
-        if self.step > self.end:
-            raise self.refused(
-                "step",
-                f"is {self.step:g} but time ends at {self.end:g}",
-                "reduce step or enlarge end",
-            )
-        if self.first_step < 1.0 and self.tolerance is not None:
-            raise self.refused(
-                "first_step",
-                "is for steps of a fixed length",
-                "leave it out: with tolerance the first steps are short",
-            )
-        return self
 
 
 class Output(Section):
@@ -318,8 +313,8 @@ class SceneSections(Section):
     def placement(self) -> Placement | None:
         """Placement of the grain without a gap: lowered onto the bed until it touches, or held at its centre.
 
-        With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
-        does not.
+        With body.settle it then rolls and tips until it rests, by the scene's friction or none, or as on a level bed.
+        Raises SceneError if it does not.
         """
         body = self.body
         if body is None:
@@ -337,10 +332,9 @@ class SceneSections(Section):
             over.append(self.domain.middle if body.aside is None else body.aside)
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
-            down, friction = (
-                tuple(self.gravity_direction),
-                self.contact.friction if self.contact else None,
-            )
+            upright = (*[0.0] * (self.gdim - 1), -1.0)
+            down = upright if body.settle == LEVEL else tuple(self.gravity_direction)
+            friction = self.contact.friction if self.contact else None
             friction = 0.0 if body.settle == FRICTIONLESS else friction
             found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:

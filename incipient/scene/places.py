@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats, Point
+from ..arrays import Floats, Point, spatial
 from ..errors import SceneError
 from ..geometry.closest import clearance
 from ..geometry.placement import Placement
-from . import surface_checks, symmetry
+from . import symmetry
 from .domain import Domain
-from .messages import Problem, problem, split
+from .messages import Problem, counted, problem, split
 from .model import SceneSections
 from .surface import Surface
 
@@ -22,10 +22,7 @@ TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FARTHEST = 1e6  # extents of the domain, in sizes of what lies in it
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 _SAME = 1e-9  # of the width: a cylinder reaches from side to side
-_SPACING, _PLACES = (
-    0.02,
-    201,
-)  # of points on a solid grain, in its size; in each direction on a 3-D bed
+_PLACES = 201  # in each direction at which bed and free surface are looked at
 CELLS_OF_A_FORM = 20  # at the least
 
 
@@ -48,10 +45,7 @@ def misplaced(scene: SceneSections) -> list[Problem]:
         )
     found = (
         found
-        or (
-            scene.has_surface
-            and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)]
-        )
+        or (scene.has_surface and [*_surface_place(scene.surface or Surface(), domain, shape)])
         or [*_body_place(scene)]
     )
     is_mirrored = domain.gdim == 3 and domain.symmetric is True
@@ -153,14 +147,52 @@ def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[
 def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
     """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
     if domain.gdim == 3:
-        places = np.meshgrid(*(np.linspace(*span, _PLACES) for span in domain.spans))
-        heights = bed.height(np.stack(places, axis=-1).reshape(-1, 2))
+        heights = bed.height(domain.grid(_PLACES, _PLACES))
         crest = bed.crest_level(*domain.spans)
     else:
         x = np.linspace(domain.left, domain.right, 2001)
         heights = bed.height(np.concatenate([x, bed.corners(domain.left, domain.right)]))
         crest = bed.crest_level(domain.left, domain.right)
     return float(heights.min()), max(float(heights.max()), crest)
+
+
+def _surface_place(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
+    """Stations outside of the domain, and a first elevation that is not above bed and grain."""
+    for number, place in enumerate(surface.places()):
+        key = ("surface", "stations", number)
+        if len(place) != len(domain.spans):
+            remedy = "give its x" if domain.gdim == 2 else "give [x, y]"
+            yield Problem(key, f"has {counted(len(place), 'coordinate')}", remedy)
+            return
+        for axis, (low, high), value in zip("xy", domain.spans, place, strict=False):
+            if not low <= value <= high:
+                yield Problem(
+                    key, f"{axis} = {value:g} is outside the domain", f"give {low:g} to {high:g}"
+                )
+                return
+    yield from _too_low(surface, domain, bed)
+
+
+def _too_low(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
+    across = domain.grid(*[_PLACES] * len(domain.spans))
+    places = spatial(across).T
+    try:
+        heights = domain.ceiling + surface.height(places)
+    except SceneError as error:
+        yield problem("surface.elevation", *split(str(error)))
+        return
+    floor = np.full(len(across), domain.bottom)
+    if bed is not None:
+        floor = bed.height(across[:, 0] if domain.gdim == 2 else across)
+    lowest = int(np.argmin(heights - floor))
+    if heights[lowest] <= floor[lowest]:
+        where = ", ".join(
+            f"{axis} = {value:g}" for axis, value in zip("xy", across[lowest], strict=False)
+        )
+        key = "surface.points" if surface.points else "surface.elevation"
+        yield problem(
+            key, f"brings the surface down to the bed at {where}", "give a smaller elevation"
+        )
 
 
 def _body_place(scene: SceneSections) -> Iterator[Problem]:
@@ -173,7 +205,7 @@ def _body_place(scene: SceneSections) -> Iterator[Problem]:
     try:
         placement = None if outside else scene.placement
         if placement is not None:
-            outside = [*_beyond(body, _outline(grain, placement), bed, domain, grain.size)]
+            outside = [*_beyond(body, *_reach(grain, placement), bed, domain, grain.size)]
         if placement is not None and bed is not None and not outside:
             into_bed = _into_bed(grain, placement, bed, scene.contact_tolerance, scene.rests)
     except SceneError as error:
@@ -200,9 +232,11 @@ def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
             yield f"{axis} = {value:g} is outside the domain, {low:g} to {high:g}"
 
 
-def _beyond(body: Any, outline: Floats, bed: Any, domain: Domain, size: float) -> Iterator[str]:
-    """How the points of a grain's outline leave the domain, or touch one of its sides, if only nearly."""
-    low, high, up = outline.min(axis=0), outline.max(axis=0), domain.gdim - 1
+def _beyond(
+    body: Any, low: Floats, high: Floats, bed: Any, domain: Domain, size: float
+) -> Iterator[str]:
+    """How a grain of these least and largest coordinates leaves the domain, or touches one of its sides, if nearly."""
+    up = domain.up
     sides = [(0, low, "left side", domain.left), (0, high, "right side", domain.right)]
     if domain.gdim == 3 and body.shape != "cylinder":
         near, far = domain.across
@@ -236,14 +270,11 @@ def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rest
     return "the grain touches the bed above which centre holds it" if held else ""
 
 
-def _outline(grain: Any, placement: Placement) -> Floats:
-    """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
+def _reach(grain: Any, placement: Placement) -> tuple[Floats, Floats]:
+    """The least and the largest coordinates (gdim,) of a placed grain."""
     if placement.gdim == 2:
-        return placement.to_scene(grain.chain.points(65))
-    if not grain.cores:
-        return placement.to_scene(grain.surface(_SPACING * grain.size).points)
-    axes = np.vstack([np.eye(3), -np.eye(3)])
-    balls = [(placement.to_scene(core.points), core.radius) for core in grain.cores]
-    return np.concatenate(
-        [(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls]
-    )
+        points = placement.to_scene(grain.chain.points(65))
+    else:
+        axes = np.vstack([np.eye(3), -np.eye(3)]) @ placement.rotation
+        points = placement.to_scene([grain.extreme(axis) for axis in axes])
+    return points.min(axis=0), points.max(axis=0)

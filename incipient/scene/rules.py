@@ -11,9 +11,10 @@ from typing import Any
 
 from .expression import Expression
 from .flows import ExpressionFlow
-from .messages import Problem, either, problem
+from .messages import Problem, either
 from .model import Contact, SceneSections
 from .numerics import OF_SURFACE, OF_WALLS, Numerics
+from .section import Rule, Text
 from .surface import FREE, Surface
 
 # Base flows below a free surface: profiles without shear on it, or none.
@@ -42,22 +43,6 @@ _BY_OTHERS = (
 )
 
 Asked = Callable[[Any], Any]  # of a scene; which sections there are a rule asks itself
-Text = str | Callable[[Any], str]
-
-
-class Rule:
-    """A key, what breaks the rule, why that is wrong, and the remedy."""
-
-    def __init__(self, key: Text, broken: Asked, why: Text, remedy: Text):
-        self.key, self.broken, self.why, self.remedy = key, broken, why, remedy
-
-    def problem(self, scene: SceneSections) -> Problem:
-        """The problem of a scene that breaks the rule."""
-        return problem(*(_told(text, scene) for text in (self.key, self.why, self.remedy)))
-
-
-def _told(text: Text, scene: SceneSections) -> str:
-    return text.format(s=scene) if isinstance(text, str) else text(scene)
 
 
 def contradictions(scene: SceneSections) -> Iterator[Problem]:

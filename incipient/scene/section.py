@@ -1,7 +1,9 @@
 """What all sections of a scene share: immutability, strictness, and one-line errors."""
 
-from collections.abc import Callable
-from typing import Annotated, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
     AfterValidator,
@@ -11,13 +13,24 @@ from pydantic import (
     Field,
     ValidationError,
     field_validator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .expression import Expression
-from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal, split
+from .messages import (
+    WITHIN,
+    Problem,
+    counted,
+    one_line,
+    problem,
+    problems_of,
+    refusal,
+    shown,
+    split,
+)
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -39,24 +52,72 @@ Pair = Annotated[tuple[float, float], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
 
 
-def three(value: Any, example: str = "[x, y, z]") -> Any:
-    """The value, unless it is a list of another length than three; `example` says what the three would be."""
-    if isinstance(value, list | tuple) and len(value) != 3:
-        raise contradiction(f"has {counted(len(value), 'item')}", f"give three, as in {example}")
-    return value
+def allowed(fits: Callable[[Any], bool], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses values that do not fit."""
+
+    def fitting(value: Any) -> Any:
+        if not fits(value):
+            raise contradiction(f"is {shown(value)}", remedy)
+        return value
+
+    return BeforeValidator(fitting)
 
 
-Triple = Annotated[tuple[float, float, float], Field(strict=False), BeforeValidator(three)]
-PositiveTriple = Annotated[
-    tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)
-]
+def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
+    """The validator of a key that refuses lists of another number of items."""
+
+    def as_long(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) not in counts:
+            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
+        return value
+
+    return BeforeValidator(as_long)
+
+
+def formula(variables: str, why: str = "") -> AfterValidator:
+    """The validator of a formula in these variables; `why` is added to what is wrong with others."""
+
+    def in_variables(text: str) -> str:
+        require_formula(text, variables, why)
+        return text
+
+    return AfterValidator(in_variables)
+
+
+_THREE = of_length((3,), "give three, as in [x, y, z]")
+Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+Text = str | Callable[[Any], str]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What must not be: at which key, what breaks the rule, why that is wrong, and the remedy.
+
+    `broken` is asked of the section or scene; `{s...}` in a text is an attribute of that.
+    """
+
+    key: Text
+    broken: Callable[[Any], Any]
+    why: Text
+    remedy: Text
+
+    def problem(self, section: Any) -> Problem:
+        """The problem of a section, or scene, that breaks the rule."""
+        texts = (self.key, self.why, self.remedy)
+        return problem(*(t.format(s=section) if isinstance(t, str) else t(section) for t in texts))
 
 
 class Section(BaseModel):
     """A part of a scene: immutable, of known keys only, with finite numbers only.
 
     Raises SceneError, one line that names the key, why and the remedy, when built from Python with wrong values.
+
+    Attributes:
+        rules: what keys of the section may not contradict; the first that is broken is reported.
     """
+
+    rules: ClassVar[tuple[Rule, ...]] = ()
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True
@@ -86,6 +147,16 @@ class Section(BaseModel):
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
         """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
+
+    @model_validator(mode="after")
+    def _obeys_its_rules(self) -> Self:
+        if broken := next((rule for rule in self.rules if rule.broken(self)), None):
+            raise refusal(type(self).__name__, [broken.problem(self)])
+        return self
+
+    def changed(self, key: str) -> bool:
+        """Whether a key has another value than by default."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
 
     def require(self, key: str, make: Callable[[], Any]) -> None:
         """Makes what a key describes; raises the error about the key if that cannot be."""
@@ -122,6 +193,11 @@ def require_formula(text: str, variables: str, why: str = "") -> None:
         raise contradiction(
             f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only"
         )
+
+
+def rises(rows: Sequence[Sequence[float]]) -> bool:
+    """Whether the first numbers of rows ascend."""
+    return all(later[0] > earlier[0] for earlier, later in pairwise(rows))
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from .domain import Domain
-from .expression import Expression, expressions
+from .expression import Expression, expressions, of_time
 from .messages import Problem, split
 from .model import SceneSections, Time
 from .surface import Surface
@@ -76,16 +76,14 @@ def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
     velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
     if velocity[1] or spin[0] or spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"
-    across = () if body.course is None else expressions(body.course, "body.course")[1::2]
-    if any(formula(np.zeros((3, 1)), t)[0] for formula in across for t in times):
+    course = None if body.course is None else of_time(body.course, "body.course")
+    if course is not None and any(course(t)[1::2].any() for t in times):
         yield "the grain's course is not that of its mirror image"
 
 
 def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
     # Places that no period of the bed divides.
-    x = np.linspace(domain.left, domain.right, 7 * PLACES + 2)
-    y = np.linspace(*domain.across, 5 * PLACES + 1)
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = domain.grid(7 * PLACES + 2, 5 * PLACES + 1)
     mirrored = points * [1.0, -1.0] + [0.0, 2.0 * domain.middle]
     heights = bed.height(points)
     off = float(np.abs(heights - bed.height(mirrored)).max())
@@ -97,7 +95,7 @@ def _differ(
     formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
 ) -> bool:
     """Whether formulas are not those of the mirror image, whose values are `mirror` times theirs."""
-    points = _within(domain)
+    points = domain.grid(11, 11, 11).T
     mirrored = points.copy()
     mirrored[1] = 2.0 * domain.middle - points[1]
     for t in _times(time):
@@ -118,10 +116,3 @@ def _formulas(surface: Surface) -> list[Expression]:
 
 def _times(time: Time | None) -> list[float]:
     return np.linspace(0.0, time.end, PLACES).tolist() if time else [0.0]
-
-
-def _within(domain: Domain) -> Floats:
-    """Points (3, n) in the domain."""
-    sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
-    axes = [np.linspace(low, high, 11) for low, high in sides]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T

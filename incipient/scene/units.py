@@ -4,21 +4,38 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
-
-from pydantic import field_validator, model_validator
+from typing import Annotated, Any, Literal
 
 from ..arrays import SMALLEST
-from .messages import either, shown
-from .section import Positive, Section, contradiction, is_number, key
+from .messages import either
+from .section import Positive, Rule, Section, allowed, is_number, key
 
+_ONE_LENGTH = 'give one of them, as in length = "mm"'
 METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+Length = Annotated[
+    Literal["um", "mm", "cm", "m"] | Positive | None,
+    allowed(
+        lambda value: (
+            value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf)
+        ),
+        f"give metres above zero, or {either([*METRES])}",
+    ),
+]
 
 
 class Units(Section):
     """What the scene's units are in SI; Reynolds number, gravity and the grain's density follow."""
 
-    length: Literal["um", "mm", "cm", "m"] | Positive | None = key(
+    rules = (
+        Rule("length", lambda s: s.length is not None and s.diameter is not None,
+             "is given beside diameter", _ONE_LENGTH),
+        Rule("length", lambda s: s.length is None and s.diameter is None,
+             "is missing, and diameter as well", _ONE_LENGTH),
+    )  # fmt: skip
+
+    length: Length = key(
         "The scene's unit of length, also that of files of grain and bed; a number is in metres",
         None,
         examples=["mm"],
@@ -36,20 +53,6 @@ class Units(Section):
     velocity: Positive | None = key(
         "What flow.velocity is, of a log-law flow.shear_velocity [m/s]", None, examples=[0.01]
     )
-
-    @field_validator("length", mode="before")
-    @classmethod
-    def _is_a_length(cls, value: Any) -> Any:
-        if value is None or value in METRES or (is_number(value) and SMALLEST <= value < math.inf):
-            return value
-        raise contradiction(f"is {shown(value)}", f"give metres above zero, or {either([*METRES])}")
-
-    @model_validator(mode="after")
-    def _have_one_length(self) -> Units:
-        if (self.length is None) == (self.diameter is None):
-            both = "is given beside diameter" if self.length else "is missing, and diameter as well"
-            raise self.refused("length", both, 'give one of them, as in length = "mm"')
-        return self
 
     def metres(self, grain: Any) -> float:
         """What one of the scene's units of length is [m]."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..effects import known
 from ..effects.effect import Solved
-from ..effects.left_out import omissions
 from ..errors import IncipientError
 from ..parallel import from_first
 from ..planning.effects import EffectName
@@ -161,7 +160,7 @@ def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
     with run.stage("omitted effects"):
         try:
-            return omissions(Solved(run, result.force, result.torque, result.verdict))
+            return known.omissions(Solved(run, result.force, result.torque, result.verdict))
         except IncipientError as error:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
@@ -233,7 +232,7 @@ def _unknowns(run: Run) -> dict[str, int]:
     """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if any(part.moving() for part in run.parts):
+    if run.plan.has(EffectName.MOVING_MESH):
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
     for part in run.parts:

@@ -18,9 +18,8 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
-    for part in run.parts:
-        if (mean := part.mean_load()) is not None:
-            flow = replace(flow, force=mean[0], couple=mean[1])
+    if run.turbulence is not None and (mean := run.turbulence.mean_load()) is not None:
+        flow = replace(flow, force=mean[0], couple=mean[1])
     check = probe.surface_resultant() if surface else flow
     (buoyancy, weight), unit = weights(scene), speed**2
     placement = scene.placement if run.grain is None else run.grain.state.placement
@@ -64,7 +63,7 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
             load_of(scene.placement, force, couple),
             mass_and_inertia(scene.body, scene.placement),
         )
-        verdict = judge(load, run.contacts, scene.contact.friction, inert).to_dict()
+        verdict = judge(load, run.contacts, scene.contact.law, inert).to_dict()
     if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict

@@ -11,9 +11,7 @@ from ..effects import known
 from ..effects.run_part import RunPart
 from ..errors import IncipientError, MeshError
 from ..fluid import Fluid
-from ..fluid.quasisteady import QuasiSteady
-from ..fluid.tolerance import of_steps
-from ..fluid.transient import Interface, Past, TimeStep, Transient
+from ..fluid.transient import Interface, Past, QuasiSteady, TimeStep, Transient, of_steps
 from ..mesh import domain
 from ..planning import meshing
 from ..planning.effects import EffectName
@@ -79,10 +77,10 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Refuse to continue from a state from which a part cannot. Raises ConvergenceError: why, and a remedy."""
-        grain = self._run.grain
-        for part in self._run.parts:
-            part.check(step, None if grain is None else grain.state.placement)
+        """Refuse to continue from a surface that cannot. Raises ConvergenceError: why, and a remedy."""
+        grain, surface = self._run.grain, self._run.surface
+        if surface is not None:
+            surface.check(step, None if grain is None else grain.state.placement)
 
     def _coupled(self, fluid: Fluid, parts: Sequence[RunPart]) -> Coupling | None:
         """The flow with the boundaries that parts move; the mesh goes to where they are."""
@@ -92,9 +90,7 @@ class March:
         from ..mesh.motion import MeshMotion
 
         motion, asked = MeshMotion(fluid.domain), self._run.scene.numerics.interface_tolerance
-        for part in parts:
-            part.displaced(motion)
-        moved = [one for part in parts for one in part.moving()]
+        moved = [one for part in parts for one in part.moving(motion)]
         tolerance = None if asked == "auto" else asked
         coupling = Coupling(fluid, moved, motion, tolerance, stage=self._run.accounts.ledger.stage)
         fluid.domain.mesh.geometry.x[:] = coupling.places[0]
@@ -137,8 +133,8 @@ class March:
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
             old, drawn, scene, height = run.fluid, grain.drawn(), run.scene, run.scene.domain.height
-            for part in run.parts:
-                height = part.drawn_height(height, drawn)
+            if run.surface is not None:
+                height = run.surface.drawn_height(height, drawn)
             higher = {"domain": scene.domain.model_copy(update={"height": height})}
             laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = domain.build(run.comm, laid_out.mesh)

@@ -59,7 +59,7 @@ def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None
     """Hand the fields after a step of this number over to the recorder if it wants them. Collective."""
     if not recorder.wants_fields(number, last):
         return
-    from ..fluid.vorticity import vorticity
+    from ..fluid.derived import vorticity
 
     with run.stage("fields"):
         fluid, probe = run.fluid, run.probe

@@ -23,7 +23,9 @@ from .steadiness import Steadiness
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
+    from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
+    from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid
     from ..fluid.transient import Transient
     from ..mesh.domain import Domain
@@ -114,7 +116,7 @@ class Run:
     @property
     def probe(self) -> TractionProbe | None:
         """Reads the traction on the grain; None without a grain."""
-        return next((part.probe for part in self.parts if part.probe is not None), self._probe)
+        return self._probe if self.grain is None else self.grain.probe
 
     @property
     def march(self) -> March | None:
@@ -132,9 +134,19 @@ class Run:
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
+    def surface(self) -> MovingSurface | None:
+        """The free surface; None without one, and before the first step."""
+        return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
+
+    @property
+    def turbulence(self) -> TurbulentFlow | None:
+        """The turbulence of the flow; None without."""
+        return cast("TurbulentFlow | None", self.part(EffectName.TURBULENCE))
+
+    @property
     def elevations(self) -> Elevations | None:
         """Elevations of the free surface so far; None without one, and before the first step."""
-        return next((part.elevations for part in self.parts if part.elevations is not None), None)
+        return None if self.surface is None else self.surface.elevations
 
     def part(self, effect: EffectName) -> Any:
         """The part of an effect on the newest mesh, or None."""
@@ -142,9 +154,7 @@ class Run:
 
     def wall_report(self) -> WallReport | None:
         """Flow along walls with a wall-function layer, None without. Collective."""
-        return next(
-            (found for part in self.parts if (found := part.wall_report()) is not None), None
-        )
+        return None if self.turbulence is None else self.turbulence.wall_report()
 
     def separated(self) -> tuple[tuple[float, float], ...] | None:
         """Intervals of x of reverse laminar flow along the bed; None: not of interest. Collective."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from ..results.result import Steadied
 
 if TYPE_CHECKING:
-    from ..effects.run_part import RunPart
+    from ..effects.free_surface.part import MovingSurface
     from ..fluid import Fluid
     from ..fluid.transient import TimeStep
 
@@ -23,8 +22,8 @@ class Steadiness:
     `depth`, each in the root mean square over the nodes. The flow counts as steady where it is at most `asked`.
     """
 
-    def __init__(self, fluid: Fluid, parts: Sequence[RunPart], depth: float, asked: float):
-        self._fluid, self._parts, self._depth, self._asked = fluid, parts, depth, asked
+    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
+        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
         self.change = np.inf
         self._before = fluid.state.x.array.copy()
 
@@ -39,7 +38,8 @@ class Steadiness:
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()
         relative = np.sqrt(changed / whole) if whole else 0.0
-        relative = max([relative, *(part.change(self._depth) for part in self._parts)])
+        if self._surface is not None:
+            relative = max(relative, self._surface.change(self._depth))
         self.change = float(relative / step.length)
         return {"change": self.change}
 

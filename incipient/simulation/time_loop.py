@@ -97,7 +97,8 @@ class TimeLoop:
                 raise ConvergenceError(NOT_STEADY) from error
             run.fluid.state.x.array[:] = initial.state.x.array
             for part, steady in zip(run.parts, parts, strict=True):
-                part.start(steady)
+                for mine, other in zip(part.states(), steady.states(), strict=True):
+                    mine.x.array[:] = other.x.array
 
     def _march(self) -> None:
         """March to the end, or until a moving grain has done what ends the run."""
@@ -106,7 +107,9 @@ class TimeLoop:
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            run.watch(Steadiness(run.fluid, run.parts, run.scene.domain.height, time.until_steady))
+            run.watch(
+                Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady)
+            )
         for step in self._timed(march.steps()):
             if run.domain is not domain:
                 domain = run.domain
@@ -140,7 +143,7 @@ class TimeLoop:
         """
         run = self._run
         self._recorder.step(row)
-        self._recorder.contacts([one for part in run.parts for one in part.contact_rows()])
+        self._recorder.contacts([] if run.grain is None else run.grain.contact_rows())
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
@@ -170,8 +173,6 @@ class TimeLoop:
             row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:
             row |= run.steadiness.column(step)
-        for part in run.parts:
-            row |= part.budget()
         for one in known.quantities(run.plan):
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)

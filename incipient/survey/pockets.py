@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import Floats, unit
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..errors import SceneError
 from ..geometry.space.beds import SphereBed
@@ -178,13 +179,13 @@ def pockets(
         )
 
 
-def critical_force(contacts: Contacts, friction: float) -> float:
+def critical_force(contacts: Contacts, law: Law) -> float:
     """The force along x, through the centre, over the weight at which a grain moves, by the exact criterion.
 
     Infinite where no such force moves it, NaN where the weight alone does.
     """
     load = Load(np.array([1.0, 0.0, 0.0]), np.zeros(3), DOWN, np.zeros(3))
-    safety = safety_factor(load, contacts, friction)
+    safety = safety_factor(load, contacts, law)
     moves = safety.interval is None or safety.interval[0] > 0.0
     return float("nan") if moves else safety.value
 

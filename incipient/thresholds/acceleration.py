@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.safety import safety_factor
 from ..parallel import Comm
 from ..planning.driving_force import DisplacedFluid
@@ -58,15 +59,15 @@ class CriticalStrength:
     power: float
     of_growth: Floats
     contacts: Contacts
-    friction: float
+    law: Law
     _known: dict[tuple[float, bool], float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, threshold: Threshold, of_growth: Floats, friction: float) -> CriticalStrength:
+    def of(cls, threshold: Threshold, of_growth: Floats, law: Law) -> CriticalStrength:
         """The critical strengths of a grain about its threshold."""
         assert threshold.steepness is not None
         steady = threshold.factor, threshold.load, threshold.steepness
-        return cls(*steady, of_growth, threshold.contacts, friction)
+        return cls(*steady, of_growth, threshold.contacts, law)
 
     def near(self, growth: float, relative: bool) -> float:
         """The critical strength as of `at`; for a growth that is not relative interpolated between neighbours.
@@ -101,6 +102,6 @@ class CriticalStrength:
         added = growth * (strength if relative else 1.0) * self.of_growth
         force, torque = ratio * self.load.flow_force, ratio * self.load.flow_couple
         load = Load(force + added[:3], torque + added[3:], self.load.weight, self.load.centre)
-        value = safety_factor(load, self.contacts, self.friction).value
+        value = safety_factor(load, self.contacts, self.law).value
         bound = math.exp(LARGEST_LOGARITHM)
         return math.log(min(max(value, 1.0 / bound), bound))

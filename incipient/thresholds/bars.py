@@ -93,7 +93,7 @@ def corrected(flow: CriticalFlow, loads: ErrorBars) -> tuple[CriticalFlow, Error
 def factor_range(flow: CriticalFlow, error: Floats) -> tuple[float, float]:
     """The smallest and the largest critical factor within an error (6,) of force and torque."""
     path, factor = flow.path, flow.factor
-    safety = safety_range(flow.load, path.contacts, path.friction, ErrorBox.of(error))
+    safety = safety_range(flow.load, path.contacts, path.law, ErrorBox.of(error))
     power = path.steepness(factor)
     low, high = min(safety.low, 1.0), max(safety.high, 1.0)
     return factor * _root(low, power), factor * _root(high, power)

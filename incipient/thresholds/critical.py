@@ -19,7 +19,7 @@ from ..accuracy.finish import improved_loads
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
-from ..effects.known import EFFECTS
+from ..effects.turbulence import threshold_needs, threshold_notes
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..parallel import Comm
@@ -113,7 +113,7 @@ def _require(scene: Scene) -> None:
     )
     lacking = [need for met, need in needs if not met]
     setup = Setup(scene)
-    for need in lacking or (need for effect in EFFECTS for need in effect.threshold_needs(setup)):
+    for need in lacking or threshold_needs(setup):
         raise SceneError(f"a threshold needs {need}")
 
 
@@ -181,7 +181,7 @@ def _with_bars(
 
 def _notes(run: Run, flow: CriticalFlow) -> list[str]:
     """What effects, walls and the search say of the critical flow. Collective."""
-    notes = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, flow.factor)]
+    notes = [*threshold_notes(run.setup, flow.factor)]
     if (walls := run.wall_report()) is not None and (doubt := walls.doubt):
         notes.append(f"{DOUBTED}{doubt}")
     if flow.rocking is not None:
@@ -210,4 +210,4 @@ def _judged(run: Run, contacts: Contacts, load: Load) -> Verdict:
     scene = run.scene
     assert scene.body is not None and scene.contact is not None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return judge(load, contacts, scene.contact.friction, inert)
+    return judge(load, contacts, scene.contact.law, inert)

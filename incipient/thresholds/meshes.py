@@ -80,7 +80,7 @@ class CriticalGoal:
             load,
             steps,
             places,
-            lambda changed: safety_factor(changed, path.contacts, path.friction).value,
+            lambda changed: safety_factor(changed, path.contacts, path.law).value,
         )
         by_load /= path.steepness(self.flow.factor)
         if np.all(np.isfinite(by_load)) and np.any(by_load):

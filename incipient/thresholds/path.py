@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from ..arrays import Floats, extrapolated
 from ..contact import Contacts, Load
+from ..contact.friction import Law
 from ..contact.robustness import ErrorBox, safety_range
 from ..contact.safety import safety_factor
 
@@ -46,7 +47,7 @@ class LoadPath:
     loads: Floats
     rest: Load
     contacts: Contacts
-    friction: float
+    law: Law
     before: LoadPath | None = None
 
     def load(self, factor: float) -> Load:
@@ -74,7 +75,7 @@ class LoadPath:
 
     def safety(self, factor: float) -> float:
         """Safety factor in the flow at a factor."""
-        return safety_factor(self.load(factor), self.contacts, self.friction).value
+        return safety_factor(self.load(factor), self.contacts, self.law).value
 
     def loss(self, low: float, high: float) -> float | None:
         """The smallest factor from `low` (held) to `high` from which the grain is not held; None: it is held."""
@@ -99,7 +100,7 @@ class LoadPath:
         for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
             fraction = (factor - low) / (high - low)
             box = ErrorBox.of(factor * BEND * 4.0 * fraction * (1.0 - fraction) * bend)
-            held = safety_range(self.load(factor), self.contacts, self.friction, box).low
+            held = safety_range(self.load(factor), self.contacts, self.law, box).low
             if held <= least:
                 least, doubtful = held, factor
         return doubtful

@@ -19,7 +19,7 @@ from ..arrays import Floats
 from ..contact import Load
 from ..contact.safety import SafetyStatus, safety_factor
 from ..effects.effect import SlowestFlow
-from ..effects.known import EFFECTS
+from ..effects.turbulence import slowest_flow
 from ..errors import ConvergenceError, SceneError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import from_first
@@ -113,7 +113,7 @@ class CriticalSearch:
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
-        self._holds = run.contacts, scene.contact.friction
+        self._holds = run.contacts, scene.contact.law
         self._solved: dict[float, tuple[Forces, Couples]] = {}
         self._states: dict[float, list[Floats]] = {}
         numbers, self._inertia = run.plan.numbers, run.plan.has(EffectName.INERTIA)
@@ -129,8 +129,7 @@ class CriticalSearch:
 
     def from_rest(self) -> CriticalFlow:
         """Search from rest upwards."""
-        bounds = (effect.slowest_flow(self.run.setup) for effect in EFFECTS)
-        if bound := max(filter(None, bounds), key=lambda bound: bound.factor, default=None):
+        if bound := slowest_flow(self.run.setup):
             return self._from_slowest(bound)
         slow = CREEPING / self._reynolds if self._inertia else 1.0
         self._solve(slow)

@@ -12,7 +12,7 @@ from incipient.arrays import Floats
 from incipient.body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.geometry.closest import NearBed
+from incipient.geometry.closest import proximity
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.grains import Disc, Polygon, Rectangle
@@ -35,7 +35,7 @@ class Case:
         velocities: Floats | None = None,
     ):
         self.body = RigidBody(Inertia.about(grain.volume, grain.inertia, grain.gdim))  # type: ignore[arg-type]
-        near = NearBed(grain, bed)  # type: ignore[arg-type]
+        near = proximity(grain, bed)  # type: ignore[arg-type]
         self.moves = ContactMotion(self.body, near.gaps, law, grain.size)  # type: ignore[attr-defined]
         self.state = BodyState.at(placement, velocities)
         self.contacts = ActiveContacts.none(placement.gdim)

@@ -17,8 +17,7 @@ from dolfinx import fem
 
 import incipient
 from incipient import compat
-from incipient.effects.flow import FlowEffect
-from incipient.effects.unsteadiness import UnsteadinessEffect
+from incipient.effects.flow import FlowEffect, UnsteadinessEffect
 from incipient.planning.flow_setup import Setup
 from incipient.reporting import part
 from incipient.reporting.page import Bounded, cell

@@ -165,8 +165,6 @@ def test_the_count_sees_an_effect_that_is_there(used):
     added = {
         "simulation.march",
         "simulation.time_loop",
-        "fluid.quasisteady",
-        "fluid.tolerance",
         "fluid.transient",
     }
     assert set(unsteady["modules"]) - set(without["modules"]) == added

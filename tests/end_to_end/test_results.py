@@ -350,7 +350,7 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
         "contact",
         "coupled.tractions",
         "evaluation.contact_verdict",
-        "fluid.vorticity",
+        "fluid.derived",
         "output.xdmf",
         "pictures",
     )

@@ -26,9 +26,8 @@ from incipient.fluid import (
     no_slip,
     solve_steady,
 )
-from incipient.fluid.tolerance import ShareOfError
-from incipient.fluid.transient import Transient
-from incipient.fluid.vorticity import vorticity
+from incipient.fluid.derived import vorticity
+from incipient.fluid.transient import ShareOfError, Transient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement

@@ -17,7 +17,7 @@ from incipient.accuracy.first_mesh import planned
 from incipient.accuracy.terms import by_coarser_mesh, of_the_model, shares
 from incipient.cost.quantities import Quantity, of_run
 from incipient.effects import known
-from incipient.effects.turbulence import TurbulenceEffect
+from incipient.effects.turbulence import findings
 from incipient.effects.turbulence.continuation import Continued
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup, order_of
@@ -70,8 +70,8 @@ def test_a_flow_that_has_not_converged_is_told_everywhere(told):
     found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
     assert found["load_spread"] == spread
     row = {"status": "done", "task": "run", **found}
-    report = TurbulenceEffect().findings({"turbulence": walls.to_dict()})
-    texts = ("\n".join(walls.lines()), in_words(row), report.sentence)
+    report = findings({"turbulence": walls.to_dict()})
+    texts = ("\n".join(walls.lines()), in_words(row), report[0])
     words = (
         "NOT CONVERGED after 2 iterations: the flow changed by 1.0e-02 in the last, the turbulence by 3.0e-02; "
         "loads are means of the last ones, within 1.2%",

@@ -61,6 +61,24 @@ def test_facets_at_corners_do_not_count_and_the_stress_turns_with_the_wall():
     assert stressed(stresses, normals, closed=True).coarse_share(0.25) == 1.0
 
 
+def test_the_stress_along_the_triangles_of_a_wall_in_space():
+    """By hand: twelve rows of a strip across the flow, a stress of 1 and 8 from the sixth on: one step of 7 in all
+    edges that lead from row to row. Two triangles share an edge.
+    """
+    row, side = np.divmod(np.arange(24), 2)
+    places = np.column_stack([row, side, np.zeros(24)]).astype(float)
+    pull = np.column_stack([np.where(row < 6, 1.0, 8.0), np.zeros((24, 2))])
+    ahead = np.array([(k, k + 2) for k in range(22)])
+    across = np.array([(k, k + 1) for k in range(0, 24, 2)])
+    wall = AlongWall(
+        *(places, np.tile([0.0, 0.0, -1.0], (24, 1)), np.ones(24), pull, np.ones(24)),
+        np.concatenate([ahead, across]),
+    )
+    assert wall.coarse_share(0.25) == 1.0
+    linear = replace(wall, velocities=(20.0 + row)[:, None] * [0.0, 1.0, 0.0])
+    assert linear.coarse_share(0.25) == 0.0
+
+
 def test_walls_with_corners_or_a_grain_are_called_resolved_with_evidence_alone():
     known = ResolvedWallReport(0.01, 0.2, 2.0, 0.05, 0.05, 0.005, 1e-4, 0.09, plane=False)
     told = {

@@ -17,7 +17,7 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.terms import by_dual
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
-from incipient.fluid.vorticity import vorticity
+from incipient.fluid.derived import vorticity
 from incipient.mesh.domain import Domain
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_on_bed

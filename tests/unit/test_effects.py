@@ -364,7 +364,12 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
 
 
 @pytest.mark.parametrize(
-    ("settle", "said"), [(True, "with friction 0.3"), ("frictionless", "without friction")]
+    ("settle", "said"),
+    [
+        (True, "with friction 0.3"),
+        ("frictionless", "without friction"),
+        ("level", "with friction 0.3 on the level bed"),
+    ],
 )
 def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
     body = Disc(diameter=1, x=4, density=2.65, settle=settle)

@@ -152,7 +152,7 @@ def test_an_outline_of_ten_thousand_points_is_planned_without_tables_of_pairs(
 ) -> None:
     """A number for every pair of vertices takes 800 MB, and minutes; a coarse outline has about as many cells.
 
-    Measured: 17 MiB. How long it takes is a benchmark's (benchmarks/cases/outlines.py).
+    Measured: 17 MiB.
     """
     path = written_scene(tmp_path, 10_000, settle)
     with allocated() as most:

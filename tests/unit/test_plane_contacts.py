@@ -28,7 +28,7 @@ from incipient.geometry import (
     lifted,
     rest,
 )
-from incipient.geometry.closest import NearBed
+from incipient.geometry.closest import proximity
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.closing import closing
 from incipient.geometry.plane.curves import part
@@ -294,7 +294,7 @@ RIDGE = Polyline(
 def test_a_disc_between_two_half_discs_touches_both() -> None:
     """Its centre is sqrt((r + R)^2 - (s/2)^2) high where it rests: the triangle of centres."""
     height = math.sqrt(0.75)
-    found = NearBed(Disc(1.0), HalfDiscs(0.5, 1.0)).gaps(Placement((0.5, height)), 0.1)
+    found = proximity(Disc(1.0), HalfDiscs(0.5, 1.0)).gaps(Placement((0.5, height)), 0.1)
     assert found.gaps == pytest.approx([0.0, 0.0], abs=1e-12)
     assert sorted(found.normals[:, 0]) == pytest.approx([-0.5, 0.5], abs=1e-12)
     assert found.normals[:, 1] == pytest.approx([height, height])
@@ -309,7 +309,7 @@ def test_a_disc_is_nearest_where_the_bed_is_nearest_to_its_centre(bed: Bed) -> N
         distance = float(bed.distance(centre[None])[0])
         if not radius < distance < radius + 0.3:
             continue
-        found = NearBed(Disc(2.0 * radius), bed).gaps(Placement(tuple(centre)), 0.3)
+        found = proximity(Disc(2.0 * radius), bed).gaps(Placement(tuple(centre)), 0.3)
         least = int(np.argmin(found.gaps))
         assert found.gaps[least] == pytest.approx(distance - radius, abs=1e-12)
         foot = bed.nearest(centre[None])[0]

@@ -14,7 +14,7 @@ from jinja2 import Environment
 from PIL import Image
 
 import incipient
-from incipient.effects.turbulence import TurbulenceEffect
+from incipient.effects.turbulence import findings
 from incipient.errors import OutputError
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.record import parsed_json
@@ -153,11 +153,11 @@ def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> N
         "outside": 0.25,
         "backward": [[1.0, 2.0]],
     }
-    assert TurbulenceEffect().findings({}) is None
-    found = TurbulenceEffect().findings({"turbulence": stored})
+    assert findings({}) is None
+    found = findings({"turbulence": stored})
     assert found is not None
-    assert found.sentence.endswith("does NOT hold; give turbulence.wall_distance = 0.1.")
-    assert [value for _, value in found.rows] == [0.25, (1.0, 2.0)]
+    assert found[0].endswith("does NOT hold; give turbulence.wall_distance = 0.1.")
+    assert [value for _, value in found[1]] == [0.25, (1.0, 2.0)]
 
 
 def test_a_wide_picture_is_made_smaller(tmp_path: Path) -> None:

@@ -219,6 +219,11 @@ def test_friction_of_the_scene_holds_a_box_on_a_slope():
     assert stays.centre == pytest.approx((4.0, 0.25), rel=1e-12)
     refused = message(lambda: scene(**changes, contact=Contact(friction=0.3)))
     assert refused.startswith("Scene: body.x: the grain rolls off")
+    level = Rectangle(width=1, height=0.5, x=4, settle="level")
+    found = scene(**{**changes, "body": level}, contact=Contact(friction=0.3))
+    assert found.placement.centre == pytest.approx((4.0, 0.25), rel=1e-12)
+    turned = 10.0 * math.sin(math.radians(20.0))
+    assert found.gravity_vector[0] == pytest.approx(turned)
 
 
 def test_gap_and_tolerance_are_lengths():

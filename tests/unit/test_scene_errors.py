@@ -159,7 +159,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
-        'Disc: course: "x" depends on x; use t only',
+        'Disc: course[0]: "x" depends on x; use t only',
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),

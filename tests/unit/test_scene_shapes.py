@@ -179,7 +179,7 @@ class TestBadScenes:
             ),
             (
                 f'{SUPERELLIPSE}\nsettle = "yes"',
-                'body.settle: is "yes"; give true, false or "frictionless"',
+                'body.settle: is "yes"; give true, false, "frictionless" or "level"',
             ),
         ],
     )

@@ -62,6 +62,17 @@ class TestSolids:
         assert (solid.level(points - step * normals) < 0.0)[smooth].all()
 
     @solids
+    def test_extreme_points_are_on_the_grain_and_no_other_lies_farther(self, solid):
+        """Beside the points of a fine surface, along the axes and eight other directions."""
+        points = solid.surface(solid.size / 40.0).points
+        others = np.random.default_rng(3).normal(size=(8, 3))
+        for direction in [*np.eye(3), *others / np.linalg.norm(others, axis=1)[:, None]]:
+            end = solid.extreme(direction)
+            assert solid.level(end) == pytest.approx(0.0, abs=1e-12 * solid.size)
+            beyond = (points @ direction).max() - end @ direction
+            assert -5e-3 * solid.size < beyond < 1e-12 * solid.size
+
+    @solids
     def test_centroid_is_the_origin_and_inertia_is_symmetric(self, solid):
         """By the divergence theorem on its triangles (trimesh): exact for flat sides."""
         surface = solid.surface(solid.size / 40.0)

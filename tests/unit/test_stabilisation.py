@@ -13,7 +13,7 @@ from domains import SIDES, unit_box
 from incipient import Scene, compat, load
 from incipient.effects.plan import make_plan
 from incipient.fluid import FlowModel, Fluid, no_slip
-from incipient.fluid.cell_reynolds import measured_cell_reynolds
+from incipient.fluid.derived import measured_cell_reynolds
 from incipient.forms import ReferenceMap, terms
 from incipient.planning.flow_setup import Setup
 from incipient.planning.stabilisation import COARSE, cell_reynolds, largest_peclet

@@ -157,8 +157,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 ) -> None:
     """Where it is not held in the flow to start with the search begins with the slowest one."""
     bound, said = SlowestFlow(1e-3, "looked at", "", start, "five flows"), list[str]()
-    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended = Pretended(lambda f: DRAG * (0.3 + f))
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=3)
@@ -173,8 +172,7 @@ def test_a_search_of_a_mean_flow_begins_where_the_grain_is_held(
 
 def mean_flow(monkeypatch: pytest.MonkeyPatch, pretended: Pretended, bound: SlowestFlow) -> None:
     """Make a pretended simulation one of a mean flow in the plane, searched upwards from the slowest one."""
-    effect = SimpleNamespace(slowest_flow=lambda setup: bound)
-    monkeypatch.setattr("incipient.thresholds.search.EFFECTS", (effect,))
+    monkeypatch.setattr("incipient.thresholds.search.slowest_flow", lambda setup: bound)
     pretended.setup = SimpleNamespace(
         is_averaged=True, resolves_walls=True, geometry=SimpleNamespace(gdim=2)
     )

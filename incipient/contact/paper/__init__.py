@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import equations, outcomes
 from incipient.contact.paper.away import Away, away
 from incipient.contact.paper.equations import (
@@ -20,7 +21,7 @@ from incipient.contact.paper.equations import (
     equal_fractions,
 )
 from incipient.contact.paper.outcomes import Category, Criterion, Mode
-from incipient.contact.problem import Law, Load, plain, require_outward
+from incipient.contact.problem import Load, plain, require_outward
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
@@ -146,13 +147,13 @@ class Classification:
 def classify(
     load: Load,
     contacts: Contacts,
-    friction: Law,
+    law: Law,
     located_by: Located | None = None,
     tolerance: float = TOLERANCE,
 ) -> Classification:
     """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
 
-    `friction` is the coefficient of static friction zeta. `located_by` chooses which minimum gives x* when
+    `law`: of friction, whose coefficient is zeta. `located_by` chooses which minimum gives x* when
     force and torque act together; None: that of the force (2) unless the force lifts everywhere, then that of
     the torque (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |torque| / arm count
     as zero, torques below that times the longest arm |x - c|.
@@ -160,7 +161,7 @@ def classify(
     Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
     normals point into the grain.
     """
-    friction = friction if isinstance(friction, float | int) else float(friction.coefficient)
+    friction = float(FrictionCone.of(law).coefficient)
     arms = _arms(load, contacts, friction)
     reach = float(np.linalg.norm(arms, axis=1).max())
     acting = (load.flow_force, load.weight, load.flow_couple / reach)
@@ -174,7 +175,7 @@ def classify(
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
     # The resultant torques (k, 3) if each of the significant contacts in turn carried everything.
     whole = (answer["reaction"] + answer["friction_force"]) / answer["fraction"][:, None]
-    held = not turns or can_vanish(load.flow_couple + np.cross(arms[list(at)], whole), scales[1])
+    held = not turns or can_vanish(load.flow_couple + cross(arms[list(at)], whole), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
     mode = _mode(criterion, minima, moves, turns, held, leaves)
     common = bool(set(minima.surface_2) & set(minima.surface_7))
@@ -195,7 +196,7 @@ def classify(
         obstructed_by=_obstacles(mode, contacts, list(at), answer, scales),
         force_scale=force_scale,
         torque_scale=force_scale * reach,
-        friction=float(friction),
+        friction=friction,
         tolerance=tolerance,
         load=load,
         contacts=contacts,
@@ -251,7 +252,7 @@ def _minima(
 
 def _tangential_force(torque: Floats, arms: Floats) -> Floats:
     """(6): F_tau = tau ^ r / |r|^2 at the ends of the arms, (n, 3); the part of tau along r has none."""
-    return np.asarray(np.cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
+    return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
 def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Located:
@@ -274,7 +275,7 @@ def _reaction_at(
     from_torque = _tangential_force(load.flow_couple, arm)
     pressing = load.force + from_torque
     toward = -(normals * pressing).sum(axis=1)
-    against = (np.cross(arm, -normals) @ load.flow_couple) * np.abs(toward)
+    against = (cross(arm, -normals) @ load.flow_couple) * np.abs(toward)
     reaction = fraction[:, None] * equations.reaction(pressing, normals)
     friction_force = fraction[:, None] * equations.friction(pressing, normals, coefficient)
     return {
@@ -286,9 +287,9 @@ def _reaction_at(
         "C_friction": equations.C_friction(pressing, normals, coefficient),
         "reaction": reaction,
         "friction_force": friction_force,
-        "torque_about_contact": load.flow_couple - np.cross(arm, load.force),
+        "torque_about_contact": load.flow_couple - cross(arm, load.force),
         "force": load.force + (reaction + friction_force).sum(axis=0),
-        "torque": load.flow_couple + np.cross(arm, reaction + friction_force).sum(axis=0),
+        "torque": load.flow_couple + cross(arm, reaction + friction_force).sum(axis=0),
     }
 
 
@@ -323,7 +324,7 @@ def _obstacles(
         met = (contacts.normals @ answer["force"] > scales[0])[None]
     else:
         arms = contacts.points[None] - contacts.points[at][:, None]
-        velocity = np.cross(answer["torque_about_contact"][:, None], arms)
+        velocity = cross(answer["torque_about_contact"][:, None], arms)
         reach = max(float(np.linalg.norm(arms, axis=2).max()), 1e-300)
         met = (velocity * contacts.normals).sum(axis=2) > scales[1] * reach
     if not met.any(axis=1).all():

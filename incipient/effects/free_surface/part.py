@@ -78,12 +78,9 @@ class MovingSurface(RunPart):
             self.readings = before.readings
             self._take_over(before)
 
-    def displaced(self, motion: MeshMotion) -> None:
-        """Keep the motion of the mesh, from whose reference another mesh reads."""
+    def moving(self, motion: MeshMotion) -> tuple[SurfacePart, ...]:
+        """The surface; the motion of the mesh is kept, from whose reference another mesh reads."""
         self._motion = motion
-
-    def moving(self) -> tuple[SurfacePart, ...]:
-        """The surface."""
         return (self.part,)
 
     def on(self, domain: Domain) -> MovingSurface:
@@ -187,7 +184,7 @@ class MovingSurface(RunPart):
         self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
-    def elevations(self) -> Elevations | None:  # type: ignore[override]
+    def elevations(self) -> Elevations | None:
         """The elevations so far; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 

@@ -17,9 +17,9 @@ from ...body.rigidbody import RigidBody
 from ...body.state import BodyState
 from ...contact.acceleration import MODES, states_and_modes
 from ...errors import SceneError
-from ...geometry.closest import NearBed
 from ...geometry.contacts import ClosestPoints
 from ...geometry.placement import Placement
+from ...geometry.proximity import Proximity
 from ...geometry.settle import SettlingOutcome, settle
 from ...scene.model import Contact
 
@@ -82,7 +82,7 @@ class BedContact:
 
     def __init__(
         self,
-        near: NearBed,
+        near: Proximity,
         gap: float,
         body: RigidBody,
         contact: Contact,

@@ -18,8 +18,6 @@ from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, standing
 from ...geometry.closest import touching
-from ...geometry.plane.beds import Flat
-from ...geometry.space.beds import Plane
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
@@ -65,7 +63,7 @@ def landing(
     load = load_of(state.placement, force, couple)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
-        found = judge(load, contacts, scene.contact.friction, inert).to_dict()
+        found = judge(load, contacts, scene.contact.law, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
     found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
@@ -90,7 +88,7 @@ def _factor_where_it_touches(
     placement = geometry.near_bed.with_gap(state.placement, 0.0, contacts.points, geometry.gap)
     try:
         closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
-        found = safety_factor(load_of(placement, *loads), closed, scene.contact.friction)
+        found = safety_factor(load_of(placement, *loads), closed, scene.contact.law)
     except IncipientError:
         return None
     return found.value if math.isfinite(found.value) else None
@@ -131,7 +129,5 @@ def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
 
     Raises SceneError if there are none.
     """
-    scene, level = setup.scene, setup.scene.domain.bottom
-    assert scene.grain is not None
-    bed = scene.bed_shape or (Flat(level) if scene.gdim == 2 else Plane(origin_z=level))
-    return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))
+    near, gap = setup.geometry.near_bed, setup.geometry.gap
+    return touching(near.grain, state.placement, near.bed, FARTHER * max(distance, gap))

@@ -47,7 +47,7 @@ class MovingGrain(RunPart):
         made_for: the grain's placement for which the mesh was made; None: that of the state.
 
     Attributes:
-        part: the rigid body in the coupling, once `displaced` has made it.
+        part: the rigid body in the coupling, once `moving` has made it.
         remeshings, interface_iterations: of the run so far.
         turns_mesh: whether the mesh turns with the grain: not with a round one.
         meshes_ahead: whether a new mesh may be made for where the grain will be.
@@ -84,7 +84,7 @@ class MovingGrain(RunPart):
         self.interface_iterations: list[int] = []
 
     @property
-    def probe(self) -> TractionProbe:  # type: ignore[override]
+    def probe(self) -> TractionProbe:
         """Reads the traction on the grain where it is."""
         return self.part.probe
 
@@ -109,8 +109,8 @@ class MovingGrain(RunPart):
                 before.interface_iterations,
             )
 
-    def displaced(self, motion: MeshMotion) -> None:
-        """Move the mesh from where it was made to where the grain is, and put the body into the fluid there."""
+    def moving(self, motion: MeshMotion) -> tuple[RigidPart, ...]:
+        """The body, put into the fluid where the grain is; the mesh goes there from where it was made."""
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
@@ -119,13 +119,10 @@ class MovingGrain(RunPart):
             room=self._room,
             stage=self._stage,
         )
+        return (self.part,)
 
     def _rigid_part(self, *others: Any, **named: Any) -> RigidPart:
         return RigidPart(*others, **named)
-
-    def moving(self) -> tuple[RigidPart, ...]:
-        """The body."""
-        return (self.part,)
 
     def drawn(self) -> Placement:
         """The placement for which a new mesh is made, rounded."""
@@ -151,6 +148,10 @@ class MovingGrain(RunPart):
         assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
+    def contact_rows(self) -> list[dict[str, Any]]:
+        """Rows of contacts.csv after a step: one for each contact with the bed. Not collective."""
+        return []
+
     @property
     def ends(self) -> str:
         """What the grain has done that ends the run, as `time.until` names it, or "contact"; or nothing."""
@@ -166,13 +167,14 @@ class MovingGrain(RunPart):
             **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
             **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
+            **self._energies(),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         """What a grain that moves on its bed adds."""
         return {}
 
-    def budget(self) -> dict[str, float]:
+    def _energies(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()

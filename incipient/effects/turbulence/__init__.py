@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
-from ...planning.linear import DEAR, FEW_CELLS, Method
 from ...planning.numbers import Numbers
-from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
-from ..effect import Effect, Findings, SlowestFlow, Solved
+from ..effect import Effect, SlowestFlow, Solved
 from ..run_part import RunPart, Stage
 from .transition import REMEDY, transition, turbulent_from
 
@@ -119,38 +117,10 @@ class TurbulenceEffect(Effect):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
 
-    def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
-        """LU factorisation on few cells with upwinding."""
-        if upwinds(setup):
-            return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
-        return None
-
     def warnings(self, setup: Setup) -> Iterator[str]:
         """What the model says; where it is not for the scene it raises."""
         if setup.is_averaged:
             yield from _model_of(setup).warnings(setup)
-
-    def as_fast(self, setup: Setup, speed: float) -> Setup:
-        """The setup of a flow as fast, whose law of the wall has another distance."""
-        return setup.faster(speed) if setup.scene.is_averaged and speed != 1.0 else setup
-
-    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
-        """The slowest flow that the model is for."""
-        return _model_of(setup).slowest_flow(setup) if setup.is_averaged else None
-
-    def threshold_needs(self, setup: Setup) -> Iterator[str]:
-        """What the model needs."""
-        if setup.is_averaged:
-            yield from _model_of(setup).threshold_needs(setup)
-
-    def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
-        """What flow the threshold is for, and whether that can be laminar."""
-        plane = " in 2-D" if setup.geometry.gdim == 2 else ""
-        about = TURBULENT if setup.is_averaged else LAMINAR
-        stress = "of the inflow" if setup.resolves_walls else "by the law of the wall"
-        yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
-        if found := transition(setup, setup.numbers, factor):
-            yield found.text(" at the threshold")
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
         """Both quantities of the model."""
@@ -160,36 +130,6 @@ class TurbulenceEffect(Effect):
         """MiB of both quantities in 3-D, and of what solves them together with the flow."""
         in_space = setup.scene.gdim == 3 and setup.scene.is_averaged
         return BYTES * unknowns / 2**20 if in_space else 0.0
-
-    def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """Whether the law of the wall holds, and where the flow next to the bed is reversed."""
-        if (found := stored.get("turbulence")) is None:
-            return None
-        from ...results.wall_report import longest
-
-        # Results of earlier versions have no remedy.
-        remedy = found.get(
-            "remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}"
-        )
-        # Results of earlier versions have no model.
-        resolved = found.get("model") == "k-omega-sst"
-        holds, fails = RESOLVED if resolved else BY_LAW
-        doubt = f"Warning: {fails}; {remedy}."
-        told, others = longest(found["backward"])
-        upstream = "reverse flow next to the bed from x, to x"
-        rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
-        if not found["plane"]:
-            rows.insert(
-                0,
-                (f"fraction of the walls at which {fails.replace('NOT', 'not')}", found["outside"]),
-            )
-        rows += [("further, shorter intervals", others)] if others else []
-        sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
-        if not found.get("converged", True):
-            sentence += (
-                f" Warning: not converged; loads are means, within {100 * found['spread']:.2g}%."
-            )
-        return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Report absent fluctuations of a mean profile, or a laminar flow that may be turbulent."""
@@ -203,3 +143,55 @@ class TurbulenceEffect(Effect):
             yield Omission(
                 self.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}"
             )
+
+
+def slowest_flow(setup: Setup) -> SlowestFlow | None:
+    """The slowest flow that the model of a scene is for; None: the flow is laminar. Not collective."""
+    return _model_of(setup).slowest_flow(setup) if setup.is_averaged else None
+
+
+def threshold_needs(setup: Setup) -> Iterator[str]:
+    """What the scene lacks for its critical flow to be sought with the model, in words. Not collective."""
+    if setup.is_averaged:
+        yield from _model_of(setup).threshold_needs(setup)
+
+
+def threshold_notes(setup: Setup, factor: float) -> Iterator[str]:
+    """What flow a threshold, so many times the scene's, is for, and whether that can be laminar. Not collective."""
+    plane = " in 2-D" if setup.geometry.gdim == 2 else ""
+    about = TURBULENT if setup.is_averaged else LAMINAR
+    stress = "of the inflow" if setup.resolves_walls else "by the law of the wall"
+    yield about.format(stress=stress, flow=f"{setup.scene.flow.kind} flow", plane=plane)
+    if found := transition(setup, setup.numbers, factor):
+        yield found.text(" at the threshold")
+
+
+def findings(stored: dict[str, Any]) -> tuple[str, list[tuple[str, Any]]] | None:
+    """What a run says of its turbulence, apart from its quantities: a sentence, and rows of words and value."""
+    if (found := stored.get("turbulence")) is None:
+        return None
+    from ...results.wall_report import longest
+
+    # Results of earlier versions have no remedy.
+    remedy = found.get(
+        "remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}"
+    )
+    # Results of earlier versions have no model.
+    resolved = found.get("model") == "k-omega-sst"
+    holds, fails = RESOLVED if resolved else BY_LAW
+    doubt = f"Warning: {fails}; {remedy}."
+    told, others = longest(found["backward"])
+    upstream = "reverse flow next to the bed from x, to x"
+    rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
+    if not found["plane"]:
+        rows.insert(
+            0,
+            (f"fraction of the walls at which {fails.replace('NOT', 'not')}", found["outside"]),
+        )
+    rows += [("further, shorter intervals", others)] if others else []
+    sentence = f"{holds[0].upper()}{holds[1:]}." if found["applicable"] else doubt
+    if not found.get("converged", True):
+        sentence += (
+            f" Warning: not converged; loads are means, within {100 * found['spread']:.2g}%."
+        )
+    return sentence, rows

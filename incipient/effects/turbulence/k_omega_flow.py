@@ -135,7 +135,7 @@ class KOmegaFlow(TurbulentFlow):
             excess=float((y_plus / limits).max()),
             iteration=self.continued,
             coarse_along=0.0 if walls.plane else coarse_along(along, walls.rough, LARGEST_CHANGE),
-            judged_along=walls.smooth,
+            judged_along=walls.smooth and in_plane,
         )
 
     def _thickness(self, walls: Mapping[str, AlongWall]) -> tuple[Floats, Floats, Floats]:

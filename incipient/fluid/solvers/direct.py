@@ -10,8 +10,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError, UnsolvedError
 from ...installed import free_bytes
-from .equations import Equations
-from .solver import LinearSolver, LinearStatistics
+from .equations import Equations, LinearSolver, LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
 # percent, and how rows and columns are scaled (MUMPS's ICNTL(8)), at first and when that was not enough. At first MUMPS

@@ -17,6 +17,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Arc, Curve, Line, increasing_roots
 from incipient.geometry.plane.grains import Grain
+from incipient.geometry.proximity import Proximity
 
 PER_FEATURE = (
     64.0  # samples along the smaller of half the grain's size and the bed's smallest feature
@@ -29,21 +30,15 @@ ON_CORNER = (
 )
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
-STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarProximity:
+class PlanarProximity(Proximity):
     """A grain and a bed in 2-D, prepared for questions about many placements."""
 
     grain: Grain
     bed: Bed
-
-    @cached_property
-    def size(self) -> float:
-        """The grain's size."""
-        return self.grain.size
 
     @cached_property
     def _steps(self) -> np.ndarray:
@@ -53,36 +48,37 @@ class PlanarProximity:
         return np.asarray(np.clip(wanted, np.where(chain.straight, 1, FEWEST), MOST).astype(int))
 
     @cached_property
-    def _samples(self) -> tuple[np.ndarray, Floats, Floats, float]:
-        """Curves (m,), parameters (m,) and points (m, 2) of samples in order, and the longest way to the next one."""
+    def _samples(self) -> tuple[np.ndarray, Floats, Floats]:
+        """Curves (m,), parameters (m,) and points (m, 2) of samples in order."""
         curve, s = self.grain.chain.samples(self._steps)
-        # An estimate of a curve's length may be a little too small.
-        way = 1.1 * float((self.grain.chain.lengths / self._steps).max())
-        return curve, s, self.grain.chain.point(curve, s), way
+        return curve, s, self.grain.chain.point(curve, s)
 
-    def _distances(self, points: Floats, within: float | None) -> Floats:
-        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`, or the least one."""
+    @cached_property
+    def sampling(self) -> float:
+        """The longest way from a sample to the next one; an estimate of a curve's length may be a little too small."""
+        return 1.1 * float((self.grain.chain.lengths / self._steps).max())
+
+    def _distances(self, points: Floats, within: float) -> Floats:
+        """Distances (m,) of the placed samples from the bed; infinite where they exceed `within`."""
         known, distances = self.bed.distance(points[::STRIDE]), np.full(len(points), np.inf)
-        bound = known.min() if within is None else within
-        near = np.repeat(known <= bound + (STRIDE + 1) * self._samples[3], STRIDE)[: len(points)]
+        near = np.repeat(known <= within + (STRIDE + 1) * self.sampling, STRIDE)[: len(points)]
         distances[near] = self.bed.distance(points[near])
         return distances
 
     def minima(
-        self, placement: Placement, within: float | None, touching: float | None = None
+        self, placement: Placement, within: float, touching: float | None = None
     ) -> ClosestPoints:
         """Local minima along the outline, and corners of it, with gaps of at most `within` (a length).
 
-        None: those that may be the least. Different ones are resolved if they lie farther apart than the samples.
         touching: minima alone, whose gaps up to this length count as closed; by default round-off
         """
-        curve, s, points, way = self._samples
+        curve, s, points = self._samples
         points = placement.to_scene(points)
         distances = self._distances(points, within)
-        bound = (float(distances.min()) if within is None else within) + way
         low, high = np.roll(distances, 1), np.roll(distances, -1)
         even = LEVEL * self.size
-        least = (distances <= low + even) & (distances < high - even) & (distances <= bound)
+        least = (distances <= low + even) & (distances < high - even)
+        least &= distances <= within + self.sampling
         valley = np.flatnonzero(least)
         before = (valley - 1) % len(s)
         # Towards the sample before, on its curve, and towards the one after.
@@ -90,10 +86,10 @@ class PlanarProximity:
         end = np.round(start * self._steps[k] + 1.0) / self._steps[k]
         k, place = self._lowest(placement, k, start, end, np.tile(np.arange(len(valley)), 2))
         parts = [self._closest(placement, k, place, touching)]
-        if touching is None and within is not None:
+        if touching is None:
             parts.append(self._joints(placement, within))
         result = ClosestPoints.joined(parts)
-        return result if within is None else result.only(result.gaps <= within)
+        return result.only(result.gaps <= within)
 
     def _lowest(
         self, placement: Placement, k: np.ndarray, low: Floats, high: Floats, group: np.ndarray
@@ -253,58 +249,21 @@ class PlanarProximity:
         )
         return minima.only(~joint | chain.sharp[k] | sides)
 
-    def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+    def drop(self, placement: Placement) -> float:
+        """The least vertical distance from the bed of samples, and of chords between them above its corners."""
         points = placement.to_scene(self._samples[2])
-        drops = points[:, 1] - self.bed.height(points[:, 0])
-        lowest = min(drops.min(), self._drops_onto_corners(placement, points).min(initial=np.inf))
-        placement = placement.raised(-float(lowest))
-        near = self.minima(placement, self._samples[3])
-        for _ in range(60):
-            if not len(near):
-                raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float((-near.gaps / np.maximum(near.normals[:, 1], STEEPEST)).max())
-            placement = placement.raised(lift)
-            if abs(lift) <= 1e-12 * self.size:
-                break
-            near = self.tracked(placement, near)
-        return placement
-
-    def _drops_onto_corners(self, placement: Placement, points: Floats) -> Floats:
-        """Vertical distances (n,) of the outline, of which samples (m, 2) are placed, from corners of the bed."""
-        x, ahead = points[:, 0], np.roll(points[:, 0], -1)
+        x, ahead = points[:, 0], np.roll(points, -1, axis=0)
+        drops = points[:, 1] - self.bed.height(x)
         corners = self.bed.corners(float(x.min()), float(x.max()))
-        first = np.searchsorted(corners, np.minimum(x, ahead), side="right")
-        count = np.maximum(np.searchsorted(corners, np.maximum(x, ahead)) - first, 0)
+        first = np.searchsorted(corners, np.minimum(x, ahead[:, 0]), side="right")
+        count = np.maximum(np.searchsorted(corners, np.maximum(x, ahead[:, 0])) - first, 0)
         i = np.repeat(np.arange(len(x)), count)
-        if not len(i):
-            return np.empty(0)
         at = corners[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + first[i]]
-        curve, low = self._samples[0][i], self._samples[1][i]
-        high, sign = (
-            np.round(low * self._steps[curve] + 1.0) / self._steps[curve],
-            np.sign(ahead - x)[i],
-        )
-
-        def beyond(s: Floats) -> Floats:
-            """How far the outline has passed the corners."""
-            return np.asarray(
-                sign * (placement.to_scene(self.grain.chain.point(curve, s))[:, 0] - at)
-            )
-
-        places = placement.to_scene(
-            self.grain.chain.point(curve, increasing_roots(beyond, low, high))
-        )
+        t = (at - x[i]) / (ahead[i, 0] - x[i])
         # At a vertical step the upper side counts.
         tops = np.maximum(self.bed.height(at), self.bed.height(np.nextafter(at, -np.inf)))
-        return np.asarray(places[:, 1] - tops)
-
-    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """The least distance from the bed, and the points (2,) on grain and bed where it occurs."""
-        near = self.minima(placement, None)
-        k = int(np.argmin(near.gaps))
-        foot = self.bed.nearest(near.points[k : k + 1])[0]
-        return float(near.gaps[k]), near.points[k], foot
+        above = (1.0 - t) * points[i, 1] + t * ahead[i, 1] - tops
+        return float(min(drops.min(), above.min(initial=np.inf)))
 
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance`; see `closest.touching`."""

@@ -14,6 +14,7 @@ from incipient.arrays import Floats, planar_cross, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts, frame_of
 from incipient.geometry.placement import Placement
+from incipient.geometry.proximity import Proximity
 from incipient.geometry.shape import Moments
 from incipient.geometry.space.beds import Pieces, SmoothTerrain, Terrain
 from incipient.geometry.space.grains import Solid
@@ -30,12 +31,11 @@ from incipient.geometry.space.surfaces import (
 LAST_STEP = 1e-8
 SAME = 1e-9  # lengths that are one
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain, and along a feature of the bed
-STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 Starts = tuple[np.ndarray, np.ndarray, Floats, Floats]  # parts, pieces, points, places of the bed
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialProximity:
+class SpatialProximity(Proximity):
     """A grain and a bed in 3-D, prepared for questions about many placements.
 
     Parts of a core are numbered: its triangles, its corners, its edges.
@@ -45,11 +45,6 @@ class SpatialProximity:
     bed: Terrain
 
     @cached_property
-    def size(self) -> float:
-        """The grain's size."""
-        return self.grain.size
-
-    @cached_property
     def spacing(self) -> float:
         """The distance of samples on the grain's surface."""
         return float(min(self.size / SAMPLES, self.bed.feature / SAMPLES_PER_FEATURE))
@@ -57,6 +52,16 @@ class SpatialProximity:
     @cached_property
     def _samples(self) -> Surface:
         return self.grain.surface(self.spacing)
+
+    @property
+    def sampling(self) -> float:
+        """The longest side of the samples' triangles."""
+        return self._samples.spacing
+
+    def drop(self, placement: Placement) -> float:
+        """The least vertical distance of samples from the bed."""
+        samples = placement.to_scene(self._samples.points)
+        return float((samples[:, 2] - self.bed.height(samples[:, :2])).min())
 
     @cached_property
     def _neighbours(self) -> np.ndarray:
@@ -279,22 +284,6 @@ class SpatialProximity:
         # Minima of smooth grains are distinguished no better than samples are.
         return minima.only(keep).distinct(1e-6 * self.size if self.grain.cores else self.spacing)
 
-    def lowered(self, placement: Placement) -> Placement:
-        """The placement, lowered (or raised) vertically until the grain touches the bed."""
-        samples = placement.to_scene(self._samples.points)
-        drop = samples[:, 2] - self.bed.height(samples[:, :2])
-        placement = placement.raised(-float(drop.min()))
-        minima = self.minima(placement, self._samples.spacing)
-        for _ in range(60):
-            if len(minima) == 0:
-                raise SceneError("the grain finds no bed below it; move it over the bed")
-            lift = float((-minima.gaps / np.maximum(minima.normals[:, 2], STEEPEST)).max())
-            placement = placement.raised(lift)
-            if abs(lift) <= 1e-13 * self.size:
-                break
-            minima = self.tracked(placement, minima)
-        return placement
-
     def contacts(self, placement: Placement, tolerance: float) -> Contacts:
         """All contacts whose distance from the bed is at most `tolerance` (a length); see `closest.touching`."""
         close, slack = self.minima(placement, tolerance), max(tolerance, SAME * self.size)
@@ -350,17 +339,6 @@ class SpatialProximity:
         lies = (gaps.reshape(4, -1) <= bound).all(axis=0)
         label = connected(len(points), triangles[lies])[triangles[lies, 0]]
         return [corners[lies][label == item] for item in np.unique(label)]
-
-    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
-        """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
-        drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
-        minima, reach = self.minima(placement, drop + SAME * self.size), self.size
-        while not len(
-            minima
-        ):  # beside a bed that overhangs it the grain is nearer than its way down says
-            minima, reach = self.minima(placement, reach), 2.0 * reach
-        k = int(np.argmin(minima.gaps))
-        return float(minima.gaps[k]), minima.points[k], minima.feet[k]
 
 
 def _shortened(steps: Floats, longest: float) -> Floats:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, cross, rows, unit
+from incipient.arrays import SMALLEST, Floats, cross, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_arcs, power_norm
 from incipient.geometry.shape import (
@@ -83,6 +83,14 @@ class Solid(Shape):
     def project(self, x: ArrayLike) -> Floats:
         """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
         raise NotImplementedError
+
+    def extreme(self, direction: Floats) -> Floats:
+        """The point (3,) of the grain farthest along a unit vector (3,)."""
+        ends = [
+            core.points[np.argmax(core.points @ direction)] + core.radius * direction
+            for core in self.cores
+        ]
+        return np.asarray(max(ends, key=lambda end: float(end @ direction)))
 
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:
@@ -155,6 +163,18 @@ class Superquadric(Solid):
         """The points (n, 3) of the surface on the rays from the origin through points (n, 3)."""
         x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
+
+    def extreme(self, direction: Floats) -> Floats:
+        """The point (3,) farthest along a unit vector (3,): where Hoelder's inequality is an equality."""
+        (m, n), scaled = self.exponents, np.asarray(self.semi_axes) * direction
+        sizes = np.abs(scaled)
+        section = power_norm(sizes[None, :2], n / (n - 1.0))[0]
+        whole = power_norm(np.array([[section, sizes[2]]]), m / (m - 1.0))[0]
+        unit_axes = np.empty(3)
+        unit_axes[:2] = (sizes[:2] / max(section, SMALLEST)) ** (1.0 / (n - 1.0))
+        unit_axes[:2] *= (section / whole) ** (1.0 / (m - 1.0))
+        unit_axes[2] = (sizes[2] / whole) ** (1.0 / (m - 1.0))
+        return np.asarray(self.semi_axes) * np.sign(scaled) * unit_axes
 
     def surface(self, spacing: float) -> Surface:
         """A sphere's triangles, stretched along the axes and carried along rays onto the surface."""

@@ -1,20 +1,66 @@
-"""Contact of a grain at rest on a bed: its contact forces and the verdict."""
+"""Effects on the grain: the traction of the fluid, gravity, and contact with the bed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from ..arrays import spatial
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..results.of_runs import VERDICT
-from ..scene.grains import FRICTIONLESS
+from ..results.of_runs import LOADS, VERDICT
+from ..scene.grains import FRICTIONLESS, LEVEL
 from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
 
 NEARER = 0.95  # of the gap that a released grain keeps: from where it may begin
+
+
+class TractionEffect(Effect):
+    """Force and torque of the fluid on the grain."""
+
+    name = EffectName.TRACTION
+    quantities = LOADS
+
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
+        """Present with a grain."""
+        there = setup.scene.body is not None
+        return Decision(
+            self.name, there, "of the fluid on the grain" if there else "no [body] section"
+        )
+
+
+class GravityEffect(Effect):
+    """Weight and buoyancy."""
+
+    name = EffectName.GRAVITY
+
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
+        """Present with [gravity]."""
+        scene = setup.scene
+        if scene.gravity is None:
+            return Decision(self.name, False, "no [gravity] section")
+        if scene.effects.gravity is False:
+            return Decision(self.name, False, "effects.gravity = false", True)
+        reason = "weight and buoyancy of the grain; analytical hydrostatic pressure, no unknowns"
+        if scene.has_surface:
+            reason = "on the free surface; " + reason
+        return Decision(self.name, True, reason, scene.effects.gravity is True)
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """Weight and buoyancy, which need no estimate."""
+        scene, force = solved.run.scene, solved.force
+        if not decision.forced or scene.gravity is None or scene.grain is None or force is None:
+            return
+        excess = (scene.mass or 0.0) - scene.grain.volume
+        change = excess * scene.gravity.acceleration * spatial(scene.gravity_direction)
+        relative = float(np.linalg.norm(change)) / max(float(np.linalg.norm(force.flow)), 1e-300)
+        how, remedy = "weight and buoyancy, exact", 'set effects.gravity = "auto"'
+        yield Omission(self.name, relative, how, False, remedy, change, np.zeros(3))
 
 
 class ContactEffect(Effect):
@@ -36,7 +82,10 @@ class ContactEffect(Effect):
         elif scene.body is not None and scene.body.settle:
             friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
             reason += f", where it settled with friction {friction:g}"
-            reason += ' (settle = "frictionless" gives one rest to compare)'
+            if scene.body.settle == LEVEL:
+                reason += " on the level bed"
+            else:
+                reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
     def warnings(self, setup: Setup) -> Iterator[str]:

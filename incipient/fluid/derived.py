@@ -1,18 +1,21 @@
-"""The vorticity of a flow as a continuous field."""
+"""Quantities derived from a computed flow: its vorticity, and the Reynolds number of its cells."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import dolfinx
+import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
 from ..forms import vorticity as curl_of
+from ..symmetric import solve_symmetric
 from .flow import Fluid
-from .solvers.mass import solve_mass_matrix
+from .space import cell_size
 
 
 def vorticity(fluid: Fluid) -> Any:
@@ -22,8 +25,21 @@ def vorticity(fluid: Fluid) -> Any:
     mass, right = petsc.assemble_matrix(of_mass), petsc.assemble_vector(of_curl)
     mass.assemble()
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    solve_mass_matrix(mass, right, field, rtol=1e-10)
+    solve_symmetric(mass, right, field, rtol=1e-10)
     return field
+
+
+def measured_cell_reynolds(fluid: Fluid) -> float:
+    """The largest |v| h/(k nu) of all cells of a flow at hand; h is the root of the doubled area. Collective."""
+    mesh, order = fluid.domain.mesh, fluid.space.order
+    space = compat.space(mesh, ("DG", order))
+    size = cell_size(mesh) / order
+    v, _ = ufl.split(fluid.state)
+    found = dolfinx.fem.Function(space)
+    number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
+    compat.interpolate(found, number)
+    mine = float(np.max(found.x.array, initial=0.0))
+    return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
 
 def _forms(fluid: Fluid) -> tuple[Any, Any, Any]:
