@@ -22,7 +22,6 @@ from ..errors import IncipientError, MissingError
 from ..files import plain
 from ..parallel import Comm, end_with_parent, leave_parallel_run, start_alone_quickly, world
 from ..results.kinds import ENTRAINMENT, GUSTS, THRESHOLD, quantities_of
-from ..results.of_runs import VERDICT
 from ..results.si import FLOW
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
@@ -126,7 +125,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
     kind, columns = _KINDS.get(task), dict[str, Any]()
     # The verdict first.
-    of_run = sorted(known.quantities(), key=lambda quantity: quantity not in VERDICT)
+    of_run = sorted(known.quantities(), key=lambda one: not one.key.startswith("verdict."))
     for quantity in of_run if kind is None else quantities_of(kind, result):
         columns |= quantity.columns(result)
     si = result.get("si") or {}
