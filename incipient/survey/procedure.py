@@ -42,7 +42,6 @@ from .thresholds import LoadErrors, features_of, thresholds
 
 RUNS, GRAINS, SPHERES, RECORD = "runs.sqlite", "grains.csv", "spheres.csv", "survey.json"
 ONE_OF_MANY = {"tries": 1}  # a run that dies or takes too long is not repeated by itself
-FILES = (GRAINS, SPHERES, RECORD, "survey.png", "survey.vtp")
 
 
 def load_request(path: Path, overrides: Sequence[str] = ()) -> SurveyRequest:
