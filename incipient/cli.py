@@ -69,21 +69,13 @@ class _Parser(argparse.ArgumentParser):
         print(self.format_help(), end="", file=file)
 
 
-class _Version(argparse.Action):
-    """Prints the version, which is looked up only when it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Print it and leave."""
-        print(f"incipient {metadata.version('incipient')}")
-        parser.exit()
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="incipient",
         description="Does a rigid grain on a rigid bed in a viscous flow begin to move?",
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and end")
+    version = f"%(prog)s {metadata.version('incipient')}"
+    parser.add_argument("--version", action="version", version=version)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (function, text, add_options) in _commands().items():
         made = commands.add_parser(name, help=text, description=text)

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import io
 import itertools
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,6 +113,31 @@ def opened_mark(directory: Path) -> Iterator[io.FileIO]:
         if not path.stat().st_size:
             write_fully(mark, f"# incipient {metadata.version('incipient')} wrote:\n".encode())
         yield mark
+
+
+def hold_alone(file: IO[Any], busy: Callable[[], str]) -> None:
+    """Lock an open file until it is closed; a file system without locks lets two in.
+
+    Raises:
+        OutputError: another process holds it, in the words of `busy`.
+    """
+    with suppress(OSError):
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(busy()) from None
+
+
+@contextmanager
+def opened_hdf5(path: Path, remedy: str, error: type[OutputError] = OutputError) -> Iterator[Any]:
+    """An HDF5 file, to be read. Raises `error` in one line with the remedy, also where the block fails on it."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as caught:
+        raise error(f"{path}: cannot be read: {cause_of(caught)}; {remedy}") from caught
 
 
 def require_own(path: Path, folder: bool = False) -> None:

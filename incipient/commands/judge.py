@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..errors import SceneError
@@ -16,7 +18,7 @@ from ..judging.series import judge_series, read_series, save_series
 from ..output.ownership import refuse_foreign
 from ..parallel import Comm, collectively
 from ..progress import telling
-from ..results.kinds import JUDGEMENT, SERIES
+from ..results.kinds import JUDGEMENT, SERIES, ResultKind
 from .drawing import draw_and_tell
 from .options import BESIDE
 
@@ -71,26 +73,19 @@ def _judge_forces(options: argparse.Namespace) -> None:
     forces = read_forces(options.forces)
     judged = judge_forces(case, forces, options.density, options.since, options.law)
     print(judged.text())
-    if options.out is not None:
-        directory = _directory(options, options.case or options.forces)
-        theirs = filter(None, (options.case, options.grain))
-        refuse_foreign(directory, JUDGEMENT.files | SERIES.files, theirs)
+
+    def keep(directory: Path) -> None:
         save(judged.judgement, directory)
         save_series(judged.series, directory)
-        _tell(f"{directory}/: judgement.json, series.csv, series.json")
-        draw_and_tell(directory)
+
+    _keep(options, options.case or options.forces, (JUDGEMENT, SERIES), keep)
 
 
 def _judge_case(options: argparse.Namespace) -> None:
     case = load_case(options.case, options.overrides)
     judgement = judge_case(case)
     print(text(case, judgement))
-    if options.out is not None:
-        directory = _directory(options, options.case)
-        refuse_foreign(directory, JUDGEMENT.files)
-        save(judgement, directory)
-        _tell(f"{directory / 'judgement.json'}")
-        draw_and_tell(directory)
+    _keep(options, options.case, (JUDGEMENT,), partial(save, judgement))
 
 
 def _judge_series(options: argparse.Namespace) -> None:
@@ -100,12 +95,7 @@ def _judge_series(options: argparse.Namespace) -> None:
     if options.law is not None:
         start = series.motion.since
         print(FlowThreshold.of(options.law, series.times, series.batch, start, None).text())
-    if options.out is not None:
-        directory = _directory(options, options.series)
-        refuse_foreign(directory, SERIES.files, [options.series, options.case])
-        save_series(series, directory)
-        _tell(f"{directory}/: series.csv, series.json")
-        draw_and_tell(directory)
+    _keep(options, options.series, (SERIES,), partial(save_series, series))
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
@@ -123,6 +113,24 @@ def _judge_batch(options: argparse.Namespace) -> None:
     with telling(0) as voice:
         print(judge_table(path, options.overrides, directory, jobs, voice).text())
     _tell(f"{directory}/: {', '.join(names)}")
+
+
+def _keep(
+    options: argparse.Namespace,
+    source: Path,
+    kinds: Sequence[ResultKind],
+    save: Callable[[Path], object],
+) -> None:
+    """Write results of some kinds and their pictures where `--out` says, if it does."""
+    if options.out is None:
+        return
+    directory = _directory(options, source)
+    read = [path for path in (options.case, options.grain, options.series) if path is not None]
+    refuse_foreign(directory, set().union(*(kind.files for kind in kinds)), read)
+    save(directory)
+    names = [name for kind in kinds for name in (*kind.tables, kind.record)]
+    _tell(f"{directory}/: {', '.join(names)}" if names[1:] else f"{directory / names[0]}")
+    draw_and_tell(directory)
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OutputError
-from ..files import cause_of, make_directory, own, reported, write_hdf5, write_text_atomically
+from ..files import make_directory, opened_hdf5, own, reported, write_hdf5, write_text_atomically
 from .ownership import put_aside
 
 log = logging.getLogger("incipient")
@@ -158,15 +158,5 @@ def _time_of(path: Path) -> float:
         return float(file.attrs["time"])
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The file of a step; what goes wrong with it inside the block is one line with a remedy."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except (OSError, KeyError, RuntimeError, ValueError) as error:
-        raise Unreadable(
-            f"{path}: cannot be read: {cause_of(error)}; run the scene again"
-        ) from error
+def _opened(path: Path) -> AbstractContextManager[Any]:
+    return opened_hdf5(path, "run the scene again", Unreadable)

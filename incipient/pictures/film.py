@@ -130,9 +130,9 @@ class _Film:
         self.scene = read_scene(directory)
         first = self.run(0)
         self.in_space = first.in_space
-        self.size = Scene(**self.scene).grain.size if self.scene.get("body") else 1.0
+        self.size = first.model.grain.size if self.scene.get("body") else 1.0
         self.history = read_history(directory / "history.csv") if first.moves else None
-        contact = Scene(**self.scene).contact if first.moves else None
+        contact = first.model.contact if first.moves else None
         self.contacts = contact_forces(directory, contact)
         self.levels = self._levels()
         self.norm = BoundaryNorm(self.levels, 256, extend="both")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -69,8 +70,9 @@ class StoredRun:
 
     @cached_property
     def model(self) -> Scene:
-        """The resolved scene."""
-        return Scene(**self.scene)
+        """The resolved scene; raises OutputError as `of_this_version`."""
+        with of_this_version(self.directory):
+            return Scene(**self.scene)
 
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
@@ -159,20 +161,30 @@ def read(directory: Path) -> StoredRun:
 
 
 def read_scene(directory: Path) -> dict[str, Any]:
-    """The resolved scene that a run has left, section by section. Raises OutputError as `scene_of`."""
-    scene_of(directory)
+    """The resolved scene that a run has left, section by section. Raises OutputError: it is missing or damaged."""
     return _parsed(directory / "scene.toml", tomllib.loads)
 
 
 def scene_of(directory: Path) -> Scene:
     """The resolved scene of results. Raises OutputError: missing, damaged, or not one of this version's."""
-    path = directory / "scene.toml"
-    _parsed(path, tomllib.loads)
+    read_scene(directory)
+    with of_this_version(directory):
+        return load(directory / "scene.toml")
+
+
+@contextmanager
+def of_this_version(directory: Path) -> Iterator[None]:
+    """Let the refusal of a scene in the block, which results in a directory are of, say what to do about them.
+
+    Raises:
+        OutputError: instead of a SceneError.
+    """
     try:
-        return load(path)
+        yield
     except SceneError as error:
-        remedy = "show them with the version that wrote them, or run that scene again, changed so"
-        raise OutputError(f"{error}; these results are of another version: {remedy}") from None
+        why = f"{directory}: holds results of another version, whose scene is refused by this one"
+        remedy = "show them with that version, or run the scene again, changed so"
+        raise OutputError(f"{why} ({error}); {remedy}") from None
 
 
 def parsed_json(path: Path) -> dict[str, Any]:

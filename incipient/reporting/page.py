@@ -58,7 +58,7 @@ def environment(**context: Any) -> Environment:
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    filters = (cell, look, components, turning, embedded, compact, error_cell, error_size)
+    filters = (cell, look, components, turning, embedded, compact)
     found.filters |= {function.__name__: function for function in filters}
     found.globals |= {"erring": erring, **context}
     return found
@@ -77,20 +77,6 @@ def components(vector: Sequence[float], planar: bool) -> tuple[float, ...]:
 def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
     """A torque (3,), in 2-D its one component."""
     return float(torque[2]) if planar else components(torque, planar)
-
-
-def error_cell(errors: Sequence[float | None], key: str, planar: bool) -> Any:
-    """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
-    known = [math.nan if error is None else error for error in errors]
-    if key not in ("force", "torque"):
-        return error_size(errors, key)
-    return components(known, planar) if key == "force" else turning(known, planar)
-
-
-def error_size(errors: Sequence[float | None], key: str) -> float:
-    """The norm of the error of a load, the largest of other errors."""
-    known = [error or 0.0 for error in errors]
-    return float(np.linalg.norm(known)) if key in ("force", "torque") else max(known, default=0.0)
 
 
 def embedded(path: Path) -> str:

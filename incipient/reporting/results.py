@@ -15,12 +15,13 @@ from ..pictures.record import parsed_json, scene_of
 from ..pictures.style import STATES
 from ..pictures.verdict import critical_sentence, with_motion
 from ..planning.effects import percent
+from ..results.errorbars import ALL
 from ..results.kinds import CRITICAL, THRESHOLD
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity, at, gdim_of
 from ..results.si import si_loads, si_rows
 from ..results.trajectory import trajectory_sentence
-from .page import Bounded, erring
+from .page import Bounded, components, erring, turning
 
 Context = dict[str, Any]
 
@@ -35,6 +36,15 @@ CAPTIONS = {
     "trajectory": "Path of the grain",
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
+}
+# Heads of the columns of the error budget, by the errors that result.json has.
+ERRORS = {
+    "force": "of the force",
+    "torque": "of the torque",
+    "elevation": "of elevations, at most",
+    "level": "of elevations at the end",
+    "shear_velocity": "of u*, at most",
+    "centreline": "of velocities on centrelines",
 }
 # What makes an error smaller, by the name of its term.
 REMEDIES = {
@@ -62,7 +72,7 @@ def context_of(record: Path) -> Context:
     stored = parsed_json(record)
     shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
     shared |= {"sentence": sentence, "pressed": pressed, "states": STATES, "percent": percent}
-    shared |= {"corrected": _corrected, "remedies": REMEDIES, "in_si": _in_si}
+    shared |= {"remedies": REMEDIES, "in_si": _in_si}
     special = _SPECIAL.get(record.name)
     return shared if special is None else shared | special(stored, record)
 
@@ -71,7 +81,8 @@ def _of_run(stored: Context, record: Path) -> Context:
     case = None if stored["verdict"] is None else judged(stored["verdict"], record)
     bars = stored["error_bars"], stored["without_error_bars"]
     return {
-        "planar": stored["scene"]["domain"].get("width") is None,
+        "planar": gdim_of(stored) == 2,
+        "budget": partial(_budget, gdim_of(stored) == 2),
         "case": case,
         "statements": _statements(stored, case),
         "certainty": certainty(*bars) if case else "",
@@ -132,6 +143,44 @@ def _loads(stored: Context, unit: str) -> list[list[Any]]:
     return rows
 
 
+def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
+    """Heads and rows of the errors of all terms and their parts, and of their sum where there are several."""
+    keys = [key for key in ERRORS if bars.get(key) is not None]
+    whole = _size(bars, keys[0]) if keys else 0.0
+    terms = [
+        named
+        for term in bars["terms"]
+        for named in (term, *({**part, "name": f"· {part['name']}"} for part in term["parts"]))
+    ]
+    if len(bars["terms"]) > 1:
+        terms.append({**bars, "name": "all", "how": ALL})
+    rows = []
+    for term in terms:
+        cells = [term["name"], *(_error(term, key, planar) for key in keys)]
+        known = whole and term[keys[0]] is not None
+        cells.append(f"{100 * _size(term, keys[0]) / whole:.0f} %" if known else "–")
+        remedy = REMEDIES.get(term["name"].removeprefix("· "), "")
+        rows.append([*cells, term["how"] + _corrected(term), remedy])
+    heads = ["error", *(ERRORS[key] for key in keys), "fraction", "estimated by", "reduced by"]
+    return heads, rows
+
+
+def _error(term: Context, key: str, planar: bool) -> Any:
+    """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
+    if term[key] is None:
+        return ""
+    known = [math.nan if error is None else error for error in term[key]]
+    if key == "force":
+        return components(known, planar)
+    return turning(known, planar) if key == "torque" else _size(term, key)
+
+
+def _size(term: Context, key: str) -> float:
+    """The norm of the error of a load, the largest of other errors."""
+    known = [error or 0.0 for error in term[key]]
+    return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
+
+
 def _in_si(found: Context | None) -> list[tuple[str, Any, str]]:
     """Name, value and unit of flow, loads and units of a result in SI units; none without."""
     if found is None:
@@ -150,6 +199,7 @@ def _of_threshold(stored: Context, record: Path) -> Context:
     return {
         "title": scene.title,
         "planar": scene.gdim == 2,
+        "budget": partial(_budget, scene.gdim == 2),
         "critical": _rows(stored, THRESHOLD.quantities, CRITICAL),
         "case": judged(with_motion(stored, scene.body, scene.placement), record),
         "statements": [critical_sentence(stored), *(f"{note}." for note in stored["notes"])],

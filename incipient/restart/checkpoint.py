@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, write_hdf5
+from ..files import opened_hdf5, write_hdf5
 from ..parallel import Comm, collectively
 
 T = TypeVar("T")
@@ -175,22 +174,10 @@ def read(path: Path, comm: Comm) -> Checkpoint:
             raise OutputError(
                 f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one"
             )
-        with _opened(path) as file:
+        with opened_hdf5(path, ANEW) as file:
             _require_readable(path, file)
             found = _got(Checkpoint, file, path)
     return found
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """The file, to be read."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error
 
 
 def _require_readable(path: Path, file: Any) -> None:

@@ -18,10 +18,11 @@ from .. import compat
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..fluid import Fluid
+from ..fluid.transient import Past, Transient
 from ..mesh.cells import cell_facets
 from ..mesh.domain import Domain, named_facets
 from ..parallel import NumberedRows, collectively, joined
-from .checkpoint import StoredFlow, StoredMesh, StoredValues
+from .checkpoint import Checkpoint, StoredFlow, StoredMesh, StoredValues
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
@@ -149,3 +150,28 @@ def _fetched(comm: MPI.Comm, places: Floats, values: Floats, points: Floats) -> 
         if distances.max(initial=0.0) > tolerance or len(np.unique(rows)) < len(points):
             raise OutputError("the stored flow has other nodes than the stored mesh")
     return values[rows]
+
+
+def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
+    """The mesh, where it was when it was made. Collective."""
+    domain = spread_mesh(comm, kept.mesh)
+    moving = kept.body or kept.surface
+    if moving is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, moving.made)
+    return domain
+
+
+def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
+    """Give the fluid its state, and the time integration its past. Collective."""
+    fluid = transient.fluid
+    present, *past = spread_flow(fluid, kept.flow)
+    fluid.state.x.array[:], fluid.time = present, kept.time
+    velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
+    pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
+    meshes = [] if kept.body is None else kept.body.remeshings
+    new_mesh = meshes[-1]["time"] if meshes else -np.inf
+    transient.resume(
+        kept.progress.number, kept.progress.next_length, pasts, kept.progress.error, new_mesh
+    )
+    for name, number in kept.progress.linear.items():
+        setattr(fluid.solver.statistics, name, number)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 # Force and torque where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
+ALL = "the sum: an error bar is not a standard deviation"
 MOST_SPANS = 4  # of reverse flow, listed in words
 # What a term has errors of.
 ERRORS = (
@@ -231,7 +232,7 @@ class ErrorBars:
     @cached_property
     def total(self) -> Term:
         """The sum of all terms."""
-        return Term.of_parts("all", self.terms, "the sum: an error bar is not a standard deviation")
+        return Term.of_parts("all", self.terms, ALL)
 
     @property
     def force(self) -> Floats:

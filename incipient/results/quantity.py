@@ -55,10 +55,11 @@ class OutputQuantity:
 
     def value(self, stored: Mapping[str, Any]) -> Any:
         """The value in plain data; None where there is none."""
-        value, (within, _, _) = at(stored, self.key), self.key.rpartition(".")
-        if value is None and self.unbounded and (not within or at(stored, within) is not None):
-            return math.inf
-        return value
+        value = at(stored, self.key)
+        if value is not None or not self.unbounded:
+            return value
+        within, _, _ = self.key.rpartition(".")
+        return math.inf if not within or at(stored, within) is not None else None
 
     def shown(self, stored: Mapping[str, Any]) -> Any:
         """The value for a reader; None where there is none or where it says nothing new."""
@@ -76,8 +77,7 @@ class OutputQuantity:
 
     def columns(self, stored: Mapping[str, Any]) -> dict[str, Any]:
         """Columns of a sweep's table; of a vector those of its components that are not zero."""
-        value = self.value(stored)
-        if value in (None, "") or not self.column:
+        if not self.column or (value := self.value(stored)) in (None, ""):
             return {}
         if isinstance(value, str) or not hasattr(value, "__len__"):
             return {self.column: value} | _with_ends(self.column, self.bar(stored))
@@ -114,10 +114,12 @@ def screen_lines(
 def at(stored: Any, key: str) -> Any:
     """The value at a key such as ``fluid.reynolds`` of plain data, rows of a list by number; None without one."""
     for part in key.split("."):
-        if isinstance(stored, Mapping):
+        if isinstance(stored, dict):
             stored = stored.get(part)
+        elif stored is None:
+            return None
         else:
-            stored = stored[int(part)] if part.isdigit() and stored is not None else None
+            stored = stored[int(part)] if part.isdigit() else None
     return stored
 
 

@@ -72,7 +72,7 @@ def prepared(
         if checkpoint is None:
             made = domain.build(comm, layout.mesh)
         else:
-            from ..restart.resumption import domain_of
+            from ..restart.redistribution import domain_of
 
             made = domain_of(checkpoint, comm)
     (recorder or Recorder()).begin(scene, plan, made)

@@ -98,7 +98,7 @@ class March:
         return coupling
 
     def _restore(self, checkpoint: Checkpoint) -> None:
-        from ..restart.resumption import put_back_flow
+        from ..restart.redistribution import put_back_flow
 
         fluid = self._run.fluid
         for part in self._run.parts:

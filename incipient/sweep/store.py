@@ -6,7 +6,6 @@ and the quantities as columns. One process at a time writes, and keeps others aw
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 import sqlite3
@@ -18,7 +17,7 @@ from typing import Any, Self
 from urllib.parse import quote
 
 from ..errors import OutputError, shortened
-from ..files import make_directory, reported
+from ..files import hold_alone, make_directory, reported
 from .cases import SweepCase
 from .worker import CaseOutcome
 
@@ -61,7 +60,11 @@ class Store:
         with self._reported(), ExitStack() as opened:
             if make:
                 make_directory(path.parent, path)
-                opened.enter_context(_lock(path))
+                lock = path.with_name(f".{path.name}.lock")
+                with reported(lock):
+                    alone = opened.enter_context(lock.open("a"))
+                    busy = f"{path}: another sweep writes to it; wait until it has ended"
+                    hold_alone(alone, lambda: busy)
             uri = f"file:{quote(str(path.absolute()))}?mode={'rwc' if make else 'rw'}"
             # Statements commit themselves; a transaction begins where several belong together.
             self._base = sqlite3.connect(uri, uri=True, timeout=PATIENCE, isolation_level=None)
@@ -193,20 +196,6 @@ class Store:
         with self._reported():
             rows = [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
             return [row | {name: dict(json.loads(row[name])) for name in parsed} for row in rows]
-
-
-@contextmanager
-def _lock(path: Path) -> Iterator[None]:
-    """Keep other sweeps from a file; the system ends the lock with the process."""
-    lock = path.with_name(f".{path.name}.lock")
-    with reported(lock), lock.open("a") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(
-                f"{path}: another sweep writes to it; wait until it has ended"
-            ) from None
-        yield
 
 
 def _json(columns: dict[str, Any]) -> str:

@@ -105,7 +105,7 @@ def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys
         "cost  ",
         "pictures  ",
     ):
-        assert f"\n{line}" in said.out
+        assert f"\n{line}" in f"\n{said.out}"
     assert said.err.splitlines()[-1] == (
         "incipient: not drawn: the drawing ended with code 1; the rest is there, "
         f"draw again with: incipient show {tmp_path}"

@@ -13,6 +13,7 @@ from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
 import incipient
 from incipient.cli import main
 from incipient.output.series_file import read_step
+from incipient.sweep.worker import quantities
 
 TOP_LEVEL = {
     *("schema_version", "title", "status", "error", "scene", "plan", "cost"),
@@ -159,6 +160,13 @@ def test_forces_couples_and_contacts_fit_together(grain):
     assert result["torque"]["surface_integral"] == pytest.approx(result["torque"]["flow"], rel=0.05)
     unit = 0.5 * result["coefficients"]["reference_velocity"] ** 2
     assert result["coefficients"]["drag"] == pytest.approx(force["flow"][0] / unit)
+    for load in (result["force"], result["torque"]):
+        both = np.add(load["pressure"], load["viscous"])
+        assert both == pytest.approx(load["surface_integral"], rel=1e-12, abs=1e-15)
+    # Pressure acts through the centre of a disc.
+    assert abs(result["torque"]["pressure"][2]) < 1e-5 * abs(result["torque"]["flow"][2])
+    columns = quantities("run", result)
+    assert columns["pressure_force_x"] == result["force"]["pressure"][0]
     assert result["coefficients"]["moment"] == pytest.approx(result["torque"]["flow"][2] / unit)
     assert len(result["contacts"]) == 2
     for contact in result["contacts"]:
@@ -231,12 +239,6 @@ def steady(stem):
     """What VTK, and with it ParaView, reads of a flow without time."""
     ((_, grid),) = opened(stem).items()
     return grid
-
-
-def test_vtk_opens_the_surface(grain):
-    surface, stored = steady(grain / "surface"), read_step(grain / "surface")
-    assert np.array_equal(surface["traction"], stored.fields["traction"])
-    assert np.array_equal(surface.points, stored.points) and surface.n_cells == len(stored.cells)
 
 
 def test_vtk_opens_the_fields(grain):

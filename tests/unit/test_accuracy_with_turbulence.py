@@ -40,8 +40,8 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
-from incipient.sweep.quantities import quantities
 from incipient.sweep.table import in_words
+from incipient.sweep.worker import quantities
 
 NOTHING = Loads(np.zeros(3), np.zeros(3))
 

@@ -17,7 +17,7 @@ import incipient
 from incipient.effects.turbulence import findings
 from incipient.errors import OutputError
 from incipient.pictures.apart import draw_apart
-from incipient.pictures.record import parsed_json
+from incipient.pictures.record import parsed_json, scene_of
 from incipient.reporting import part
 from incipient.reporting.page import (
     TEMPLATES,
@@ -27,11 +27,9 @@ from incipient.reporting.page import (
     compact,
     embedded,
     environment,
-    error_cell,
-    error_size,
     look,
 )
-from incipient.reporting.results import _in_si
+from incipient.reporting.results import _budget, _in_si
 from incipient.results.kinds import KINDS
 from incipient.results.si import in_si
 
@@ -79,11 +77,15 @@ def test_long_texts_have_wide_columns() -> None:
 
 
 def test_errors_of_loads_are_vectors_and_of_others_the_largest() -> None:
-    errors = [0.3, 0.4, None]
-    assert error_size(errors, "force") == 0.5 and error_size(errors, "level") == 0.4
-    assert error_cell(errors, "force", True) == (0.3, 0.4)
-    assert math.isnan(error_cell(errors, "torque", True))
-    assert error_cell(errors, "centreline", True) == 0.4
+    """Of two terms the second is unknown in one component; fractions are of the norm of the force, 1."""
+    one = {"name": "gap", "how": "x", "force": [0.3, 0.4, None], "torque": [0.0, 0.0, None]}
+    one |= {"level": [0.1, 0.2], "parts": []}
+    other = one | {"name": "domain", "torque": None}
+    bars = {"terms": [one, other], "force": [0.6, 0.8, 0.0], "torque": [0.0, 0.0, 1.0]}
+    heads, rows = _budget(True, bars | {"level": [0.2, 0.4]})
+    assert heads[1:4] == ["of the force", "of the torque", "of elevations at the end"]
+    assert rows[0][1] == (0.3, 0.4) and math.isnan(rows[0][2]) and rows[0][3:5] == [0.2, "50 %"]
+    assert rows[1][2] == "" and [row[0] for row in rows] == ["gap", "domain", "all"]
 
 
 def test_short_lists_of_settings_stand_on_a_line() -> None:
@@ -198,8 +200,10 @@ def test_results_of_an_earlier_version_are_read_or_refused_with_what_to_do(tmp_p
     assert stored == {"torque": {"flow": [1]}, "terms": [{"torque": 2}]}
     text = SCENE.read_text().replace("[numerics]", "[numerics]\nform = 'advective'")
     (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(
+        OutputError, match=r"results of another version.*numerics\.form: .*leave it o"
+    ):
+        scene_of(tmp_path)
+    (tmp_path / "threshold.json").write_text("{}")
     complaint = draw_apart(tmp_path).complaint
-    assert "scene.toml: numerics.form: " in complaint and "leave it out" in complaint
-    assert complaint.endswith(
-        "show them with the version that wrote them, or run that scene again, changed so"
-    )
+    assert complaint.endswith("show them with that version, or run the scene again, changed so")
