@@ -416,15 +416,7 @@ class _Descent:
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
         """The placement after a motion, the carrying contacts closed again."""
-        placement = self._moved(placement, motion)
-        for _ in range(6 if len(carrying) else 0):
-            moved = self._proximity.tracked(placement, carrying)
-            if np.abs(moved.gaps).max() <= 1e-14 * self.size:
-                break
-            rows = self._closing(placement, moved)
-            step = np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
-            placement = self._moved(placement, step)
-        return placement
+        return self._proximity.closed(self._moved(placement, motion), carrying)
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)
