@@ -23,7 +23,7 @@ from incipient.geometry.plane.grains import Grain
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion, tangents, wrenches
+from incipient.geometry.statics import Hold, hold, nearest_motion, tangents, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -390,7 +390,9 @@ class _Descent:
 
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
-        free = free_motions(self._constraints(placement, carrying)).T
+        from scipy.linalg import null_space  # which takes time to import
+
+        free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
         if len(free) == 0:
             return None
         # The second derivatives of the centre's height, in grain sizes.

@@ -23,6 +23,7 @@ from incipient.geometry.plane.curves import (
     Spline,
     Traced,
     increasing_roots,
+    nearest_on_sides,
     plain,
 )
 from incipient.geometry.shape import (
@@ -117,7 +118,8 @@ class Chain:
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
         parts = np.array_split(x, 1 + len(x) * len(s) // TABLE)
-        k = np.concatenate([_nearest_side(part, vertices) for part in parts])
+        sides = np.roll(vertices, -1, axis=0) - vertices
+        k = np.concatenate([nearest_on_sides(part, vertices, sides)[0] for part in parts])
         curve, s, step = curve[k], s[k], 1.0 / steps[curve[k]]
         low, high = np.maximum(s - 0.5 * step, 0.0), np.minimum(s + 1.5 * step, 1.0)
 
@@ -125,13 +127,6 @@ class Chain:
             return np.asarray(((self.point(curve, s) - x) * self.derivative(curve, s)).sum(axis=1))
 
         return curve, increasing_roots(approach, low, high)
-
-
-def _nearest_side(x: Floats, corners: Floats) -> np.ndarray:
-    """The numbers (n,) of the sides of a polygon (m, 2) nearest to points (n, 2)."""
-    side, away = np.roll(corners, -1, axis=0) - corners, x[:, None] - corners
-    s = np.clip((away * side).sum(axis=2) / (side * side).sum(axis=1), 0.0, 1.0)
-    return np.asarray(((away - s[..., None] * side) ** 2).sum(axis=2).argmin(axis=1))
 
 
 class Grain(Shape):
