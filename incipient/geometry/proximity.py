@@ -115,6 +115,11 @@ class Proximity(ABC):
         apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
         return self.closed(placement, near.only(apart.min(axis=1, initial=np.inf) <= within), gap)
 
+    def rates(self, placement: Placement, contacts: ClosestPoints) -> Floats:
+        """Rows (k, n) by which motions in grain sizes and radians change gaps, in grain sizes."""
+        arms = contacts.points - np.asarray(placement.centre)
+        return wrenches(contacts.normals, arms, self.size)
+
     def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
         """The placement close by, moved as little as possible, at which contacts have a gap."""
         d = placement.gdim
@@ -123,7 +128,6 @@ class Proximity(ABC):
             lacking = (gap - now.gaps) / self.size
             if np.abs(lacking).max() <= SEATED:
                 break
-            rows = wrenches(now.normals, now.points - np.asarray(placement.centre), self.size)
-            motion = np.linalg.lstsq(rows, lacking, rcond=1e-9)[0]
+            motion = np.linalg.lstsq(self.rates(placement, now), lacking, rcond=1e-9)[0]
             placement = placement.moved(self.size * motion[:d], motion[d:])
         return placement

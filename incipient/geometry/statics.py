@@ -32,8 +32,8 @@ class Hold:
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
     """Forces (m, d) at arms (m, d) from the centre with their torques, (m, 3 or 6)."""
-    couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
-    return np.hstack([forces, couple / size])
+    torque = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
+    return np.hstack([forces, torque / size])
 
 
 def tangents(normals: Floats) -> list[Floats]:
