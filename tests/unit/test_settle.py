@@ -46,11 +46,6 @@ class TestDiscs:
         assert len(found.contacts) == 2
         assert not flaws(found, grain, bed, friction=friction)
 
-    def test_in_the_pocket_of_the_next_period(self):
-        grain, bed, start = Disc(0.8), HalfDiscs(0.5, 1.4, 0.1), turned(0.4, 0.0)
-        shift, turn = after_a_period(settle(grain, bed, start), grain, bed, start, (1.4, 0.0))
-        assert (*shift, turn) == pytest.approx((1.4, 0.0, 0.0), abs=1e-9)
-
     def test_on_a_plane_where_it_was_put(self):
         found = settle(Disc(1.0), Flat(0.2), turned(0.3, 0.0))
         assert found.placement.centre == pytest.approx((0.3, 0.7), abs=1e-12)
