@@ -11,6 +11,7 @@ from random_contacts import random_case
 from scipy.optimize import linprog
 
 from incipient.contact import Cases, Contacts, Load, incipient_motion, judge_many, safety_factor
+from incipient.contact.friction import FrictionCone
 from incipient.contact.verdict import judged
 
 LARGE = 1e3  # a factor above it is not told from an infinite one by the linear programs
@@ -119,9 +120,7 @@ def test_units_of_force_change_nothing(unit):
     points /= np.linalg.norm(points, axis=2, keepdims=True)
     force = np.random.default_rng(1).normal(size=(count, 3))
     rows = points, points, unit * force, np.zeros((count, 3))
-    weight, friction = np.tile([0.0, 0.0, -2.0 * unit], (count, 1)), np.full(count, 0.5)
-    unknown = np.full(count, np.nan), np.full((count, 3, 3), np.nan)
-    batch = judge_many(Cases(*rows, weight, np.zeros((count, 3)), friction, *unknown))
+    batch = judge_many(Cases(*rows, [0.0, 0.0, -2.0 * unit], np.zeros(3), FrictionCone.of(0.5)))
     assert batch.alone == 0
     one = Load(force[3], np.zeros(3), [0.0, 0.0, -2.0], np.zeros(3))
     alone = safety_factor(one, Contacts(points[3], points[3]), 0.5)
