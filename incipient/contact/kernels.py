@@ -26,7 +26,7 @@ class Kernel:
         self.function, self.left = function, interpreted
         self.compiled: Callable[..., Any] | None = None
 
-    def __call__(self, *arguments: Any, rows: int = 1) -> Any:
+    def __call__(self, *arguments: Any, rows: float = 1) -> Any:
         """Call it for so many rows, whose work goes as the cube of the number of equations."""
         work = rows * (arguments[0].shape[-2] / 3) ** 3
         self.left -= work

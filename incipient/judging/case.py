@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
+from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..files import make_directory, plain, write_json
@@ -115,6 +116,11 @@ class CaseContacts(Section):
     friction: NotNegative = key("coefficient of static friction")
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
+
+    @property
+    def law(self) -> FrictionCone:
+        """The law of the contacts."""
+        return FrictionCone.of(self.friction)
 
 
 class CaseGrain(Section):
@@ -237,17 +243,17 @@ def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
 
 def judge_case(case: Case) -> dict[str, Any]:
     """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
-    load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
+    load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
     said = None
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
-        chances = probabilities(load, contacts, friction, case.standard_errors(), *drawn, inert)
+        chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
         said = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
         "source": case.source,
-        "verdict": judge(load, contacts, friction, inert).to_dict(),
+        "verdict": judge(load, contacts, law, inert).to_dict(),
         "probabilities": said,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }
