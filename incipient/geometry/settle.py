@@ -330,13 +330,15 @@ class _Descent:
 
         Where grain and bed hardly curve apart, the place of their contact is known far worse than its gap.
         """
-        remainder = self._hold(placement, carrying).remainder
-        if len(carrying) != 1 or np.abs(remainder).max() <= BALANCED:
+        moved = carrying
+        for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
+            if np.abs(self._hold(placement, moved).remainder).max() <= BALANCED:
+                break
+            points = self.bed.nearest(moved.points + self._shift(placement, moved))
+            moved = replace(moved, points=points, anchors=placement.to_body(points))
+        if moved is not carrying and abs(self.grain.level(moved.anchors)[0]) > CLOSED * self.size:
             return carrying
-        points = self.bed.nearest(carrying.points + self._shift(placement, carrying))
-        anchors = placement.to_body(points)
-        as_near = abs(self.grain.level(anchors)[0]) <= CLOSED * self.size
-        return replace(carrying, points=points, anchors=anchors) if as_near else carrying
+        return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""

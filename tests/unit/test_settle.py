@@ -188,6 +188,13 @@ class TestOtherGrainsInThePlane:
         assert found.placement.centre == pytest.approx((0.2, 0.3), abs=1e-9)
         assert found.placement.angle == pytest.approx(0.0, abs=1e-9)
 
+    def test_superellipse_lies_on_its_flat_side_on_a_slope(self):
+        """Of slope 1/10: its contact is beneath the centre, h/10 off the middle of its side, closed to 1e-16 there."""
+        bed = Polyline([(-50.0, -5.0), (50.0, 5.0)])
+        found = settle(Superellipse((0.5, 0.4), 20.0), bed, turned(0.2, 0.5), friction=0.5)
+        assert found.stable and found.placement.angle == pytest.approx(np.arctan(0.1), abs=1e-9)
+        assert found.contacts.points[0, 0] == pytest.approx(found.placement.centre[0], abs=1e-8)
+
     def test_two_discs_lie_side_by_side(self):
         grain = Discs([(0, 0), (0.7, 0)], [0.4, 0.4])
         found = settle(grain, Flat(), turned(0.0, 1.0))
