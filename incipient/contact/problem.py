@@ -246,7 +246,8 @@ def contact_frames(inward: Floats, across: Floats | None) -> Floats:
 def plain(value: Any) -> Any:
     """Results as dictionaries, lists, names, numbers and None (no number, or infinite), for JSON."""
     if is_dataclass(value):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        shown = (item.name for item in fields(value) if item.repr)
+        return {name: plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, tuple | list):

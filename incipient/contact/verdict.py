@@ -6,7 +6,7 @@ contacts alone, or of contact forces that brace one another.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, Flag, auto
 from typing import Any
 
@@ -245,6 +245,7 @@ class Verdict:
         exact, agreement = self.equilibrium, self.agreement
         motion = None if exact.motion is None else exact.motion.to_dict()
         factor = plain(exact.safety.value)
+        safety = plain(exact.safety) | {"jams": exact.safety.jams}
         return {
             "moves": self.moves,
             "mode": exact.label,
@@ -253,8 +254,8 @@ class Verdict:
             "safety_status": exact.safety.status.name,
             "judges": {
                 "criteria": self.criteria.to_dict(),
-                "equilibrium": plain(replace(exact, motion=None))
-                | {"moves": exact.moves, "mode": exact.label, "motion": motion},
+                "equilibrium": {"safety": safety, "motion": motion, "unsolved": exact.unsolved}
+                | {"moves": exact.moves, "mode": exact.label},
             },
             "agreement": plain(agreement)
             | {"agree": agreement.agree, "explanation": agreement.explanation},
