@@ -149,11 +149,11 @@ class Fluid(Holder, FlowEquations):
         before = self.solver.statistics.factorisations
         inexact = not kept and self.coarse is None
         known = self._contraction if remember else None
-        fresh = not inexact and (self._aged or not kept)
+        fresh = self._aged and not inexact
         report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
-        self._aged = not report.converged or report.iterations > PATIENCE
+        self._aged = not kept or not report.converged or report.iterations > PATIENCE
         return report
 
     def correct(self) -> float:
