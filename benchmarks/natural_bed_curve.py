@@ -18,6 +18,7 @@ import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.contact.batch import Cases, judge_many
+from incipient.contact.friction import FrictionCone
 from incipient.planning.mean_profile import LAYER, MeanProfile
 from incipient.survey.deposition import DOWN, Spheres, rolled
 from incipient.survey.emulator import FEWEST, FOLDS, Emulator
@@ -242,7 +243,7 @@ def critical(
         couple=loads[:, 3:],
         weight=SUBMERGED_WEIGHT * DOWN,
         centre=np.zeros(3),
-        law=friction,
+        law=FrictionCone.of(friction),
     )
     return judge_many(cases).factors.reshape(len(grains), count)
 

@@ -86,7 +86,7 @@ class Simplices:
         feet: Integers | None = None,
         share: Floats | None = None,
     ) -> tuple[Simplices, Integers]:
-        """The cells of order two with middles (k,) of edges moved, and the nodes moved for which there is no room.
+        """The cells of order two with middles (k,) of edges moved, and the nodes that are moved less: there is no room.
 
         Nodes that are free make room. Where cells fold even so edges are straight; in layers they are bent less.
 
@@ -102,10 +102,6 @@ class Simplices:
         points[every] = points[ends[every]].mean(axis=1)
         between, bends, leads = points.copy(), np.zeros_like(points), np.arange(len(points))
         bends[middles] = places - between[middles]
-        if free is not None:
-            bends += np.where(free, _making_room(between, cells, bends), 0.0)
-            others = every[~bends[every].any(axis=1)]
-            bends[others] = bends[ends[others]].mean(axis=1)
         if feet is not None and share is not None:
             keys = unordered_keys(np.maximum(feet[ends], 0), len(points))
             follows = (share[ends].mean(axis=1) > 0.0) & (feet[ends] >= 0).all(axis=1)
@@ -115,6 +111,10 @@ class Simplices:
             chosen = every[follows[every] & np.isin(keys[every], known)]
             leads[chosen] = middles[order][np.searchsorted(known, keys[chosen])]
             bends[chosen] = share[ends[chosen]].mean(axis=1)[:, None] * bends[leads[chosen]]
+        if free is not None:
+            bends += np.where(free, _making_room(between, cells, bends), 0.0)
+            others = every[~bends[every].any(axis=1)]
+            bends[others] = bends[ends[others]].mean(axis=1)
         moved = bends.any(axis=1)
         less, scale, changed = 0.0 if feet is None else LESS, np.ones(len(points)), moved
         while True:
@@ -124,7 +124,7 @@ class Simplices:
             led = np.unique(leads[bad[moved[bad]]])
             led = led[scale[led] > 0.0]
             if not len(led):
-                return replace(self, points=points), np.flatnonzero(moved & (scale[leads] == 0.0))
+                return replace(self, points=points), np.flatnonzero(moved & (scale[leads] < 1.0))
             scale[led] = np.where(scale[led] > LEAST_BEND, less * scale[led], 0.0)
             changed = moved & np.isin(leads, led)
 

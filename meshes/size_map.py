@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import Cloud, NearestOf, Surface, in_blocks
+from incipient.geometry.space.surfaces import Cloud, Surface, in_blocks, tree
 
 from .regions import Frame, SolidRegion
 from .sizes import Near, Sizes
@@ -137,16 +138,16 @@ class SizeMap:
         return np.asarray((self.at_spots + SPOT_GROWTH * _distances(x, self.spots)).min(axis=1))
 
     @cached_property
-    def _vertices(self) -> NearestOf:
-        """The vertices of the mesh at which sizes are wanted."""
+    def _vertices(self) -> Any:
+        """Spatial index of the vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
-        return NearestOf(self.frame.local(self.sizes.field.points))
+        return tree(self.frame.local(self.sizes.field.points))
 
     def _field(self, x: Floats) -> Floats:
         """The sizes wanted at the nearest vertices of an earlier mesh."""
         if self.sizes.field is None:
             return np.full(len(x), np.inf)
-        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
+        return np.asarray(self.sizes.field.sizes[self._vertices.query(x)[1]] / self.frame.length)
 
     @property
     def least(self) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,10 @@ EVENNESS = (
 )
 # Fraction of their volume of cells that make room; the factor of layers that leave too little
 LEAST_VOLUME, LESS, MOST_TRIALS = 0.2, 0.7, 40
+# Of the wall's bend: that where layers end. In 18 meshes of a sphere, an ellipsoid and a rounded box 74 edges did not
+# follow the wall with 0.6, 145 with 0.5, 88 with 0.7, 202 with one, 746 with none; each meshed once, as in
+# `test_layers_follow_a_curved_grain`.
+AT_TOP = 0.6
 
 
 def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simplices:
@@ -56,7 +61,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
     else:
         near = np.round(size.frame.scene(straight[0]), 6).tolist()
         log.warning(
-            "%d edges of cells stay straight along a curved grain, one near %s, since cells would fold over: "
+            "%d edges of cells do not follow a curved grain, one near %s, since cells would fold over: "
             "use a smaller numerics.mesh_size",
             *(len(straight), near),
         )
@@ -64,7 +69,7 @@ def meshed_solid_region(region: SolidRegion, sizes: Sizes, order: int) -> Simpli
 
 
 def _meshed(size: SizeMap, order: int) -> tuple[SizeMap, Simplices, Floats]:
-    """The mesh in the frame, the sizes it has, and middles (k, 3) of wall edges that cannot follow their surface."""
+    """The mesh in the frame, the sizes it has, and middles (k, 3) of grains' edges that cannot follow their surface."""
     size, surfaces = triangulated(size)
     bed = surfaces[size.region.names[5]]
     cubes = boxes(size, float(bed.points[:, 2].min()))
@@ -306,7 +311,7 @@ def _on_surfaces(
 ) -> tuple[Simplices, Integers]:
     """The cells with their points on the exact surfaces; points of plane sides stay in these.
 
-    Besides, the middles of edges of smooth grains that stay straight, since cells would fold over.
+    Besides, the middles of edges of smooth grains that do not, since cells would fold over.
     """
     low, high = size.bounds
 
@@ -337,11 +342,12 @@ def _on_surfaces(
     mesh = replace(mesh, points=points)
     if mesh.order == 1:
         return mesh, none
-    if columns is None:
-        free = ~held(mesh.points)
-        free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
-        how = (free,)
-    else:
-        how = (None, *columns.by_point(len(points)))
-    made, straight = mesh.curved(np.concatenate(middles), np.concatenate(places), *how)
+    free, layered = ~held(mesh.points), tuple[Any, ...]()
+    free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
+    if columns is not None:
+        feet, share = columns.by_point(len(points))
+        free[feet >= 0] = False
+        layered = feet, AT_TOP + (1.0 - AT_TOP) * share
+    moved = np.concatenate(middles), np.concatenate(places)
+    made, straight = mesh.curved(*moved, free, *layered)
     return made, np.intersect1d(straight, np.concatenate(smooth))

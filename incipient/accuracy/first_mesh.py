@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..effects import known
 from ..effects.plan import make_plan, plan_of
 from ..errors import MissingError
@@ -25,9 +27,11 @@ def planned(scene: Scene) -> Plan:
     """
     plan = make_plan(scene)
     try:
-        return plan.with_estimate(first_mesh(scene))
+        return replace(plan, estimate=first_mesh(scene))
     except MissingError as error:
-        return plan.warned(f"cells, unknowns and memory are not known: {error}")
+        return replace(
+            plan, warnings=(*plan.warnings, f"cells, unknowns and memory are not known: {error}")
+        )
 
 
 def first_mesh(scene: Scene) -> Estimate:
@@ -58,10 +62,8 @@ def counted(scene: Scene) -> Estimate:
     beside = None if wider is None else meshing.lay_out(Setup(wider), plan)
     layout = meshing.lay_out(setup, plan)
     expected = expense.count(layout, plan.order, has_dual, plan.solver.name, beside)
-    expected = expected.with_more(
-        sum(effect.memory(setup, expected.unknowns) for effect in known.EFFECTS)
-    )
+    more = sum((effect.memory(setup, expected.unknowns) for effect in known.EFFECTS), 0.0)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = counted(comparisons(scene)[1])
-        expected = expected.with_more(other.memory_mib - memory_of_libraries())
-    return expected
+        more += other.memory_mib - memory_of_libraries()
+    return replace(expected, memory_mib=expected.memory_mib + more)

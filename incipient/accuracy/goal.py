@@ -105,7 +105,7 @@ class Goal:
         For the force it is the size of the error over that of the force; for the safety factor the width of its
         interval over its value, infinite where only one of both is.
         """
-        if self.name in ("force", "couple"):
+        if self.name in ("force", "torque"):
             error = of_force if self.name == "force" else of_couple
             return _ratio(float(np.linalg.norm(error)), self._scale(force, couple))
         assert self.contacts is not None
@@ -123,11 +123,11 @@ class Goal:
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
         units = np.eye(3 * gdim - 3)[[*places]] / (self._scale(force, couple) or 1.0)
-        return [unit for unit in units if unit[gdim:].any() == (self.name == "couple")]
+        return [unit for unit in units if unit[gdim:].any() == (self.name == "torque")]
 
     def _scale(self, force: Forces, couple: Couples) -> float:
         size = float(np.linalg.norm(force.flow))
-        if self.name != "couple":
+        if self.name != "torque":
             return size
         assert self.scene.grain is not None
         return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)

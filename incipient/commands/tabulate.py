@@ -11,8 +11,7 @@ from pathlib import Path
 from ..files import csv_text
 from ..parallel import Comm, collectively
 from ..scene import Scene
-from ..scene.key_units import unit_of
-from ..scene.section import is_number
+from ..scene.section import is_number, unit_of
 from ..sweep import table as tables
 from ..sweep.size_classes import HEADS, size_classes
 from ..sweep.store import DONE, FAILED, Store

@@ -36,7 +36,7 @@ class Cases:
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
     force, couple, weight, centre: (n, 3) of the flow, its torque about the centre of mass, and all else that acts there
-    law: of the contacts, or their coefficient of friction; a number or (n,)
+    law: of the contacts, of one or (n,) coefficients
     mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
     """
 
@@ -55,16 +55,15 @@ class Cases:
         shapes = {"points": contacts, "normals": contacts, "mass": (), "inertia": (3, 3)}
         for item in fields(self):
             value, inner = getattr(self, item.name), shapes.get(item.name, (3,))
+            rows: Any
             try:
-                if item.name == "law":
-                    law = value if isinstance(value, FrictionCone) else FrictionCone(value)
-                    rows: Any = law.rows(len(self))
+                if isinstance(value, FrictionCone):
+                    rows = value.rows(len(self))
                 else:
                     rows = np.broadcast_to(np.asarray(value, dtype=float), (len(self), *inner))
             except ValueError:
-                wanted = (len(self), *inner) if item.name != "law" else (len(self),)
-                why = f"{item.name} has shape {np.shape(value)}"
-                raise SceneError(f"cases: {why}; give {wanted}") from None
+                why = f"{item.name} does not fit {len(self)} cases"
+                raise SceneError(f"cases: {why}; give a row for each, or one for all") from None
             object.__setattr__(self, item.name, rows)
 
     def __len__(self) -> int:

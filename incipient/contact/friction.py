@@ -17,7 +17,7 @@ INFINITE = 1e6
 NORMAL, EDGES = np.eye(3)[:1], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
 SIDES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
 
-Rows = Integers | Booleans | slice
+Rows = Integers | Booleans | slice | int
 
 
 @dataclass(frozen=True, eq=False)

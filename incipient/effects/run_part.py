@@ -100,9 +100,6 @@ class RunPart:
         """Functions that are part of the state of a steady flow."""
         return ()
 
-    def begin(self) -> None:
-        """Take note of the state before the first step, at the start or as a checkpoint has it."""
-
     def accept_step(self, step: TimeStep) -> None:
         """Take note of an accepted step."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import dolfinx
@@ -73,7 +73,6 @@ class Fluid(Holder, FlowEquations):
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
         self.negligible = 0.0  # speed in the mean of a correction that counts as none
-        self._direction: Any = None  # made when a response is first asked for
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
@@ -136,31 +135,20 @@ class Fluid(Holder, FlowEquations):
 
         `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
         correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`; with
-        `remember` so does the contraction seen in them, see `newton.solve_by_chords`.
+        `remember` so does the contraction seen in them, see `newton.solve`.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
-        self._lift = True
-        if self.model.unsteady or keep_factors:
-            return self._solve_step(tolerance, max_iterations, watch, remember)
-        if not self.model.linear or self.coarse is not None:
-            iterative = not self.solver.regular and self.coarse is None
-            return newton.solve(self, tolerance, max_iterations, watch, iterative)
-        size = self.correction(rtol=float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
-        watch(0, size)
-        return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
-
-    def _solve_step(
-        self,
-        tolerance: float,
-        max_iterations: int,
-        watch: Callable[[int, float], Any],
-        remember: bool,
-    ) -> newton.NewtonReport:
-        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
-        known = self._contraction if remember else None
+        self._lift, kept = True, self.model.unsteady or keep_factors
+        if self.model.linear and not kept and self.coarse is None:
+            size = self.correction(False, float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
+            watch(0, size)
+            return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
         before = self.solver.statistics.factorisations
-        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+        inexact = not kept and not self.solver.regular and self.coarse is None
+        known = self._contraction if remember else None
+        fresh = not inexact and (self._aged or not kept)
+        report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
         self._aged = not report.converged or report.iterations > PATIENCE
@@ -170,7 +158,11 @@ class Fluid(Holder, FlowEquations):
         """One Newton correction from the present state with fresh factors; its size relative to the state."""
         self.constraints.update(self.time)
         self._lift = True
-        return self.chord_correction(fresh=True)
+        return self.correction(fresh=True)
+
+    @cached_property
+    def _direction(self) -> Any:
+        return dolfinx.fem.Function(self.space.mixed)
 
     def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
         """The dual solution with boundary values, of the Jacobian last assembled: (local unknowns,). Collective.
@@ -179,15 +171,20 @@ class Fluid(Holder, FlowEquations):
         z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian, to a residual
         of `rtol` times that of the boundary values alone.
         """
-        if self._direction is None:
-            self._direction = dolfinx.fem.Function(self.space.mixed)
+        self._completed(boundary, self.kept("transposed", self._transposed), 0.0, rtol, True)
+        return np.asarray(self._direction.x.array.copy())
+
+    def _completed(
+        self, boundary: np.ndarray, action: Any, forcing: Any, rtol: float, transposed: bool = False
+    ) -> None:
+        """Complete boundary values, in the direction, so that its action and the forcing vanish within the flow."""
         self._direction.x.array[:] = boundary
-        self._assemble_into(self._vector, self.kept("transposed", self._transposed))
+        self._vector.setArray(self.assembled(action) + forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve_transposed(self._vector, self._correction, rtol)
+        solve = self.solver.solve_transposed if transposed else self.solver.solve
+        solve(self._vector, self._correction, rtol)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
-        return np.asarray(self._direction.x.array.copy())
 
     def _transposed(self) -> Any:
         """The transposed Jacobian times the direction: how the residual tested with it changes with the state."""
@@ -198,51 +195,41 @@ class Fluid(Holder, FlowEquations):
         """Request new factors at the next step. Not collective, but to be called on every rank."""
         self._aged = True
 
-    def chord_correction(self, fresh: bool) -> float:
-        """One correction with the Jacobian last prepared; `fresh` prepares a new one first (see `newton.System`).
+    def correction(self, fresh: bool, rtol: float | None = None) -> float:
+        """Subtract a correction, by a new Jacobian if `fresh` or to a residual of `rtol` (see `newton.System`).
 
-        Without a new one the state takes its boundary values before the residual is assembled: the Jacobian's
-        columns for them would cost more than that residual, and change nothing where the state has them already.
+        Its size is relative to the flow: in steady flow the larger of velocity's and pressure's, of the latter's
+        relative to itself and the square of the speed. Without a new Jacobian the state takes its boundary values
+        before the residual is assembled: the columns for them would cost more than that residual, and change nothing
+        where the state has them already.
         """
-        if not fresh or self._jacobian is None:
+        renewed = self._jacobian is not None and (fresh or rtol is not None)
+        if not renewed:
             compat.impose(self.state.x.array, self.constraints.dirichlet)
             self._lift = False
         self._assemble_constrained_residual()
-        if fresh:
-            if self._jacobian is not None:
-                self._assemble_jacobian()
-            self.solver.prepare()
-        self.solver.approximate(self._vector, self._correction)
-        return self._corrected()
-
-    def correction(self, rtol: float, fresh: bool = False) -> float:
-        """One Newton correction, by two levels a rough one; its size relative to the flow (see `newton.System`).
-
-        That is the larger of velocity's and pressure's: of the latter's relative to itself and the square of the speed.
-        """
-        if self._jacobian is None:
-            return self.chord_correction(fresh or not self.model.linear)
-        self._assemble_constrained_residual()
-        self._assemble_jacobian()
-        self.solver.solve(self._vector, self._correction, rtol, fresh)
-        return max(self._corrected(), self._relative_pressure())
+        if renewed:
+            self._assemble_jacobian()
+        if rtol is not None:
+            self.solver.solve(self._vector, self._correction, rtol, fresh)
+        else:
+            if fresh:
+                self.solver.prepare()
+            self.solver.approximate(self._vector, self._correction)
+        owned = self._state_view.getLocalSize()
+        self.state.x.array[:owned] -= self._correction.array_r
+        self.state.x.scatter_forward()
+        self._lift, size = False, self._relative_size()
+        return size if self.model.unsteady else max(size, self._relative_pressure())
 
     def _assemble_jacobian(self) -> None:
         self._matrix.zeroEntries()
         petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
         self._matrix.assemble()
 
-    def _corrected(self) -> float:
-        """Subtract the correction; its size relative to the state."""
-        owned = self._state_view.getLocalSize()
-        self.state.x.array[:owned] -= self._correction.array_r
-        self.state.x.scatter_forward()
-        self._lift = False
-        return self._relative_size()
-
     def _assemble_constrained_residual(self) -> None:
         conditions = self.constraints.dirichlet
-        self._assemble_local(self._vector, self._residual)
+        self._assemble_local(self._residual)
         if self._lift:
             # Only the first correction changes boundary values; later ones vanish there.
             petsc.apply_lifting(
@@ -250,16 +237,6 @@ class Fluid(Holder, FlowEquations):
             )
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
-
-    def _assemble_local(self, vector: Any, form: Any) -> None:
-        """A linear form; what ranks owe each other is not added yet."""
-        with vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(vector, form)
-
-    def _assemble_into(self, vector: Any, form: Any) -> None:
-        self._assemble_local(vector, form)
-        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def response(
         self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
@@ -272,16 +249,9 @@ class Fluid(Holder, FlowEquations):
         carried boundaries (owned unknowns,), of the tractions: exact to `rtol` where the Jacobian was assembled at
         the present state. Off these boundaries the latter has no meaning.
         """
-        self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
         whole, near = self.kept("actions", self._actions)
-        self._direction.x.array[:] = boundary
-        self._assemble_action(whole, forcing)
-        compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve(self._vector, self._correction, rtol)
-        self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
-        self._direction.x.scatter_forward()
-        self._assemble_action(near, forcing)
-        return self._direction.x.array.copy(), self._vector.array_r.copy()
+        self._completed(boundary, whole, forcing, rtol)
+        return self._direction.x.array.copy(), self.assembled(near) + forcing
 
     def _actions(self) -> tuple[Any, Any]:
         """The Jacobian times the direction: whole, and from the cells at carried boundaries only."""
@@ -292,11 +262,6 @@ class Fluid(Holder, FlowEquations):
             compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms
         )
 
-    def _assemble_action(self, action: Any, forcing: np.ndarray) -> None:
-        """A Jacobian, conditions not applied, times the direction, and the forcing."""
-        self._assemble_into(self._vector, action)
-        self._vector.setArray(self._vector.array_r + forcing)
-
     def residual(self) -> np.ndarray:
         """Residual of the present state against every test function, conditions not applied: (owned unknowns,).
 
@@ -306,8 +271,15 @@ class Fluid(Holder, FlowEquations):
 
     def assembled(self, form: Any) -> np.ndarray:
         """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
-        self._assemble_into(self._vector, form)
+        self._assemble_local(form)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return self._vector.array_r.copy()
+
+    def _assemble_local(self, form: Any) -> None:
+        """A linear form into the vector; what ranks owe each other is not added yet."""
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, form)
 
     def _relative_pressure(self) -> float:
         """The change of the pressure over itself and the square of the speed, by root mean squares. Collective."""

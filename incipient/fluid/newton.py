@@ -16,24 +16,18 @@ WORST_CONTRACTION = 0.3
 ROUGHEST = 1e-3
 # Solves by one correction with the same factors, after which a second one measures the contraction again.
 MEASURED_EVERY = 8
+MUCH = 0.05  # of the state: a change after which an older preconditioner would not help
 
 
-class ChordSystem(Protocol):
-    """What Newton's method with factors that are kept needs of a discretised problem."""
-
-    def chord_correction(self, fresh: bool) -> float:
-        """Subtract a correction by the Jacobian last prepared; return its relative size. `fresh` prepares a new one.
-
-        Collective.
-        """
-        ...
-
-
-class System(ChordSystem, Protocol):
+class System(Protocol):
     """What Newton's method needs of a discretised problem; all methods are collective."""
 
-    def correction(self, rtol: float, fresh: bool) -> float:
-        """Subtract one Newton correction from the state; return its size relative to the state."""
+    def correction(self, fresh: bool, rtol: float | None) -> float:
+        """Subtract a correction, `fresh` with new factors or preconditioner; its size relative to the state.
+
+        Its linear system, by a new Jacobian, is solved to a residual of `rtol`; None: the Jacobian is that of the
+        factors, and it is solved as these allow.
+        """
         ...
 
 
@@ -94,75 +88,48 @@ def solve(
     tolerance: float,
     max_iterations: int,
     watch: Callable[[int, float], Any] = lambda iteration, size: None,
-    iterative: bool = False,
+    fresh: bool = True,
+    contraction: Contraction | None = None,
+    inexact: bool = False,
 ) -> NewtonReport:
-    """Iterate until the error left, estimated as d r/(1 - r) with r = d/d_previous, is below `tolerance`.
+    """Iterate until the error left, estimated as d r/(1 - r) with r = d/d_previous, is below `tolerance`. Collective.
 
-    With `iterative`, linear systems are solved no better than that pays, and what they leave counts as well. Gives up
-    when corrections have grown three times in a row by half or more, are not finite, or when a linear system is not
-    solved, and reports `converged=False`: the caller decides what to do. Collective.
+    A Jacobian and its factors are kept while they contract well enough: a correction then costs one residual and one
+    back-substitution. New ones are made at the start if `fresh`, and whenever a correction is more than
+    `WORST_CONTRACTION` of the one before. With the `contraction` that earlier solves have seen one correction is enough
+    where it leaves no more than the tolerance; every `MEASURED_EVERY` solves a second one checks that. With `inexact`
+    every correction has a new Jacobian, its system is solved no better than that pays, and what that leaves counts; the
+    preconditioner is a new one where the last correction was more than `MUCH` of the state.
+
+    Gives up when corrections have grown three times in a row by half or more, are not finite, or when a linear system
+    is not solved, and reports `converged=False`: the caller decides what to do.
     """
+    known = None if inexact else contraction or Contraction()
     sizes: list[float] = []
+    kept: list[float] = []  # sizes since the Jacobian was made
     error = np.inf
     for iteration in range(max_iterations):
-        rtol = (_rough_inner_tolerance if iterative else _inner_tolerance)(sizes, tolerance)
-        slow = (
-            bool(sizes) and sizes[-1] > 0.05
-        )  # the state changes so much that old factors would not help
-        try:
-            sizes.append(system.correction(rtol=rtol, fresh=slow))
-        except UnsolvedError as unsolved:
-            return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
-        watch(iteration, sizes[-1])
-        if not np.isfinite(sizes[-1]) or _growing(sizes):
-            return NewtonReport(False, tuple(sizes), np.inf)
-        error = max(_error_left(sizes), rtol * sizes[-1] if iterative else 0.0)
-        if error <= tolerance:
-            return NewtonReport(True, tuple(sizes), error)
-    return NewtonReport(False, tuple(sizes), error)
-
-
-def solve_by_chords(
-    system: ChordSystem,
-    tolerance: float,
-    max_iterations: int,
-    watch: Callable[[int, float], Any] = lambda iteration, size: None,
-    fresh: bool = False,
-    contraction: Contraction | None = None,
-) -> NewtonReport:
-    """Iterate as `solve` does, but with factors kept from earlier steps while they contract well enough.
-
-    A correction then costs one residual and one back-substitution: for the small changes of a time step
-    far less than a Jacobian. New factors are made at the start if `fresh`, and whenever a correction is more
-    than `WORST_CONTRACTION` of the one before. With the `contraction` that earlier solves have seen one correction
-    is enough where it leaves no more than the tolerance; every `MEASURED_EVERY` solves a second one checks that.
-    Collective.
-    """
-    known: Contraction | None = contraction or Contraction()
-    sizes: list[float] = []
-    kept: list[float] = []  # sizes since the factors were made
-    for iteration in range(max_iterations):
-        if fresh:
+        if fresh and not inexact:
             kept, known = [], None
+        rtol = _inner_tolerance(sizes, tolerance) if inexact else None
         try:
-            kept.append(system.chord_correction(fresh))
+            kept.append(system.correction(fresh, rtol))
         except UnsolvedError as unsolved:
             return NewtonReport(False, tuple(sizes), np.inf, failure=str(unsolved))
         sizes.append(kept[-1])
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
-            break
-        error = (
-            known.error_left(sizes[0])
-            if known and len(kept) == 1 and kept[0] > 0.0
-            else _error_left(kept)
-        )
+            return NewtonReport(False, tuple(sizes), np.inf)
+        first = len(kept) == 1 and kept[0] > 0.0
+        error = known.error_left(kept[0]) if known and first else _error_left(kept)
+        error = max(error, (rtol or 0.0) * sizes[-1])
         if error <= tolerance:
-            return NewtonReport(
-                True, tuple(sizes), error, known.after(kept) if known else Contraction()
-            )
+            known = known.after(kept) if known else Contraction()
+            return NewtonReport(True, tuple(sizes), error, known)
         fresh = len(kept) > 1 and kept[-1] > WORST_CONTRACTION * kept[-2]
-    return NewtonReport(False, tuple(sizes), np.inf)
+        if inexact:
+            fresh = sizes[-1] > MUCH
+    return NewtonReport(False, tuple(sizes), error)
 
 
 def _error_left(sizes: list[float]) -> float:
@@ -178,13 +145,6 @@ def _error_left(sizes: list[float]) -> float:
 
 
 def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
-    """Linear systems are solved as well as the next correction can use: quadratic convergence squares it."""
-    if not sizes:
-        return 1e-3
-    return float(np.clip(0.1 * sizes[-1], max(1e-12, 0.01 * tolerance), 1e-3))
-
-
-def _rough_inner_tolerance(sizes: list[float], tolerance: float) -> float:
     """The tolerance of the linear iterations: no finer than Newton's method gains in the correction, or is needed.
 
     The gain is 0.9 times the square of the last, after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16 (choice

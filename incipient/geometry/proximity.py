@@ -15,8 +15,8 @@ from incipient.geometry.statics import wrenches
 # Of the grain's size.
 SAME_PLACE = 1e-6  # points as near are one
 CONVERGED = 1e-12  # last change of a height
-SEATED = 1e-11  # length of the last step of Newton's method
-SEATINGS = 12  # steps of that method
+SEATED = 1e-14  # gaps that count as closed
+SEATINGS = 6  # steps of Newton's method that closes gaps
 WANDERS = 4.0  # gaps by which a contact may be elsewhere when the grain is a gap away
 MOST_LIFTS = 60
 STEEPEST = 0.02  # vertical component of a normal that lowering still relies on
@@ -110,15 +110,24 @@ class Proximity(ABC):
         self, placement: Placement, gap: float, places: Floats, before: float = 0.0
     ) -> Placement:
         """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
-        d, within = placement.gdim, WANDERS * max(gap, before)
-        for _ in range(SEATINGS):
-            result = self.gaps(placement, within)
-            apart = np.linalg.norm(result.points[:, None] - places[None, :, :d], axis=2)
-            near = result.only(apart.min(axis=1, initial=np.inf) <= within)
-            arms = near.points - np.asarray(placement.centre)
-            rows = self.size * wrenches(near.normals, arms, self.size)
-            motion = np.linalg.lstsq(rows, gap - near.gaps, rcond=1e-10)[0]
-            placement = placement.moved(self.size * motion[:d], motion[d:])
-            if np.abs(motion).max(initial=0.0) <= SEATED:
+        within = WANDERS * max(gap, before)
+        near = self.gaps(placement, within)
+        apart = np.linalg.norm(near.points[:, None] - places[None, :, : placement.gdim], axis=2)
+        return self.closed(placement, near.only(apart.min(axis=1, initial=np.inf) <= within), gap)
+
+    def rates(self, placement: Placement, contacts: ClosestPoints) -> Floats:
+        """Rows (k, n) by which motions in grain sizes and radians change gaps, in grain sizes."""
+        arms = contacts.points - np.asarray(placement.centre)
+        return wrenches(contacts.normals, arms, self.size)
+
+    def closed(self, placement: Placement, contacts: ClosestPoints, gap: float = 0.0) -> Placement:
+        """The placement close by, moved as little as possible, at which contacts have a gap."""
+        d = placement.gdim
+        for _ in range(SEATINGS if len(contacts) else 0):
+            now = self.tracked(placement, contacts)
+            lacking = (gap - now.gaps) / self.size
+            if np.abs(lacking).max() <= SEATED:
                 break
+            motion = np.linalg.lstsq(self.rates(placement, now), lacking, rcond=1e-9)[0]
+            placement = placement.moved(self.size * motion[:d], motion[d:])
         return placement

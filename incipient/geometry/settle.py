@@ -23,7 +23,7 @@ from incipient.geometry.plane.grains import Grain
 from incipient.geometry.proximity import Proximity
 from incipient.geometry.space.beds import Terrain
 from incipient.geometry.space.grains import Solid
-from incipient.geometry.statics import Hold, free_motions, hold, nearest_motion, tangents, wrenches
+from incipient.geometry.statics import Hold, hold, nearest_motion, tangents, wrenches
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -94,14 +94,14 @@ def settle_under(
     bed: Bed | Terrain,
     start: Placement,
     force: Floats,
-    couple: Floats,
+    torque: Floats,
     friction: float,
     reach: float = 10.0,
     max_steps: int = 2000,
 ) -> Settled:
     """The rest of the grain from `start` under a dead load, which does not turn with it; otherwise as `settle`.
 
-    `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in 3-D (3,); only their ratio counts.
+    `force` (gdim,) at the centroid, not zero, and `torque` about it, (1,) or in 3-D (3,); only their ratio counts.
     """
     if not friction >= 0.0:
         why = f"friction {friction} is not a coefficient"
@@ -109,7 +109,7 @@ def settle_under(
     if start.gdim != grain.gdim:
         why = f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}"
         raise SceneError(f"{why}; give one in {grain.gdim}")
-    load = np.append(force, np.asarray(couple) / grain.size) / float(np.linalg.norm(force))
+    load = np.append(force, np.asarray(torque) / grain.size) / float(np.linalg.norm(force))
     return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
 
 
@@ -222,13 +222,9 @@ class _Descent:
         arms = self._arms(placement, near)
         return hold(self.load, near.normals, arms, self.friction, self.size)
 
-    def _closing(self, placement: Placement, near: ClosestPoints) -> Floats:
-        """Rows by which motions change the gaps, in grain sizes."""
-        return wrenches(near.normals, self._arms(placement, near), self.size)
-
     def _step(self, placement: Placement, near: ClosestPoints, held: Hold, length: float) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
-        closing = self._closing(placement, near)
+        closing = self._proximity.rates(placement, near)
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self.load / max(float(np.linalg.norm(held.remainder)), 1e-6)
         if self.friction == 0.0:
@@ -242,7 +238,7 @@ class _Descent:
 
     def _followed(self, placement: Placement, near: ClosestPoints, motion: Floats) -> Placement:
         """The placement after a motion, those contacts closed again that it keeps or makes."""
-        after = near.gaps / self.size + self._closing(placement, near) @ motion
+        after = near.gaps / self.size + self._proximity.rates(placement, near) @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
         # Lowering the grain closes a single one.
         return self._in_contact(placement, kept if len(kept) > 1 else kept.only([]), motion)
@@ -263,7 +259,9 @@ class _Descent:
         used = held.rows[held.factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
-        return np.vstack([self._closing(placement, carrying), *self._along(placement, carrying)])
+        return np.vstack(
+            [self._proximity.rates(placement, carrying), *self._along(placement, carrying)]
+        )
 
     def _along(self, placement: Placement, carrying: ClosestPoints) -> list[Floats]:
         """Rows of the forces along the surface."""
@@ -324,21 +322,23 @@ class _Descent:
         """How far (k, gdim) contacts are from the line of action of the load."""
         force, arms = self.load[: self.grain.gdim], self._arms(placement, contacts)
         forces = np.tile(force, (len(arms), 1))
-        couple = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
-        return cross(forces, couple) if len(force) == 3 else -couple * quarter_turned(forces)
+        torque = self.size * (self.load - wrenches(forces, arms, self.size))[:, len(force) :]
+        return cross(forces, torque) if len(force) == 3 else -torque * quarter_turned(forces)
 
     def _beneath(self, placement: Placement, carrying: ClosestPoints) -> ClosestPoints:
         """A single contact moved along the bed onto the line of action of the load, if the grain is as near there.
 
         Where grain and bed hardly curve apart, the place of their contact is known far worse than its gap.
         """
-        remainder = self._hold(placement, carrying).remainder
-        if len(carrying) != 1 or np.abs(remainder).max() <= BALANCED:
+        moved = carrying
+        for _ in range(ROLLS if len(carrying) == 1 else 0):  # on a slope the shift is not exact
+            if np.abs(self._hold(placement, moved).remainder).max() <= BALANCED:
+                break
+            points = self.bed.nearest(moved.points + self._shift(placement, moved))
+            moved = replace(moved, points=points, anchors=placement.to_body(points))
+        if moved is not carrying and abs(self.grain.level(moved.anchors)[0]) > CLOSED * self.size:
             return carrying
-        points = self.bed.nearest(carrying.points + self._shift(placement, carrying))
-        anchors = placement.to_body(points)
-        as_near = abs(self.grain.level(anchors)[0]) <= CLOSED * self.size
-        return replace(carrying, points=points, anchors=anchors) if as_near else carrying
+        return moved
 
     def _newton(self, placement: Placement, carrying: ClosestPoints) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
@@ -390,7 +390,9 @@ class _Descent:
 
     def _way_down(self, placement: Placement, carrying: ClosestPoints) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
-        free = free_motions(self._constraints(placement, carrying)).T
+        from scipy.linalg import null_space  # which takes time to import
+
+        free = null_space(self._constraints(placement, carrying), rcond=1e-7).T
         if len(free) == 0:
             return None
         # The second derivatives of the centre's height, in grain sizes.
@@ -416,15 +418,7 @@ class _Descent:
         self, placement: Placement, carrying: ClosestPoints, motion: Floats
     ) -> Placement:
         """The placement after a motion, the carrying contacts closed again."""
-        placement = self._moved(placement, motion)
-        for _ in range(6 if len(carrying) else 0):
-            moved = self._proximity.tracked(placement, carrying)
-            if np.abs(moved.gaps).max() <= 1e-14 * self.size:
-                break
-            rows = self._closing(placement, moved)
-            step = np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0]
-            placement = self._moved(placement, step)
-        return placement
+        return self._proximity.closed(self._moved(placement, motion), carrying)
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._proximity.contacts(rest.placement, 10.0 * CLOSED * self.size)

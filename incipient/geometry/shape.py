@@ -12,6 +12,11 @@ from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 
 FEW = 50  # points of which all pairs are looked at
+# Rules exact for quadratic functions, by dimension of the simplex's space: barycentric nodes, weights
+QUADRATIC = {
+    2: (0.5 + np.array([[-0.5, 0.5], [0.5, -0.5]]) / np.sqrt(3.0), [0.5, 0.5]),
+    3: (0.5 * (1.0 - np.eye(3)), [1.0 / 3.0] * 3),
+}
 OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less are not connected
 
 
@@ -38,15 +43,11 @@ class Moments:
 
         In 2-D of sides (m, 2 ends, 2): signed simplices whose further corner is the origin.
         """
-        d = corners.shape[-1]
-        content = np.linalg.det(corners) / factorial(d)
-        total = corners.sum(axis=1)
-        first = (content[:, None] * total).sum(axis=0) / (d + 1.0)
-        squares = np.einsum("mi,mj->mij", total, total) + np.einsum(
-            "mki,mkj->mij", corners, corners
-        )
-        second = (content[:, None, None] * squares).sum(axis=0) / ((d + 1.0) * (d + 2.0))
-        return Moments(float(content.sum()), first, second)
+        content, d = np.linalg.det(corners), corners.shape[-1]
+        nodes, weights = QUADRATIC[d]
+        flux = np.outer(content / factorial(d - 1), weights).ravel()
+        points = (nodes @ corners).reshape(-1, d)
+        return Moments.integrated(flux, points)
 
     @staticmethod
     def swept(points: Floats, normals: Floats) -> "Moments":
@@ -54,8 +55,13 @@ class Moments:
 
         The divergence theorem: div(x) = d, div(x x_i) = (d + 1) x_i, div(x x_i x_j) = (d + 2) x_i x_j.
         """
-        d, flux = points.shape[1], (points * normals).sum(axis=1)
-        second = np.einsum("n,ni,nj->ij", flux, points, points) / (d + 2.0)
+        return Moments.integrated((points * normals).sum(axis=1), points)
+
+    @staticmethod
+    def integrated(flux: Floats, points: Floats) -> "Moments":
+        """Moments from fluxes (n,) of x through parts of the surface about points (n, d) on it."""
+        d = points.shape[1]
+        second = (flux[:, None] * points).T @ points / (d + 2.0)
         return Moments(float(flux.sum()) / d, flux @ points / (d + 1.0), second)
 
 

@@ -8,8 +8,6 @@ inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal 
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,8 +22,9 @@ import numpy as np
 
 from ..arrays import Floats, decimal, spatial, unwarned
 from ..contact.batch import CHUNK, Batch, Cases, judge_many
+from ..contact.friction import FrictionCone
 from ..errors import Interrupted, SceneError, shortened
-from ..files import make_directory, part_of, replaced, write_json, write_text_atomically
+from ..files import csv_text, make_directory, part_of, replaced, write_json, write_text_atomically
 from ..parquet import pyarrow
 from ..progress import Silent
 from .case import ROUNDING
@@ -87,34 +86,34 @@ def judge_table(
         raise SceneError(f"{path}: has no row of a case; give one a line below the names")
     make_directory(directory)
     progress.begin("verdicts")
-    batches = list[Batch]()
+    count, judged = len(cases), 0
+    factors, held, modes = np.full(count, np.nan), np.zeros(count, dtype=bool), [""] * count
     with suppress(KeyboardInterrupt):
-        for number, batch in enumerate(_judged(cases, jobs)):
-            batches.append(batch)
-            faults = {place + number * CHUNK: why for place, why in batch.reasons.items()} | faults
-            progress.count("verdicts", min((number + 1) * CHUNK, len(cases)), len(cases))
-    judged = sum(len(batch.factors) for batch in batches)
-    left = len(cases) - judged
-    faults |= dict.fromkeys(range(judged, len(cases)), "not judged: interrupted; call again")
+        for batch in _judged(cases, jobs):
+            rows = slice(judged, judged + len(batch.factors))
+            factors[rows], held[rows], modes[rows] = batch.factors, batch.held, batch.mode_names
+            faults = {place + judged: why for place, why in batch.reasons.items()} | faults
+            judged = rows.stop
+            progress.count("verdicts", judged, count)
+    faults |= dict.fromkeys(range(judged, count), "not judged: interrupted; call again")
     answers: dict[str, list[Any]] = {
-        "row": list(range(1, len(cases) + 1)),
-        "name": table.labels or [""] * len(cases),
-        "safety_factor": [one for batch in batches for one in batch.factors.tolist()]
-        + [None] * left,
-        "held": [held for batch in batches for held in batch.held.tolist()] + [None] * left,
-        "mode": [mode for batch in batches for mode in batch.mode_names] + [""] * left,
-        "reason": [""] * len(cases),
+        "row": list(range(1, count + 1)),
+        "name": table.labels or [""] * count,
+        "safety_factor": factors.tolist(),
+        "held": held.tolist(),
+        "mode": modes,
+        "reason": [""] * count,
     }
     for place, why in faults.items():
         answers["safety_factor"][place] = answers["held"][place] = None
-        answers["mode"][place], answers["reason"][place] = "", why
+        modes[place], answers["reason"][place] = "", why
     _write(directory / verdicts_name(path), answers)
     reasons = {place + 1: faults[place] for place in sorted(faults)[:MOST_REASONS]}
-    modes = Counter(filter(None, answers["mode"]))
+    by_mode = dict(Counter(filter(None, modes)).most_common())
     least = min((one for one in answers["safety_factor"] if one is not None), default=np.inf)
-    verdicts = Verdicts(len(cases), len(faults), dict(modes.most_common()), least, reasons)
+    verdicts = Verdicts(count, len(faults), by_mode, least, reasons)
     write_json(directory / SUMMARY, asdict(verdicts))
-    if left:
+    if judged < count:
         raise Interrupted(f"interrupted; {directory}/ has the verdicts on the first {judged} rows")
     return verdicts
 
@@ -181,7 +180,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         torque,
         spatial(vector(of("weight"))),
         centre,
-        value["friction"],
+        FrictionCone(value["friction"]),
         value.get("mass", np.full(len(table), np.nan)),
         _inertia(value, inertia),
     )
@@ -208,17 +207,12 @@ def _inertia(value: Mapping[str, Floats], moments: Sequence[str]) -> Floats:
     return matrices
 
 
-def _write(path: Path, answers: Mapping[str, list[Any]]) -> None:
+def _write(path: Path, answers: dict[str, list[Any]]) -> None:
     if path.suffix == ".csv":
-        columns = {
-            **answers,
-            "held": [held if held is None else int(held) for held in answers["held"]],
-        }
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(
-            [columns, *zip(*columns.values(), strict=True)]
-        )
-        write_text_atomically(path, text.getvalue())
+        held = [one if one is None else int(one) for one in answers["held"]]
+        rows = zip(*(answers | {"held": held}).values(), strict=True)
+        named = (dict(zip(answers, row, strict=True)) for row in rows)
+        write_text_atomically(path, csv_text(list(answers), named))
         return
     arrow = pyarrow()
     text, number = arrow.string(), arrow.float64()

@@ -15,16 +15,17 @@ from pydantic import AfterValidator, Field, PlainValidator, model_validator
 
 from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
+from ..contact.friction import FrictionCone
 from ..contact.robustness import StandardErrors, probabilities
 from ..contact.verdict import judge
 from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..input_files import read_text
+from ..scene import Body
 from ..scene.file import parse, read
-from ..scene.kinds import Body
 from ..scene.mass import mass_and_inertia
 from ..scene.messages import Key, Problem, counted, refusal
-from ..scene.section import NotNegative, Positive, Section, contradiction, key
+from ..scene.section import NotNegative, Positive, Rule, Section, contradiction, key
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -99,8 +100,16 @@ class CaseLoad(Section):
     about: Vector | None = key("point that flow_couple is about; default: the centre of mass", None)
 
 
+def _as_many(name: str) -> Rule:
+    return Rule(name, lambda s: getattr(s, name) is not None and len(getattr(s, name)) != len(s.points),
+                lambda s: f"{len(getattr(s, name))} given for {counted(len(s.points), 'point')}",
+                "give one for each point")  # fmt: skip
+
+
 class CaseContacts(Section):
     """Contacts of the grain and the bed."""
+
+    rules = tuple(map(_as_many, ("normals", "areas")))
 
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
@@ -108,14 +117,10 @@ class CaseContacts(Section):
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 
-    @model_validator(mode="after")
-    def _as_many(self) -> CaseContacts:
-        for name in ("normals", "areas"):
-            given = getattr(self, name)
-            if given is not None and len(given) != len(self.points):
-                why = f"{len(given)} given for {counted(len(self.points), 'point')}"
-                raise self.refused(name, why, "give one for each point")
-        return self
+    @property
+    def law(self) -> FrictionCone:
+        """The law of the contacts."""
+        return FrictionCone.of(self.friction)
 
 
 class CaseGrain(Section):
@@ -238,17 +243,17 @@ def load_case_without_flow(path: Path, overrides: Sequence[str] = ()) -> Case:
 
 def judge_case(case: Case) -> dict[str, Any]:
     """The verdict of both judges as plain data, and the probability of each mode for a case with standard errors."""
-    load, contacts, friction = case.to_load(), case.to_contacts(), case.contacts.friction
+    load, contacts, law = case.to_load(), case.to_contacts(), case.contacts.law
     inert = case.mass_and_inertia()
     said = None
     if case.errors is not None:
         drawn = case.errors.samples, case.errors.seed
-        chances = probabilities(load, contacts, friction, case.standard_errors(), *drawn, inert)
+        chances = probabilities(load, contacts, law, case.standard_errors(), *drawn, inert)
         said = {"sentence": chances.sentence, **plain(chances)}
     return {
         "title": case.title,
         "source": case.source,
-        "verdict": judge(load, contacts, friction, inert).to_dict(),
+        "verdict": judge(load, contacts, law, inert).to_dict(),
         "probabilities": said,
         "case": case.model_dump(mode="json", exclude_none=True, warnings=False),
     }

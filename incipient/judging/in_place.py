@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 from trimesh.bounds import oriented_bounds_2D
@@ -23,7 +23,16 @@ from ..geometry.space.files import triangles_in
 from ..geometry.space.grains import Solid, Triangulated
 from ..scene.file import parse
 from ..scene.mass import mass_and_inertia
-from ..scene.section import NotNegative, Positive, PositivePair, Section, Triple, contradiction, key
+from ..scene.section import (
+    NotNegative,
+    Positive,
+    PositivePair,
+    Rule,
+    Section,
+    Triple,
+    contradiction,
+    key,
+)
 from ..scene.solids import SolidBody
 from .case import Case, CaseErrors
 
@@ -59,6 +68,11 @@ class ForcesGravity(Section):
 class ForcesBed(Section):
     """The bed in the coordinates of the other program."""
 
+    rules = (
+        Rule("height", lambda s: s.height is not None and s.file != FLAT,
+             "is that of a plane, and a file is given", "leave it out"),
+    )  # fmt: skip
+
     file: str = key("STL, PLY or OBJ file of the bed, or flat: a plane")
     up: Direction | None = key(
         "Direction in which the bed is seen from above; default: against gravity", None
@@ -69,12 +83,6 @@ class ForcesBed(Section):
     cell: PositivePair | None = key(
         "Distance between heights taken from a file, as of a scene's bed", None
     )
-
-    @model_validator(mode="after")
-    def _fits(self) -> ForcesBed:
-        if self.height is not None and self.file != FLAT:
-            raise self.refused("height", "is that of a plane, and a file is given", "leave it out")
-        return self
 
 
 class ForcesContact(Section):
@@ -87,21 +95,19 @@ class ForcesContact(Section):
 class GrainInPlace(Section):
     """Keys of --set that go with --grain and --bed."""
 
+    rules = (
+        Rule("body", lambda s: s.body.centre is None,
+             "has no centre", "give body.centre, where the other program has the grain"),
+        Rule("body", lambda s: mass_and_inertia(s.body) is None,
+             "has no mass", "give body.density, over the fluid's"),
+    )  # fmt: skip
+
     body: Annotated[SolidBody, Field(discriminator="shape")]
     bed: ForcesBed
     fluid: ForcesFluid
     gravity: ForcesGravity
     contact: ForcesContact
     errors: CaseErrors | None = None
-
-    @model_validator(mode="after")
-    def _is_placed(self) -> GrainInPlace:
-        if self.body.centre is None:
-            remedy = "give body.centre, where the other program has the grain"
-            raise self.refused("body", "has no centre", remedy)
-        if mass_and_inertia(self.body) is None:
-            raise self.refused("body", "has no mass", "give body.density, over the fluid's")
-        return self
 
     def case(self) -> Case:
         """The case: contacts, weight less buoyancy, mass and inertia, without a load of the flow.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +140,8 @@ def _cases(case: Case, columns: Mapping[str, Floats]) -> Cases:
     # tau_c = tau_a + (a - c) ^ F
     torque = vectors(couple) + np.cross(case.about - case.centre, acting)
     contacts, inert = case.to_contacts(), case.mass_and_inertia() or ()
-    law = columns.get("friction", case.contacts.friction)
+    law = case.contacts.law
+    law = replace(law, coefficient=columns.get("friction", law.coefficient))
     surface = contacts.points, contacts.normals
     return Cases(*surface, acting, torque, heavy, case.centre, law, *inert)
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Domain, ExpressionFlow, LogLaw, Shear
+from ..geometry.plane.beds import effective_level
+from ..scene import Domain, ExpressionFlow, LogLaw, OpenChannel, Poiseuille, Shear
 from ..scene.expression import expressions
 from ..scene.gust import Gust
-from .duct import duct_speed
-from .effective_height import EffectiveHeight, effective_height, repeats
 from .mean_profile import MeanProfile
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
@@ -20,7 +19,63 @@ Profile = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 SAMPLES = 1000  # of heights for a mean
 ROUND_OFF = 1e-9  # of the depth: how far below its datum a flow may be asked for
+TERMS = 50  # of the series of a duct: it errs by less than 1e-5 of the mean velocity
+# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples
+# (docs/explanation/flow.md).
+INERTIAL, POWER = 10.0, 0.2
+FEWEST_PERIODS = (
+    2.0  # in the domain: along longer forms the flow is as over a bed that rises and falls
+)
+UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
+
+
+@dataclass(frozen=True)
+class EffectiveHeight:
+    """The height above the base line of the level plane that a bed with forms acts as on the flow far above."""
+
+    height: float  # in the base flow at its speed
+    uncertainty: float  # how far it may be off
+    creeping: float  # without inertia
+
+
+def repeats(flow: Any, domain: Domain, bed: Any) -> bool:
+    """Whether a base flow of known shear at the bed passes several forms in 2-D that repeat. Not collective."""
+    if (
+        domain.width is not None
+        or bed is None
+        or not isinstance(flow, Shear | Poiseuille | OpenChannel)
+    ):
+        return False
+    return bool(bed.period and domain.length >= FEWEST_PERIODS * bed.period)
+
+
+def effective_height(
+    flow: Any, domain: Domain, bed: Any, viscosity: float, speed: float
+) -> EffectiveHeight:
+    """The effective height of a 2-D bed below a base flow faster by `speed`. Not collective.
+
+    viscosity: kinematic; inf without inertia
+    """
+    if not math.isfinite(bed.feature):
+        return EffectiveHeight(0.0, 0.0, 0.0)
+    level = effective_level(bed)
+    depth = max(bed.crest - domain.bottom - level, 0.0)
+    reynolds = (
+        _shear_rate(flow, domain.ceiling - bed.crest) * (bed.period or 0.0) * depth / viscosity
+    )
+    lost = depth * (1.0 - (1.0 + speed * reynolds / INERTIAL) ** -POWER) if reynolds else 0.0
+    return EffectiveHeight(level + lost, UNSURE * lost, level)
+
+
+def _shear_rate(flow: Any, depth: float) -> float:
+    """Shear rate at the bed below a depth of fluid; zero where it is not known."""
+    if isinstance(flow, Shear):
+        return flow.rate
+    if isinstance(flow, Poiseuille | OpenChannel):
+        return (6.0 if isinstance(flow, Poiseuille) else 3.0) * flow.velocity / depth
+    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,3 +260,36 @@ class BaseFlow:
             return mean * duct_speed(across, up, high - low, depth)
 
         return speed
+
+
+def duct_speed(y: np.ndarray, z: np.ndarray, width: float, depth: float) -> np.ndarray:
+    """Speed (n,) over its mean at distances y (n,) from one side and heights z (n,) above the bottom of a duct.
+
+    For unit pressure gradient and viscosity u = z (depth - z)/2 less the sum over odd numbers n, with m = n pi/depth,
+    of 4/(depth m^3) sin(m z) cosh(m e)/cosh(m width/2), e being the distance from the middle (White, Viscous Fluid
+    Flow, section 3-3). Not collective.
+    """
+    half, away = 0.5 * width, np.abs(np.asarray(y) - 0.5 * width)
+    speed = 0.5 * np.asarray(z) * (depth - np.asarray(z))
+    for m in _wave_numbers(depth):
+        # cosh(m e)/cosh(m half) without large numbers.
+        fading = (np.exp(m * (away - half)) + np.exp(-m * (away + half))) / (
+            1.0 + np.exp(-2.0 * m * half)
+        )
+        speed -= 4.0 / (depth * m**3) * np.sin(m * z) * fading
+    return speed / duct_mean(width, depth)
+
+
+def duct_mean(width: float, depth: float) -> float:
+    """Mean velocity in a duct for a pressure gradient and a viscosity of one.
+
+    It is depth^2/12 less the sum over odd n of 16 tanh(m width/2)/(width depth^2 m^5). Not collective.
+    """
+    m = _wave_numbers(depth)
+    return float(
+        depth**2 / 12.0 - np.sum(16.0 * np.tanh(0.5 * m * width) / (width * depth**2 * m**5))
+    )
+
+
+def _wave_numbers(depth: float) -> np.ndarray:
+    return np.pi / depth * np.arange(1, 2 * TERMS, 2)

@@ -11,8 +11,7 @@ from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
 from .clearance import Surroundings, surroundings_of
-from .effects import Decision
-from .inertia import inertia_of
+from .effects import Decision, inertia_of
 from .numbers import Numbers, numbers_of
 from .order import VelocityOrder, velocity_order
 from .scene_geometry import Geometry

@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from ..arrays import Floats
-from .effects import Choice
 from .messages import counted
-from .section import Positive, Rule, Section, contradiction, key
+from .section import Choice, Positive, Rule, Section, contradiction, key
 
 Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]

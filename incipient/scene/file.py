@@ -15,9 +15,9 @@ from ..errors import SceneError
 from ..files import own, write_text_atomically
 from ..input_files import read_text
 from ..parallel import Comm, from_first
-from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
+from .model import Scene
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)

@@ -75,11 +75,13 @@ class BodySection(Section):
     Attributes:
         gdims: dimensions of the spaces it lives in.
         shape_key: the key that is refused where there is no such grain.
+        made_of: the grain's geometry, and the keys that it is made of; without it a section has its own `new_grain`.
     """
 
     gdim: ClassVar[int]
     gdims: ClassVar[tuple[int, ...]]
     shape_key: ClassVar[str] = "shape"
+    made_of: ClassVar[tuple[Any, ...]]
     rules = (
         Rule("course", lambda s: s.motion == "prescribed" and s.course is None,
              "is missing though the motion is prescribed", "add it, or hold the grain"),
@@ -150,5 +152,6 @@ class BodySection(Section):
         return self.new_grain()
 
     def new_grain(self) -> Shape:
-        """A new grain of this shape."""
-        raise NotImplementedError
+        """A new grain of this shape in its body frame, lengths in scene units."""
+        shape, *keys = self.made_of
+        return shape(*(getattr(self, key) for key in keys))

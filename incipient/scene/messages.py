@@ -21,6 +21,7 @@ BETWEEN: LiteralString = "contradiction_between_sections"
 
 MOST_SHOWN = 4  # problems besides the first
 
+# By pydantic's type of error, with its context.
 _REMEDIES = {
     "float_type": "give a number",
     "finite_number": "give a finite number",
@@ -29,15 +30,15 @@ _REMEDIES = {
     "bool_type": "give true or false",
     "string_type": 'give text in "quotes"',
     "tuple_type": "give a list in [brackets]",
-}
-_BOUNDS = {
-    "greater_than": ("gt", "greater than"),
-    "greater_than_equal": ("ge", "of at least"),
-    "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "of at most"),
+    "greater_than": "give a number greater than {gt:g}",
+    "greater_than_equal": "give a number of at least {ge:g}",
+    "less_than": "give a number less than {lt:g}",
+    "less_than_equal": "give a number of at most {le:g}",
+    **dict.fromkeys(
+        ("model_type", "model_attributes_type", "dict_type"), "write a section [{key}]"
+    ),
 }
 _NAME = re.compile("'([^']*)'")
-_SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 
 
 @dataclass(frozen=True)
@@ -197,19 +198,16 @@ def _problem(
         return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
     if kind in ("missing", "too_short", "too_long"):
         return _wrong_number(detail, key, section)
-    if kind in _BOUNDS:
-        name, words = _BOUNDS[kind]
-        return Problem(key, f"is {given}", f"give a number {words} {context[name]:g}")
     if kind == "literal_error":
         return Problem(
             key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}"
         )
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
-    if kind in _SECTION_TYPES:
-        return Problem(key, f"is {given}", f"write a section [{key_text(key)}]")
     if kind in _REMEDIES:
-        return Problem(key, f"is {given}", _REMEDIES[kind])
+        return Problem(
+            key, f"is {given}", _REMEDIES[kind].format(**{**context, "key": key_text(key)})
+        )
     return Problem(key, f"is {given}", detail["msg"][:1].lower() + detail["msg"][1:])
 
 

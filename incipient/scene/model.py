@@ -8,28 +8,35 @@ either way it is complete and free of contradictions once it exists.
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import Annotated, Any, Literal
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
-from ..contact.friction import FrictionCone
+from ..errors import SceneError
 from ..geometry.closest import rest
 from ..geometry.placement import Placement
 from .domain import Domain, Sides, Top
-from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .fluctuations import Gusts
 from .grains import FRICTIONLESS, LEVEL
-from .kinds import Bed, Body
 from .mass import mass, mean_density
+from .messages import discriminator, refusal, tag, variants
 from .numerics import OF_WALLS, Numerics
-from .section import NotNegative, Positive, Rule, Section, key
+from .places import misplaced
+from .rules import contradictions
+from .section import Choice, NotNegative, Positive, Rule, Section, key
 from .settling import rested
+from .shapes import PlaneBed, PlaneBody
+from .solids import SolidBody
 from .surface import FREE, Surface
+from .terrains import TerrainBed
 from .turbulence import Turbulence
-from .units import Units
+from .units import Scales, Units, scales_of, with_units
+
+if TYPE_CHECKING:
+    from ..contact.friction import FrictionCone
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -94,6 +101,8 @@ class Contact(Section):
     @property
     def law(self) -> FrictionCone:
         """The law of a contact at rest, which both criteria apply."""
+        from ..contact.friction import FrictionCone
+
         return FrictionCone.of(self.friction)
 
 
@@ -140,8 +149,36 @@ class Output(Section):
     )
 
 
-class SceneSections(Section):
-    """The sections of a scene, each checked by itself, and what follows from them."""
+class Effects(Section):
+    """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
+
+    inertia: Choice = key("Convection; auto: where it matters for the accuracy asked", "auto")
+    unsteadiness: Choice = key("Rate of change; false with [time]: quasi-steady flow", "auto")
+    gravity: Choice = key("Weight and buoyancy; auto: with [gravity]", "auto")
+    contact: Choice = key("Contact forces and verdict; auto: where a grain rests on a bed", "auto")
+    moving_mesh: Choice = key(
+        "A mesh that follows grain and surface; auto: with body.motion or a free surface", "auto"
+    )
+    free_body: Choice = key("A grain moved by flow and weight; auto: with body.motion", "auto")
+    free_surface: Choice = key(
+        'A top that moves with the fluid; auto: with domain.top = "free-surface"', "auto"
+    )
+    turbulence: Choice = key(
+        "The model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
+        "auto",
+    )
+    third_dimension: Choice = key("Flow in space; auto: with domain.width", "auto")
+
+
+Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
+Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]
+
+
+class Scene(Section):
+    """A complete scene: its sections, free of contradictions between them, and what follows from them.
+
+    Raises SceneError, one line that names the key, why and the remedy.
+    """
 
     title: str = key("What this scene is about", "")
     domain: Domain = key("The region the fluid may fill")
@@ -162,11 +199,33 @@ class SceneSections(Section):
         "SI units: then fluid.reynolds, gravity and body.density follow, and are left out", None
     )
     time: Time | None = key("Time dependence; without this section the flow is steady", None)
-    effects: Annotated[Effects, BeforeValidator(section_of)] = key(
-        "What to simulate; auto: decided from the scene and its dimensionless numbers", Effects()
+    effects: Annotated[Effects, BeforeValidator(lambda value: {} if value == "auto" else value)] = (
+        key(
+            "What to simulate; auto: decided from the scene and its dimensionless numbers",
+            Effects(),
+        )
     )
     numerics: Numerics = key("How the equations are solved", Numerics())
     output: Output = key("What is written besides the result", Output())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or data.get("units") is None:
+            return data
+        return with_units(data, partial(cls.model_validate, context=info.context))
+
+    @model_validator(mode="after")
+    def _free_of_contradictions(self) -> Scene:
+        found = [*contradictions(self)] or misplaced(self)
+        if found:
+            raise refusal("Scene", found, between=True)
+        return self
+
+    @property
+    def scales(self) -> Scales | None:
+        """What the scene's units are in SI; None where it does not say."""
+        return None if self.units is None else scales_of(self, self.units)
 
     @property
     def gdim(self) -> int:
@@ -394,3 +453,23 @@ class SceneSections(Section):
     def _of_grain_size(self, fraction: float) -> float:
         grain = self.grain
         return 0.0 if grain is None else fraction * grain.size
+
+
+def register(section: type[Section]) -> None:
+    """Lets scenes have another kind of grain or bed, as if it stood in `kinds` (docs/contribute/adding.md).
+
+    Raises SceneError if its `shape` (of a grain) or `kind` (of a bed) does not have one value, or another section has
+    it.
+    """
+    name = discriminator(section)
+    field = Scene.model_fields["body" if name == "shape" else "bed"]
+    known = variants(field.annotation)
+    if name is None or tag(section) in map(tag, known):
+        why = (
+            f'{name} = "{tag(section)}" is used by another section'
+            if name
+            else "shape or kind is missing"
+        )
+        raise SceneError(f'{section.__name__}: {why}; give a key as in shape: Literal["stadium"]')
+    field.annotation = Annotated[Union[(*known, section)], Field(discriminator=name)] | None  # type: ignore
+    Scene.model_rebuild(force=True)

@@ -76,7 +76,7 @@ class Numerics(Section):
         examples=[0.01],
     )
     accuracy_of: Literal[
-        "auto", "force", "couple", "safety factor", "elevation", "level", "shear velocity"
+        "auto", "force", "torque", "safety factor", "elevation", "level", "shear velocity"
     ] = key(
         "The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
         "with turbulence shear velocity",

@@ -1,9 +1,11 @@
 """Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +16,10 @@ from ..geometry.placement import Placement
 from . import symmetry
 from .domain import Domain
 from .messages import Problem, counted, problem, split
-from .model import SceneSections
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from .model import Scene
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
@@ -26,7 +30,7 @@ _PLACES = 201  # in each direction at which bed and free surface are looked at
 CELLS_OF_A_FORM = 20  # at the least
 
 
-def misplaced(scene: SceneSections) -> list[Problem]:
+def misplaced(scene: Scene) -> list[Problem]:
     """What is wrong with places and extents, by the first check that finds something."""
     domain, bed, grain, shape, contact = (
         scene.domain,
@@ -195,7 +199,7 @@ def _too_low(surface: Surface, domain: Domain, bed: Any) -> Iterator[Problem]:
         )
 
 
-def _body_place(scene: SceneSections) -> Iterator[Problem]:
+def _body_place(scene: Scene) -> Iterator[Problem]:
     """The grain must lie within the domain, above the bed and clear of the walls."""
     body, grain, bed, domain = scene.body, scene.grain, scene.bed_shape, scene.domain
     if body is None:

@@ -15,4 +15,5 @@ KEYS: dict[str, str] = {
 # (Dotted key, value) -> remedy.
 VALUES: dict[tuple[str, str], str] = {
     ("body.on_contact", "repel"): 'use "touch": the grain then rolls, slides or rests on the bed',
+    ("numerics.accuracy_of", "couple"): 'use "torque"',
 }

@@ -1,9 +1,10 @@
 """What all sections of a scene share: immutability, strictness, and one-line errors."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -74,6 +75,12 @@ def of_length(counts: Sequence[int], remedy: str) -> BeforeValidator:
     return BeforeValidator(as_long)
 
 
+Choice = Annotated[
+    Literal["auto", True, False],
+    allowed(lambda value: value == "auto" or isinstance(value, bool), 'use "auto", true or false'),
+]
+
+
 def formula(variables: str, why: str = "") -> AfterValidator:
     """The validator of a formula in these variables; `why` is added to what is wrong with others."""
 
@@ -87,6 +94,7 @@ def formula(variables: str, why: str = "") -> AfterValidator:
 _THREE = of_length((3,), "give three, as in [x, y, z]")
 Triple = Annotated[tuple[float, float, float], Field(strict=False), _THREE]
 PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), _THREE]
+_UNIT = re.compile(r"\[([^\[\]]+)\]")  # of keys, as their descriptions have them
 Text = str | Callable[[Any], str]
 
 
@@ -204,3 +212,22 @@ def ordered_keys(section: type[BaseModel]) -> list[str]:
     """Keys of a section in the order of reading: its own before those it shares with its alternatives."""
     own = [name for name in section.model_fields if name in section.__annotations__]
     return own + [name for name in section.model_fields if name not in own]
+
+
+def unit_of(model: type[BaseModel], key: str) -> str:
+    """The unit of a key such as ``body.density`` of a scene, "-" for a pure number; empty where there is none."""
+    models, described = [model], [""]
+    for part in key.split("."):
+        fields = [one.model_fields[part] for one in models if part in one.model_fields]
+        described = [field.description or "" for field in fields]
+        models = [inner for field in fields for inner in _models(field.annotation)]
+    found = (unit[1] for text in described if (unit := _UNIT.search(text)))
+    return next(found, "")
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)

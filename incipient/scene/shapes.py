@@ -71,28 +71,23 @@ class GrainSection(BodySection):
 class Disc(GrainSection):
     """A disc."""
 
+    made_of = (geometry.Disc, "diameter")
     shape: Literal["disc"] = key("Shape of the grain", "disc")
     diameter: Positive = key("Diameter [length]")
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Disc(self.diameter)
 
 
 class Ellipse(GrainSection):
     """An ellipse."""
 
+    made_of = (geometry.Ellipse, "semi_axes")
     shape: Literal["ellipse"] = key("Shape of the grain", "ellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Ellipse(self.semi_axes)
 
 
 class Rectangle(GrainSection):
     """A rectangle, its corners rounded or not."""
 
+    made_of = (geometry.Rectangle, "width", "height", "corner_radius")
     shape: Literal["rectangle"] = key("Shape of the grain", "rectangle")
     width: Positive = key("Side along x when angle is 0 [length]")
     height: Positive = key("The other side [length]")
@@ -105,14 +100,11 @@ class Rectangle(GrainSection):
              "make it smaller"),
     )  # fmt: skip
 
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Rectangle(self.width, self.height, self.corner_radius)
-
 
 class Polygon(FromFile, GrainSection):
     """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
 
+    made_of = (geometry.Polygon, "vertices")
     in_file = shape_key = "vertices"
     shape: Literal["polygon"] = key("Shape of the grain", "polygon")
     file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
@@ -126,14 +118,11 @@ class Polygon(FromFile, GrainSection):
         points = read_points(path, 3, "Polygon")
         return {"vertices": points[:-1] if points[0] == points[-1] else points}
 
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Polygon(self.vertices)
-
 
 class Superellipse(GrainSection):
     """A superellipse, between an ellipse and a box."""
 
+    made_of = (geometry.Superellipse, "semi_axes", "exponent")
     shape: Literal["superellipse"] = key("Shape of the grain", "superellipse")
     semi_axes: PositivePair = key("Semi-axes, the first along x when angle is 0 [length]")
     exponent: float = key(
@@ -142,14 +131,11 @@ class Superellipse(GrainSection):
         le=MAX_EXPONENT,
     )
 
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Superellipse(self.semi_axes, self.exponent)
-
 
 class Star(GrainSection):
     """A star-shaped grain, radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) towards the angle a."""
 
+    made_of = (geometry.Star, "radius", "cosines", "sines")
     shape: Literal["star"] = key("Shape of the grain", "star")
     radius: Positive = key("Mean radius [length]")
     cosines: Numbers = key("Coefficients of cos(a), cos(2 a), ... [-]", (), examples=[(0.0, 0.2)])
@@ -159,10 +145,6 @@ class Star(GrainSection):
     def shape_key(self) -> str:  # type: ignore[override]
         """The key that is refused where the star has no radius."""
         return "cosines" if self.cosines else "sines"
-
-    def new_grain(self) -> geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Star(self.radius, self.cosines, self.sines)
 
 
 class Discs(GrainSection):

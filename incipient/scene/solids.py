@@ -115,17 +115,15 @@ class SolidSection(BodySection):
 class Sphere(SolidSection):
     """A sphere."""
 
+    made_of = (geometry.Sphere, "diameter")
     shape: Literal["sphere"] = key("Shape of the grain", "sphere")
     diameter: Positive = key("Diameter [length]")
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Sphere(self.diameter)
 
 
 class Cylinder(SolidSection):
     """A cylinder across the flow from one side of the domain to the other, held."""
 
+    made_of = (geometry.Cylinder, "diameter", "length")
     rules = (
         *SolidSection.rules,
         Rule("x", lambda s: s.centre is None, "a cylinder is held and does not rest", "give centre instead"),
@@ -135,10 +133,6 @@ class Cylinder(SolidSection):
     shape: Literal["cylinder"] = key("Shape of the grain", "cylinder")
     diameter: Positive = key("Diameter [length]")
     length: Positive = key("Length, the width of the domain [length]")
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Cylinder(self.diameter, self.length)
 
 
 class Capsule(SolidSection):
@@ -162,53 +156,41 @@ class Capsule(SolidSection):
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
+    made_of = (geometry.Ellipsoid, "semi_axes")
     shape: Literal["ellipsoid"] = key("Shape of the grain", "ellipsoid")
     semi_axes: SemiAxes
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Ellipsoid(self.semi_axes)
 
 
 class Superquadric(SolidSection):
     """A superquadric, between an ellipsoid and a box or a cylinder."""
 
+    made_of = (geometry.Superquadric, "semi_axes", "exponents")
     shape: Literal["superquadric"] = key("Shape of the grain", "superquadric")
     semi_axes: SemiAxes
     exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = key(
         "Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
     )
 
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Superquadric(self.semi_axes, self.exponents)
-
 
 class Box(SolidSection):
     """A box, its edges rounded or not."""
 
+    made_of = (geometry.Box, "sides", "edge_radius")
     shape_key = "edge_radius"
     shape: Literal["box"] = key("Shape of the grain", "box")
     sides: PositiveTriple = key("Sides along x, y and z without orientation [length]")
     edge_radius: NotNegative = key("Radius of the rounded edges and corners [length]", 0.0)
 
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Box(self.sides, self.edge_radius)
-
 
 class Polyhedron(SolidSection):
     """A convex polyhedron."""
 
+    made_of = (geometry.Polyhedron, "vertices")
     shape_key = "vertices"
     shape: Literal["polyhedron"] = key("Shape of the grain", "polyhedron")
     vertices: Annotated[
         tuple[Triple, ...], Field(strict=False, min_length=4, max_length=MOST_POINTS)
     ] = key("Vertices, four or more, in any order, relative to any point [length]")
-
-    def new_grain(self) -> geometry.Solid:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return geometry.Polyhedron(self.vertices)
 
 
 class Spheres(SolidSection):

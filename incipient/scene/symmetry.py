@@ -3,8 +3,10 @@
 Half of a scene that is its own mirror image is computed: one side of that plane, through which nothing flows.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +15,10 @@ from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression, expressions, of_time
 from .messages import Problem, split
-from .model import SceneSections, Time
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from .model import Scene, Time
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
@@ -34,7 +38,7 @@ def contradictory(found: Iterator[str]) -> Iterator[Problem]:
         yield Problem(key, *split(str(error)))
 
 
-def differences(scene: SceneSections) -> Iterator[str]:
+def differences(scene: Scene) -> Iterator[str]:
     """What keeps a 3-D scene from being its own mirror image, in words."""
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
@@ -82,11 +86,9 @@ def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
 
 
 def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
-    # Places that no period of the bed divides.
-    points = domain.grid(7 * PLACES + 2, 5 * PLACES + 1)
-    mirrored = points * [1.0, -1.0] + [0.0, 2.0 * domain.middle]
-    heights = bed.height(points)
-    off = float(np.abs(heights - bed.height(mirrored)).max())
+    along, across = 7 * PLACES + 2, 5 * PLACES + 1  # places that no period of the bed divides
+    heights = bed.height(domain.grid(along, across)).reshape(along, across)
+    off = float(np.abs(heights - heights[:, ::-1]).max())
     if off > ALIKE * max(float(np.ptp(heights)), 1e-300):
         yield f"the bed is {off:.2g} off its mirror image in y = {domain.middle:g}"
 
@@ -96,15 +98,10 @@ def _differ(
 ) -> bool:
     """Whether formulas are not those of the mirror image, whose values are `mirror` times theirs."""
     points = domain.grid(11, 11, 11).T
-    mirrored = points.copy()
-    mirrored[1] = 2.0 * domain.middle - points[1]
     for t in _times(time):
-        here, there = (
-            np.vstack([one(places, t) for one in formulas]) for places in (points, mirrored)
-        )
-        if np.abs(here - there * mirror[:, None]).max() > ALIKE * max(
-            float(np.abs(here).max()), 1e-300
-        ):
+        here = np.array([one(points, t) for one in formulas]).reshape(-1, 11, 11, 11)
+        there = mirror[:, None, None, None] * here[:, :, ::-1]
+        if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
             return True
     return False
 

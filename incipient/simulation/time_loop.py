@@ -124,8 +124,8 @@ class TimeLoop:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
-        for part in run.parts:
-            part.begin()
+        if run.surface is not None:
+            run.surface.begin()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
@@ -173,6 +173,8 @@ class TimeLoop:
             row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:
             row |= run.steadiness.column(step)
+        if run.grain is not None:
+            row |= run.grain.energies()
         for one in known.quantities(run.plan):
             if one.at_steps and one.measure is not None:
                 row[one.column] = one.measure(run)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Floats, percentile
 from ..contact.batch import Batch, Cases, judge_many
-from ..contact.friction import Law
+from ..contact.friction import FrictionCone, Law
 from .deposition import DOWN
 from .emulator import Emulator
 from .full_runs import CREEPING, SHIELDS_RANGE, LoadCoefficients
@@ -150,4 +150,4 @@ def _judged(grain: Pocket, loads: Floats, law: Law, with_mode: bool = False) -> 
     surface = 0.5 * grain.contacts.normals, grain.contacts.normals
     acting = loads[:, :3], loads[:, 3:], SUBMERGED_WEIGHT * DOWN, np.zeros(3)
     inert = (SUBMERGED_WEIGHT, 0.1 * SUBMERGED_WEIGHT * np.eye(3)) if with_mode else ()
-    return judge_many(Cases(*surface, *acting, law, *inert)).complete()
+    return judge_many(Cases(*surface, *acting, FrictionCone.of(law), *inert)).complete()

@@ -71,7 +71,7 @@ course = ["0", "0", "sin(2*t)"]
 end = 4.0
 step = 0.05
 [numerics]
-accuracy_of = "couple"
+accuracy_of = "torque"
 error_bars = false
 [output]
 fields = false
@@ -134,7 +134,7 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
 
 
 def test_couple() -> None:
-    result = run(on_bed(accuracy=0.001, accuracy_of="couple"))
+    result = run(on_bed(accuracy=0.001, accuracy_of="torque"))
     assert result.torque is not None and result.adaptation is not None and result.adaptation.met
     assert abs(result.torque.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
 

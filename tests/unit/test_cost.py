@@ -406,4 +406,4 @@ def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     coarse = next_mesh.first(made)
     assert coarse.numerics.mesh_size == pytest.approx(2.0**1.5)
     assert coarse.time.step == pytest.approx(0.08)
-    assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).counted.unknowns
+    assert first_mesh(made).unknowns < 0.7 * planned(scene(TIMED, QUIET)).estimate.unknowns

@@ -9,9 +9,8 @@ import pytest
 from incipient import load, make_plan
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
-from incipient.planning.effects import EffectName, accuracy_asked
+from incipient.planning.effects import OSEEN, EffectName, accuracy_asked
 from incipient.planning.flow_setup import Setup
-from incipient.planning.inertia import OSEEN
 from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Contact,

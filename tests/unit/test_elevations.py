@@ -162,8 +162,8 @@ def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
         ),
         (
             "accuracy = 0.01",
-            'accuracy = 0.01\naccuracy_of = "couple"',
-            'numerics.accuracy_of: "couple" needs a grain but there is none; add a section [body] or use',
+            'accuracy = 0.01\naccuracy_of = "torque"',
+            'numerics.accuracy_of: "torque" needs a grain but there is none; add a section [body] or use',
         ),
     ],
 )

@@ -237,17 +237,6 @@ def test_singular_solutions_stop_by_name() -> None:
         tight(lambda t, y: y * np.nan).init(0.0, [1.0])
 
 
-def test_wrong_arguments() -> None:
-    with pytest.raises(ValueError, match="tolerances"):
-        Tolerances(0.0, 0.0)
-    with pytest.raises(ValueError, match="finite"):
-        tight(oscillator).init(0.0, [np.inf, 0.0])
-    with pytest.raises(ValueError, match="components"):
-        tight(oscillator).init(0.0, [1.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match="components"):
-        Integrator(oscillator, Tolerances(0.0, np.ones(3))).init(0.0, [1.0, 0.0])
-
-
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
 def test_against_scipy(tolerance: float) -> None:
     """Near scipy's RK45, whose pair has smaller error constants, for a like number of evaluations.

@@ -15,6 +15,7 @@ from scenes import message
 from test_safety_factor import block, box, load, pocket
 
 from incipient.contact import Cases, Contacts, Load, conic, judge_many
+from incipient.contact.friction import FrictionCone
 from incipient.contact.kernels import Kernel
 from incipient.contact.problem import plain
 from incipient.contact.robustness import (
@@ -58,7 +59,8 @@ def random_cases(count: int, contacts: int, gdim: int, flat: bool = False) -> Ca
     normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
     weight = np.tile([0.1, 0.0, 0.0] - down, (count, 1))
     inertia = np.tile(np.diag([0.3, 0.4, 0.5]), (count, 1, 1))
-    rest = np.zeros((count, 3)), rng.uniform(0.2, 0.8, count), np.ones(count), inertia
+    law = FrictionCone(rng.uniform(0.2, 0.8, count))
+    rest = np.zeros((count, 3)), law, np.ones(count), inertia
     return Cases(points, normals, force, 0.3 * torque, weight, *rest)
 
 
@@ -68,7 +70,8 @@ def cases_of(points: Any, normals: Any, push: Any, weight: Any, friction: Any, i
     none, mass, inertia = np.zeros((count, 3)), *inert
     force = np.asarray(push)[:, None] * [1.0, 0.0, 0.0]
     table = np.tile(inertia, (count, 1, 1))
-    return Cases(points, normals, force, none, weight, none, friction, np.full(count, mass), table)
+    law = FrictionCone(np.asarray(friction))
+    return Cases(points, normals, force, none, weight, none, law, np.full(count, mass), table)
 
 
 class TestBatch:
@@ -118,7 +121,9 @@ class TestBatch:
         force = np.vstack([shares * acting.flow_force, np.outer([1.0, -0.5, -2.0], acting.weight)])
         torque = np.vstack([shares * acting.flow_couple, np.zeros((3, 3))])
         surface = contacts.points, contacts.normals
-        cases = Cases(*surface, force, torque, acting.weight, acting.centre, 0.4, *INERT)
+        cases = Cases(
+            *surface, force, torque, acting.weight, acting.centre, FrictionCone.of(0.4), *INERT
+        )
         batch = judge_many(cases).complete()
         for number in range(len(cases)):
             alone = judged(*cases.case(number))
@@ -180,11 +185,11 @@ class TestBatch:
 
     def test_wrong_loads_are_refused(self) -> None:
         good, none, surface = np.zeros((2, 3)), np.zeros(3), (BLOCK.points, BLOCK.normals)
-        wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, 0.5))
-        assert wrong == "cases: couple has shape (3, 3); give (2, 3)"
-        wrong = message(lambda: Cases(*surface, good, good, none, none, [0.5, 0.4, 0.3]))
-        assert wrong == "cases: law has shape (3,); give (2,)"
-        batch = judge_many(Cases(*surface, good + np.nan, good, none, none, 0.5))
+        law, laws = FrictionCone.of(0.5), FrictionCone(np.array([0.5, 0.4, 0.3]))
+        wrong = message(lambda: Cases(*surface, good, np.zeros((3, 3)), none, none, law))
+        assert wrong == "cases: couple does not fit 2 cases; give a row for each, or one for all"
+        assert "law does not fit" in message(lambda: Cases(*surface, good, good, none, none, laws))
+        batch = judge_many(Cases(*surface, good + np.nan, good, none, none, law))
         assert "give finite numbers" in message(batch.complete)
 
 
@@ -198,10 +203,12 @@ OTHERS = set("pydantic tomli_w trimesh rich matplotlib PIL numba clarabel mpi4py
 sys.meta_path.insert(0, Absent())
 import numpy as np
 from incipient.contact import Cases, Contacts, judge_many
+from incipient.contact.friction import FrictionCone
 contacts = Contacts(np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, -1.0]]))
 force = np.array([[0.25, 0.0, 0.0], [0.0, 0.0, 2.0]])
-surface = contacts.points, contacts.normals
-batch = judge_many(Cases(*surface, force, 0.0 * force, [0.0, 0.0, -1.0], np.zeros(3), 0.5, 1.0, np.eye(3)))
+acting = force, 0.0 * force, [0.0, 0.0, -1.0], np.zeros(3)
+law = FrictionCone.of(0.5)
+batch = judge_many(Cases(contacts.points, contacts.normals, *acting, law, 1.0, np.eye(3)))
 print(*(batch.labels[mode] for mode in batch.modes))
 """
 

@@ -387,12 +387,6 @@ class TestLocation:
         lifted = classify(load((0.3, 1.0), 0.2), APART, 0.5)
         assert (lifted.located_by, lifted.significant) == ("torque", (0,))
 
-    def test_either_can_be_asked_for(self):
-        found = classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="torque")
-        assert (found.located_by, found.significant) == ("torque", (0,))
-        with pytest.raises(SceneError, match="located_by"):
-            classify(load((0.3, -1.0), 0.2), APART, 0.5, located_by="chance")
-
 
 class TestFriction:
     def test_coulomb(self):

@@ -22,6 +22,7 @@ from incipient.scene import (
     Cylinder,
     Disc,
     Domain,
+    Effects,
     Ellipsoid,
     ExpressionFlow,
     Flat,
@@ -45,7 +46,6 @@ from incipient.scene import (
     Superquadric,
     Time,
 )
-from incipient.scene.effects import Effects
 from incipient.scene.file import dumps, load, loads, schema
 from incipient.scene.mass import mass_and_inertia
 from incipient.simulation.loads import weights

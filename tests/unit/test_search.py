@@ -175,18 +175,18 @@ def test_relative_errors() -> None:
     force, couple = loaded(2.0, -0.5)
     errors = np.array([0.03, 0.04, 0.0]), np.array([0.0, 0.0, 0.01])
     assert Goal.of(wanting()).error(force, couple, *errors) == pytest.approx(0.025)
-    assert Goal.of(wanting(accuracy_of="couple")).error(force, couple, *errors) == pytest.approx(
+    assert Goal.of(wanting(accuracy_of="torque")).error(force, couple, *errors) == pytest.approx(
         0.02
     )
     vanishing = loaded(2.0, 0.0)
     # 1% of force times diameter stands for a couple that is smaller.
-    assert Goal.of(wanting(accuracy_of="couple")).error(*vanishing, *errors) == pytest.approx(0.5)
+    assert Goal.of(wanting(accuracy_of="torque")).error(*vanishing, *errors) == pytest.approx(0.5)
 
 
 def test_goals_are_relative() -> None:
     force, couple = loaded(2.0, -0.5)
     assert np.allclose(Goal.of(wanting()).goals(force, couple), [[0.5, 0, 0], [0, 0.5, 0]])
-    assert np.allclose(Goal.of(wanting(accuracy_of="couple")).goals(force, couple), [[0, 0, 2.0]])
+    assert np.allclose(Goal.of(wanting(accuracy_of="torque")).goals(force, couple), [[0, 0, 2.0]])
 
 
 def test_slope_of_the_safety_factor() -> None:

@@ -257,7 +257,7 @@ def test_a_facet_that_a_cell_folds_over_does_not_stay_flat() -> None:
     assert abs(volume(mesh) - (60.0 * 30.0 * 30.0 - np.pi / 12.0)) < 2e-4
 
 
-def test_edges_that_stay_straight_are_told(
+def test_edges_that_do_not_follow_a_grain_are_told(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Cells six times as large as the radius of a box's edges leave no room to some of them."""
@@ -265,7 +265,10 @@ def test_edges_that_stay_straight_are_told(
     region, _ = grain_above(Box((0.8, 0.8, 0.6), 0.05), gap=0.1, half=1.5, symmetric=True)
     mesh = meshed(region, Sizes(1.0, (Near(0.3, 0.3, boundary="body"),)), 2)
     assert jacobian_lower_bound(cells(mesh)).min() > 0.0
-    assert "edges of cells stay straight" in caplog.text and "numerics.mesh_size" in caplog.text
+    assert (
+        "edges of cells do not follow a curved grain" in caplog.text
+        and "numerics.mesh_size" in caplog.text
+    )
 
 
 def test_any_unit_and_any_place() -> None:

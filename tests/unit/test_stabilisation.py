@@ -97,11 +97,9 @@ def test_a_reference_map_gives_what_the_moved_mesh_gives() -> None:
 
 def test_no_carrier_no_stabilisation() -> None:
     with fluid(False, inertia=False) as plain, fluid(True, inertia=False) as asked:
-        names = [
-            [type(term).__name__ for term in one._terms(ufl.split(one.state)[0])]
-            for one in (plain, asked)
-        ]
-        assert names[0] == names[1] and "GradDiv" not in names[1]
+        for one in (plain, asked):
+            one.state.x.array[:] = np.random.default_rng(1).random(len(one.state.x.array))
+        assert (plain.residual() == asked.residual()).all()
 
 
 # -- the decision -------------------------------------------------------------------------------

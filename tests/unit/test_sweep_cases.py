@@ -15,7 +15,7 @@ from incipient.cli import main
 from incipient.flumes.thresholds import soulsby_whitehouse
 from incipient.progress import telling
 from incipient.scene import Scene, example, load, loads
-from incipient.scene.key_units import unit_of
+from incipient.scene.section import unit_of
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
 from incipient.sweep.cases import Source, resolved
 from incipient.sweep.procedure import Means

@@ -148,15 +148,13 @@ def classify(
     load: Load,
     contacts: Contacts,
     law: Law,
-    located_by: Located | None = None,
     tolerance: float = TOLERANCE,
 ) -> Classification:
     """Decide by the paper's table of outcomes 1-7 whether and how a grain at rest begins to move.
 
-    `law`: of friction, whose coefficient is zeta. `located_by` chooses which minimum gives x* when
-    force and torque act together; None: that of the force (2) unless the force lifts everywhere, then that of
-    the torque (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |torque| / arm count
-    as zero, torques below that times the longest arm |x - c|.
+    `law`: of friction, whose coefficient is zeta. When force and torque act together x* is the minimum of the force
+    (2), or of the torque (7) where the force lifts everywhere. Forces below `tolerance` times the sum of |flow force|,
+    |weight| and |torque| / arm count as zero, torques below that times the longest arm |x - c|.
 
     Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
     normals point into the grain.
@@ -169,7 +167,7 @@ def classify(
     scales = force_scale * tolerance, force_scale * reach * tolerance  # what counts as zero
     criterion = _criterion(load, scales)
     minima = _minima(load, contacts, arms, scales, tolerance)
-    located = _located(criterion, minima, located_by)
+    located = _located(criterion, minima)
     at = minima.surface_2 if located == "force" else minima.surface_7
     answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["torque"]) > scales[1]
@@ -255,15 +253,10 @@ def _tangential_force(torque: Floats, arms: Floats) -> Floats:
     return np.asarray(cross(torque, arms) / (arms * arms).sum(axis=1, keepdims=True))
 
 
-def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Located:
+def _located(criterion: Criterion, minima: Minima) -> Located:
     """Which of the two minima is taken as x*."""
-    if criterion is Criterion.ROTATION_ONLY:
-        return "torque"
-    if criterion is not Criterion.SIMULTANEOUS:
-        return "force"
-    if wish not in (None, "force", "torque"):
-        raise SceneError(f"located_by {wish!r} is unknown; give 'force' or 'torque'")
-    return wish or ("force" if minima.sign_2 <= 0 else "torque")
+    lifts = criterion is Criterion.SIMULTANEOUS and minima.sign_2 > 0
+    return "torque" if lifts or criterion is Criterion.ROTATION_ONLY else "force"
 
 
 def _reaction_at(

@@ -228,17 +228,30 @@ class MovingSurface(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """Elevations now and before, and the places of the mesh."""
-        from .keeping import stored
+        from ...restart.checkpoint import StoredSurface
+        from ...restart.redistribution import numbered_nodes
 
         assert coupling is not None
-        return {"surface": stored(self.part, coupling)}
+        part, nodes = self.part, numbered_nodes(coupling.fluid.domain.mesh)
+        kept = StoredSurface(
+            made=nodes.joined(coupling.motion.reference),
+            elevations=nodes.joined(np.stack([part.mesh.on_nodes(x) for x in part.past], axis=1)),
+            times=np.array(part.times),
+            places=nodes.joined(np.stack(coupling.places, axis=1)),
+        )
+        return {"surface": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take elevations and places of the mesh from a checkpoint."""
-        from .keeping import restore
+        from ...restart.redistribution import spread_nodes
 
         assert kept.surface is not None and coupling is not None
-        restore(self.part, kept.surface, coupling)
+        part, mesh = self.part, coupling.fluid.domain.mesh
+        elevations = spread_nodes(mesh, kept.surface.elevations).T.copy()
+        part.past = [part.mesh.from_nodes(one) for one in elevations]
+        part.times = kept.surface.times.tolist()
+        part.restore()
+        coupling.places = list(np.moveaxis(spread_nodes(mesh, kept.surface.places), 1, 0).copy())
 
 
 class _Stations:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...arrays import Floats
+from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
 from ...coupled.coupling import Coupling, InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
-from ...coupled.rigid import RigidPart
+from ...coupled.rigid import End, RigidPart
 from ...coupled.tractions import TractionProbe
 from ...fluid import Fluid
 from ...fluid.transient import TimeStep, Transient
@@ -167,14 +168,13 @@ class MovingGrain(RunPart):
             **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "torque"),
             **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
-            **self._energies(),
         }
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
         """What a grain that moves on its bed adds."""
         return {}
 
-    def _energies(self) -> dict[str, float]:
+    def energies(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
         with self._stage("tractions"):
             kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
@@ -256,21 +256,46 @@ class MovingGrain(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """The grain, its coupling to the fluid and its mesh."""
-        from .keeping import stored
+        from ...restart.checkpoint import StoredBody
+        from ...restart.redistribution import numbered_nodes
 
         assert coupling is not None
-        return {
-            "body": stored(
-                self.part, self.remeshings, self.interface_iterations, coupling, transient
-            )
-        }
+        part, mean = self.part, self.part.mean_load
+        nodes = numbered_nodes(coupling.fluid.domain.mesh)
+        kept = StoredBody(
+            made=nodes.joined(coupling.motion.reference),
+            weights=nodes.joined(part.mesh.weights),
+            made_for=BodyState.at(part.mesh.placement).packed(),
+            states=np.array([one.packed() for one in part.past]),
+            times=np.array([one.time for one in part.past]),
+            places=nodes.joined(np.stack(coupling.places, axis=1)),
+            mean_load=mean.previous,
+            mean_load_order=mean.order,
+            mean_load_step=mean.last_step,
+            load=part.end.load,
+            flow_load=part.end.flow_load,
+            length=part.end.length,
+            velocities=np.array([x.velocities for x in transient.past]).reshape(-1, part.body.size),
+            met=coupling.met,
+            remeshings=[asdict(one) for one in self.remeshings],
+            interface_iterations=np.array(self.interface_iterations),
+        )
+        return {"body": kept}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take state and past from a checkpoint; the part is one made for its mesh."""
-        from .keeping import restore
+        from ...restart.redistribution import spread_nodes
 
         assert kept.body is not None and coupling is not None
-        restore(self.part, kept.body, coupling)
+        part, body, mesh = self.part, kept.body, coupling.fluid.domain.mesh
+        part.mesh.weights[:] = spread_nodes(mesh, body.weights)
+        coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
+        part.past = [
+            BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)
+        ]
+        part.state, part.met = part.past[0], body.met
+        part.end = End(part.state, body.load, body.flow_load, body.length)
+        part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
         self._restore_contacts(kept.body.on_bed)
         self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import basix
 import numpy as np
 import ufl
 from petsc4py import PETSc
@@ -14,6 +15,7 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
+from ...mesh.cells import CELLS
 from .equations import Equations
 from .options import algebraic, defaults, preconditioner
 
@@ -22,17 +24,11 @@ if TYPE_CHECKING:
 
 PREFIX = "fluid_pressure_"
 POISSON = "fluid_pressure_poisson_"
-# Bounds of the eigenvalues of the mass matrix over its diagonal, those of the element matrices on straight cells
-# (Wathen 1987), by the dimension and the order of the pressure.
-BOUNDS = {
-    (2, 1): (0.5, 2.0),
-    (2, 2): (0.39, 2.06),
-    (2, 3): (0.35, 1.96),
-    (2, 4): (0.37, 2.08),
-    (3, 1): (0.5, 2.5),
-    (3, 2): (0.25, 4.35),
-    (3, 3): (0.25, 3.25),
-    (3, 4): (0.18, 3.92),
+CHEBYSHEV = {
+    "ksp_type": "chebyshev",
+    "ksp_norm_type": "none",
+    "ksp_max_it": 4,
+    "pc_type": "jacobi",
 }
 
 
@@ -52,12 +48,8 @@ class PressureMass:
         self._right, self._left = self._mass.createVecs()
         self._solver = PETSc.KSP().create(self._mass.comm)
         self._solver.setOptionsPrefix(PREFIX)
-        self._solver.setType("chebyshev")
-        self._solver.setNormType(PETSc.KSP.NormType.NONE)
-        self._solver.setTolerances(max_it=4)
-        self._solver.getPC().setType("jacobi")
-        low, high = BOUNDS[space.gdim, space.order - 1]
-        with defaults(PREFIX, {"ksp_chebyshev_eigenvalues": f"{low},{high}"}):
+        low, high = _bounds(space.pressure, space.order - 1)
+        with defaults(PREFIX, CHEBYSHEV | {"ksp_chebyshev_eigenvalues": f"{low},{high}"}):
             self._solver.setFromOptions()
 
     def assemble(self, blocks: Blocks | None = None) -> None:
@@ -177,6 +169,16 @@ def schur_complement(equations: Equations) -> Schur:
     if equations.carrier is not None:
         return LeastSquaresCommutator(equations)
     return PressureMass(equations)
+
+
+def _bounds(space: Any, order: int) -> tuple[float, float]:
+    """Bounds of the eigenvalues of the mass matrix over its diagonal: those of a straight cell's (Wathen 1987)."""
+    points, weights = basix.make_quadrature(CELLS[space.mesh.geometry.dim], 2 * order)
+    values = compat.tabulate(space, points)
+    mass = (values.T * weights) @ values
+    scale = np.sqrt(mass.diagonal())
+    found = np.linalg.eigvalsh(mass / np.outer(scale, scale))
+    return float(found[0]), float(found[-1])
 
 
 class _Poisson:

@@ -98,13 +98,10 @@ class TwoLevel(LinearSolver):
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
         if self._scale is None:
             self.prepare()
-        held, right = self._held, b.array_r.copy()
-        found = np.where(
-            held, right, 0.0
-        )  # where conditions hold the equations are those of the identity
-        residual = self._without_level(np.where(held, 0.0, right))
-        found += self._without_level(self._reduced(residual, rtol, transposed))
-        x.setArray(found)
+        right = b.array_r.copy()
+        found = self._free(self._reduced(self._free(right), rtol, transposed))
+        # Where conditions hold the equations are those of the identity.
+        x.setArray(np.where(self._held, right, found))
         self.statistics.solves += 1
 
     def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
@@ -118,7 +115,7 @@ class TwoLevel(LinearSolver):
             is_last = step % (smoothing + 1) == smoothing
             z = (self._coarsely_solved if is_last else self._smoothed)(residual, transposed)
             z = np.where(self._held, 0.0, z)
-            q = self._without_level(np.where(self._held, 0.0, self._times(z, transposed)))
+            q = self._free(self._times(z, transposed))
             for past, product in directions:
                 along = self._inner(q, product)
                 z -= along * past
@@ -168,8 +165,9 @@ class TwoLevel(LinearSolver):
     def _size(self, residual: np.ndarray) -> float:
         return float(np.sqrt(self._inner(residual, residual)))
 
-    def _without_level(self, values: np.ndarray) -> np.ndarray:
-        """The vector less its part along the constant pressures, where these are not known."""
+    def _free(self, values: np.ndarray) -> np.ndarray:
+        """The vector, zero where conditions hold, less its part along constant pressures where these are not known."""
+        values = np.where(self._held, 0.0, values)
         if self._constant is None:
             return values
         return values - self._comm.allreduce(float(self._constant @ values)) * self._constant

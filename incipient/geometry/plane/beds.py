@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Spline, increasing_roots, plain
+from incipient.geometry.plane.curves import (
+    Arc,
+    Curve,
+    Line,
+    Spline,
+    increasing_roots,
+    nearest_on_sides,
+    plain,
+)
 
 ACROSS = 89  # samples of the squared distance among which the nearest point of a wave is bracketed
 LINES_PER_RADIUS, FEWEST_LINES, MOST_LINES = 300, 60, 6000  # of a stretch that bends
@@ -433,13 +441,9 @@ class Polyline(Bed):
         ends = [min(x0, v[0, 0]) - reach, v[0, 1]], [max(x1, v[-1, 0]) + reach, v[-1, 1]]
         v = np.vstack([ends[0], v, ends[1]])
         vertices = v[max(np.searchsorted(v[:, 0], x0) - 1, 0) : np.searchsorted(v[:, 0], x1) + 1]
-        side = np.diff(vertices, axis=0)
-        s = ((points[:, None] - vertices[:-1]) * side).sum(axis=2) / (side * side).sum(axis=1)
-        s = np.clip(s, 0.0, 1.0)[..., None]
+        k, s = nearest_on_sides(points, vertices[:-1], np.diff(vertices, axis=0))
         # Weighted ends: a foot at an end of a line is that end exactly.
-        feet = (1.0 - s) * vertices[:-1] + s * vertices[1:]
-        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
-        return np.asarray(feet[np.arange(len(points)), best])
+        return (1.0 - s)[:, None] * vertices[k] + s[:, None] * vertices[k + 1]
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One line from point to point, cut at x0 and x1."""

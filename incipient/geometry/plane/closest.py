@@ -10,13 +10,13 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, planar_cross, quarter_turned, spatial
+from incipient.arrays import Floats, planar_cross, quarter_turned, spatial, unit
 from incipient.errors import SceneError
 from incipient.geometry.contacts import ClosestPoints, Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.beds import Bed
 from incipient.geometry.plane.curves import Arc, Curve, Line, increasing_roots
-from incipient.geometry.plane.grains import Grain
+from incipient.geometry.plane.grains import NODES, Grain
 from incipient.geometry.proximity import Proximity
 
 PER_FEATURE = (
@@ -30,6 +30,8 @@ ON_CORNER = (
 )
 LEVEL = 1e-13  # of the grain's size: distances that differ by less are those of a flat contact
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
+# Where between two corners of the bed a side must lie on it: both ends and Gauss's points, which no wave hits alone
+BETWEEN = np.array([0.0, *(0.5 + 0.5 * NODES), 1.0])
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
@@ -293,23 +295,21 @@ class PlanarProximity(Proximity):
         return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
     def _patches(self, placement: Placement, tolerance: float) -> list[Patch]:
-        """All straight sides, or parts of them, that lie on straight pieces of the bed."""
+        """All straight sides, or parts of them, that lie on the bed: at their ends and at Gauss's points between."""
         chain, patches = self.grain.chain, list[Patch]()
-        ends = placement.to_scene(chain.starts)
-        low = np.minimum(ends, np.roll(ends, -1, axis=0))[:, 1] - self.bed.crest
-        near = np.flatnonzero(chain.straight & (low <= tolerance))
-        sides = [
-            side
-            for side in (chain.curves[k].moved(placement) for k in near)
-            if isinstance(side, Line)
-        ]
-        x0 = max(placement.centre[0] - self.size, self.bed.extent[0])
-        x1 = min(placement.centre[0] + self.size, self.bed.extent[1])
-        pieces = self.bed.curves(x0, x1) if sides and x0 < x1 else ()
-        for side in sides:
-            for piece in pieces:
-                patch = _patch(side, piece, tolerance) if isinstance(piece, Line) else None
-                patches = _joined(patches, patch, tolerance) if patch is not None else patches
+        starts = placement.to_scene(chain.starts)
+        sides = np.roll(starts, -1, axis=0) - starts
+        low = starts[:, 1] + np.minimum(sides[:, 1], 0.0) - self.bed.crest
+        # Counter-clockwise, the lower sides run from left to right.
+        for k in np.flatnonzero(chain.straight & (low <= tolerance) & (sides[:, 0] > 0.0)):
+            start, side = starts[k], sides[k]
+            corners = self.bed.corners(start[0], start[0] + side[0])
+            t = np.unique([0.0, *np.clip((corners - start[0]) / side[0], 0.0, 1.0), 1.0])
+            t = t[:-1, None] + np.diff(t)[:, None] * BETWEEN
+            points = start + t[..., None] * side
+            away = self.bed.distance(points.reshape(-1, 2)).reshape(t.shape)
+            for ends in points[(np.abs(away) <= tolerance).all(axis=1)][:, [0, -1]]:
+                patches = _joined(patches, (ends, -quarter_turned(unit(side))), tolerance)
         return patches
 
 
@@ -340,29 +340,12 @@ def _covers(patch: Patch, point: Floats, normal: Floats, tolerance: float) -> bo
 
 
 def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
-    """The patches with one more, grown together with the last if it continues that one straight on."""
-    if patches and np.abs(patches[-1][1] - patch[1]).max() <= SAME_DIRECTION:
-        ends = np.vstack([patches[-1][0], patch[0]])
-        apart = np.linalg.norm(ends[:2, None] - ends[None, 2:], axis=2)
-        if apart.min() <= tolerance:
-            i, j = np.unravel_index(np.argmax(apart), apart.shape)
-            return [*patches[:-1], (ends[[i, 2 + j]], patch[1])]
+    """The patches with one more, if it is long enough, grown together with the last if it continues that one."""
+    (start, end), outward = patch
+    if np.linalg.norm(end - start) <= tolerance:
+        return patches
+    if patches and np.abs(patches[-1][1] - outward).max() <= SAME_DIRECTION:
+        first, last = patches[-1][0]
+        if np.linalg.norm(start - last) <= tolerance:
+            return [*patches[:-1], (np.array([first, end]), outward)]
     return [*patches, patch]
-
-
-def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
-    """The part of a grain's side above a piece of bed, if all of that part is within the tolerance."""
-    x = side.start[0], side.end[0]
-    if max(x) < piece.start[0] - tolerance or min(x) > piece.end[0] + tolerance:
-        return None
-    along, outward = piece.tangent([0.0])[0], -quarter_turned(side.tangent([0.0])[0])
-    upward = quarter_turned(along)
-    if outward @ upward > -0.5:
-        return None
-    at = (np.array([side.start, side.end]) - np.asarray(piece.start)) @ along
-    low, high = max(at.min(), 0.0), min(at.max(), piece.length)
-    if high - low <= max(tolerance, 1e-9 * side.length):
-        return None
-    ends = side.point((np.array([low, high]) - at[0]) / (at[1] - at[0]))
-    flat = np.abs((ends - np.asarray(piece.start)) @ upward).max() <= tolerance
-    return (ends, outward) if flat else None

@@ -241,5 +241,13 @@ def increasing_roots(
     return np.where(open_, best, ends)
 
 
+def nearest_on_sides(x: Floats, starts: Floats, sides: Floats) -> tuple[np.ndarray, Floats]:
+    """Numbers (n,) of the sides (m, 2) from starts (m, 2) nearest to points (n, 2), and the parameters (n,) there."""
+    away = x[:, None] - starts
+    s = np.clip((away * sides).sum(axis=2) / (sides * sides).sum(axis=1), 0.0, 1.0)
+    k = ((away - s[..., None] * sides) ** 2).sum(axis=2).argmin(axis=1)
+    return k, s[np.arange(len(x)), k]
+
+
 def _column(s: ArrayLike) -> Floats:
     return np.atleast_1d(np.asarray(s, dtype=float))[:, None]

@@ -23,6 +23,7 @@ from incipient.geometry.plane.curves import (
     Spline,
     Traced,
     increasing_roots,
+    nearest_on_sides,
     plain,
 )
 from incipient.geometry.shape import (
@@ -117,7 +118,8 @@ class Chain:
         curve, s = self.samples(steps)
         vertices = self.point(curve, s)
         parts = np.array_split(x, 1 + len(x) * len(s) // TABLE)
-        k = np.concatenate([_nearest_side(part, vertices) for part in parts])
+        sides = np.roll(vertices, -1, axis=0) - vertices
+        k = np.concatenate([nearest_on_sides(part, vertices, sides)[0] for part in parts])
         curve, s, step = curve[k], s[k], 1.0 / steps[curve[k]]
         low, high = np.maximum(s - 0.5 * step, 0.0), np.minimum(s + 1.5 * step, 1.0)
 
@@ -125,13 +127,6 @@ class Chain:
             return np.asarray(((self.point(curve, s) - x) * self.derivative(curve, s)).sum(axis=1))
 
         return curve, increasing_roots(approach, low, high)
-
-
-def _nearest_side(x: Floats, corners: Floats) -> np.ndarray:
-    """The numbers (n,) of the sides of a polygon (m, 2) nearest to points (n, 2)."""
-    side, away = np.roll(corners, -1, axis=0) - corners, x[:, None] - corners
-    s = np.clip((away * side).sum(axis=2) / (side * side).sum(axis=1), 0.0, 1.0)
-    return np.asarray(((away - s[..., None] * side) ** 2).sum(axis=2).argmin(axis=1))
 
 
 class Grain(Shape):
@@ -150,6 +145,10 @@ class Grain(Shape):
 
     def drawn(self) -> tuple[Curve, ...]:
         """The outline as a mesh is made of it."""
+        return self._drawn
+
+    @cached_property
+    def _drawn(self) -> tuple[Curve, ...]:
         return self.chain.curves
 
     @cached_property
@@ -263,12 +262,9 @@ class Smooth(Grain):
         """Four quarters, exact."""
         return tuple(Traced(self, 0.5 * pi * k, 0.5 * pi) for k in range(4))
 
-    def drawn(self) -> tuple[Curve, ...]:
-        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
-        return self._drawn
-
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
+        """Splines through points of the quarters, cut in blunt corners so that no cell turns by more than TURN."""
         cuts = [0.5 * pi * k + self._cuts(0.5 * pi * k) for k in range(4)]
         if all(len(quarter) == 2 for quarter in cuts):
             # Ten times as dense at the ends, where splines have to guess their slope
@@ -437,12 +433,9 @@ class Polygon(Grain):
         corners = self.vertices
         return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
 
-    def drawn(self) -> tuple[Curve, ...]:
-        """The outline as a mesh is made of it: short sides in a row are one smooth curve through their vertices."""
-        return self._drawn
-
     @cached_property
     def _drawn(self) -> tuple[Curve, ...]:
+        """Short sides in a row are one smooth curve through their vertices."""
         corners, short = self.chain.starts, self.chain.lengths < SHORT * self.size
         turns = _turns(corners, self.chain.lengths, self.size)
         knots = np.union1d(np.flatnonzero(~(short & np.roll(short, 1))), turns).astype(int)
@@ -527,13 +520,8 @@ def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Arcs:
-    """The exposed arcs (k,) of discs: which disc they belong to, from and to which angle, counter-clockwise."""
-
-    owner: np.ndarray
-    start: Floats
-    end: Floats
+# Which disc arcs (k,) belong to, from and to which angle, counter-clockwise
+Arcs = tuple[np.ndarray, Floats, Floats]
 
 
 def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
@@ -554,16 +542,17 @@ def exposed_arcs(centres: Floats, radii: Floats) -> Arcs:
             if last > first and (turn >= half).all():
                 result.append((i, first, last))
     owner, start, end = np.array(result, dtype=float).reshape(-1, 3).T
-    return Arcs(owner.astype(int), start, end)
+    return owner.astype(int), start, end
 
 
 def moments_of_arcs(arcs: Arcs, centres: Floats, radii: Floats) -> Moments:
     """The integrals over the union of discs from its exposed arcs, by Gauss's rule on sixteenths of each."""
     s, weights = ((np.arange(16)[:, None] + 0.5 + 0.5 * NODES) / 16.0).ravel(), np.tile(WEIGHTS, 16)
-    sweep, r = (arcs.end - arcs.start)[:, None, None], radii[arcs.owner, None, None]
-    angle = arcs.start[:, None] + sweep[..., 0] * s
+    owner, start, end = arcs
+    sweep, r = (end - start)[:, None, None], radii[owner, None, None]
+    angle = start[:, None] + sweep[..., 0] * s
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    points = centres[arcs.owner, None] + r * outward
+    points = centres[owner, None] + r * outward
     normals = r * sweep * outward * weights[:, None] / 32.0
     return Moments.swept(points.reshape(-1, 2), normals.reshape(-1, 2))
 
@@ -583,7 +572,7 @@ class Discs(Balls, Grain):
     ) -> None:
         points, sizes = checked_balls(centres, radii, 2)
         arcs = exposed_arcs(points, sizes)
-        require_exposed(arcs.owner, len(sizes), "disc")
+        require_exposed(arcs[0], len(sizes), "disc")
         points = points - moments_of_arcs(arcs, points, sizes).centroid
         object.__setattr__(self, "centres", tuple((float(x), float(y)) for x, y in points))
         object.__setattr__(self, "radii", tuple(float(r) for r in sizes))
@@ -592,7 +581,7 @@ class Discs(Balls, Grain):
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""
         (centres, radii), curves = self.tables, list[Curve]()
-        arcs = exposed_arcs(centres, radii)
+        owner, first, last = exposed_arcs(centres, radii)
 
         def at(angle: Floats, owner: np.ndarray) -> Floats:
             """Points (n, 2) at angles (n,) on the circles of owners (n,)."""
@@ -600,17 +589,17 @@ class Discs(Balls, Grain):
                 [np.cos(angle), np.sin(angle)]
             )
 
-        starts, ends = at(arcs.start, arcs.owner), at(arcs.end, arcs.owner)
+        starts, ends = at(first, owner), at(last, owner)
         following = np.argmin(np.linalg.norm(ends[:, None] - starts, axis=2), axis=1).tolist()
         # From the arc that reaches farthest to the right
-        rightmost, left = arcs.owner == np.argmax(centres[:, 0] + radii), {*following}
-        k = int(np.argmax(np.where(rightmost, arcs.end, -1.0)))
+        rightmost, left = owner == np.argmax(centres[:, 0] + radii), {*following}
+        k = int(np.argmax(np.where(rightmost, last, -1.0)))
         while k in left:
             left.remove(k)
-            pieces = max(int(np.ceil((arcs.end[k] - arcs.start[k]) / (0.5 * pi) - 1e-9)), 1)
-            inner = at(np.linspace(arcs.start[k], arcs.end[k], pieces + 1)[1:-1], arcs.owner[[k]])
+            pieces = max(int(np.ceil((last[k] - first[k]) / (0.5 * pi) - 1e-9)), 1)
+            inner = at(np.linspace(first[k], last[k], pieces + 1)[1:-1], owner[[k]])
             stations = [plain(x) for x in (starts[k], *inner, starts[following[k]])]
-            centre, k = plain(centres[arcs.owner[k]]), following[k]
+            centre, k = plain(centres[owner[k]]), following[k]
             curves += [Arc(a, centre, b) for a, b in pairwise(stations)]
         if left:
             raise SceneError("the discs enclose a hole; fill it with a disc")

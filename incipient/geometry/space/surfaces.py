@@ -274,11 +274,11 @@ class Triangles:
 
     @cached_property
     def _centroids(self) -> "cKDTree":
-        return _tree(self.corners.mean(axis=1))
+        return tree(self.corners.mean(axis=1))
 
     @cached_property
     def _corners(self) -> "cKDTree":
-        return _tree(self.corners.reshape(-1, 3))
+        return tree(self.corners.reshape(-1, 3))
 
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
         """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
@@ -311,15 +311,16 @@ class Triangles:
         return (block for block in np.array_split(points, 1 + pairs // BLOCK) if len(block))
 
 
-def _tree(points: Floats) -> "cKDTree":
+def tree(points: Floats) -> "cKDTree":
+    """The spatial index of points (n, d)."""
     from scipy.spatial import cKDTree  # which takes time to import
 
     return cKDTree(points)
 
 
-def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of points (n, d) and indices of a tree's points (k,) each that are within distances (n,)."""
-    result = tree.query_ball_point(points, within)
+def _matches(index: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of points (n, d) and numbers of indexed points (k,) each that are within distances (n,)."""
+    result = index.query_ball_point(points, within)
     counts = np.fromiter(map(len, result), int, len(result))
     indices = np.fromiter(chain.from_iterable(result), int, counts.sum())
     return np.repeat(np.arange(len(points)), counts), indices
@@ -350,32 +351,6 @@ def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
     return np.asarray(best)
 
 
-class NearestOf:
-    """Which of some points (m, 3) is nearest."""
-
-    def __init__(self, points: Floats):
-        self.tree = _tree(points)
-
-    def __call__(self, x: Floats) -> tuple[Floats, np.ndarray]:
-        """The distances (n,) of points (n, 3) from the nearest one, and its numbers (n,)."""
-        distance, number = self.tree.query(x)
-        return distance, number
-
-    def distances(self, x: Floats, count: int, radii: Floats) -> Floats:
-        """The distances (count, n) of points (n, 3) from balls of radii (m,) about the `count` nearest points.
-
-        Infinite where there are fewer.
-        """
-        away, which = self.tree.query(x, [*range(1, 1 + count)])
-        return np.asarray((away - np.append(radii, 0.0)[which]).T)
-
-    def most_within(self, reach: float) -> int:
-        """How many of the points lie within a distance of any one of them, itself included; at least 1."""
-        if not self.tree.n:
-            return 1
-        return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
-
-
 def grouped(owner: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     """The values (k,) of each of `count` owners (k,) in a row, shorter rows filled up with their last value."""
     values = values[np.argsort(owner, kind="stable")]
@@ -389,13 +364,13 @@ class Cloud:
 
     def __init__(self, surface: Surface):
         self.corners, self.spacing = surface.corners, surface.spacing
-        self.vertices = NearestOf(surface.points)
+        self.vertices = tree(surface.points)
         flat = surface.triangles.ravel()
         self.around = grouped(flat, np.arange(len(flat)) // 3, len(surface.points))
 
     def distance(self, x: Floats) -> Floats:
         """The distances (n,) of points (n, 3)."""
-        distance, nearest = self.vertices(x)
+        distance, nearest = self.vertices.query(x)
         near = np.flatnonzero(distance < CLOSE * self.spacing)
         feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
         distance[near] = np.minimum(
