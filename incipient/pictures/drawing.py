@@ -22,7 +22,7 @@ from ..arrays import quarter_turned, unit
 from ..geometry.space.beds import Terrain
 from .judged import DrawnMotion, Judged
 from .outlines import hull
-from .section import pyvista_off_screen
+from .plane import pyvista_off_screen
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 
 _TURNED, _RAISED = np.radians(

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..arrays import planar_cross, quarter_turned
-from .cells import pyvista_off_screen
 from .drawing import draw_grain, show_place
-from .flow import draw_solids
 from .mesh import directed, enclosed_area
+from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline
 
@@ -55,7 +54,7 @@ def _show_arrows(
     size = float(np.ptp(points, axis=0).max())
     show_place(axes, points, size, above=0.95)
     axes.set_aspect("equal")
-    draw_solids(run, axes, fluid_shown=False, grain_shown=False)
+    run.plane.draw_solids(axes, fluid="white", grain=False)
     draw_grain(axes, points if run.touching_grain is None else run.touching_grain)
     steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     evenly = np.arange(_ARROWS) * steps.sum() / _ARROWS

@@ -85,7 +85,7 @@ def of_run(run: StoredRun) -> Figure:
     figure, axes = sheet(*case.sentences, run.headline)
     explain(axes, _show(axes, case, shape))
     if not run.in_space:
-        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
     write_numbers(axes, [*groups, *judge_rows(case), *_flow_rows(run)])
     return figure
@@ -142,7 +142,7 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
     sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
     _, size = _place(axes, sight, shape, np.empty((0, 3)))
     if not run.in_space:
-        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
     draw_load(axes, sight, spatial(shape.placement.centre), size, forces, torque, largest)
     if listed:

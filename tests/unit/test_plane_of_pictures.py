@@ -9,14 +9,8 @@ import pytest
 from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
+from incipient.pictures.plane import PARTS, TETRAHEDRON, boundary_lines, grain_lines
 from incipient.pictures.record import StoredRun
-from incipient.pictures.section import (
-    PARTS,
-    TETRAHEDRON,
-    boundary_lines,
-    grain_lines,
-    section_of,
-)
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = (
@@ -71,11 +65,10 @@ def test_fields_stand_where_they_are_on_curved_cells() -> None:
         StoredStep(0.0, points, cells, fields),
         None,
     )
-    section = section_of(run, (0.0, 1.0, 0.0, 1.0), ["pressure", "velocity"], 50)
-    across = np.broadcast_to(section.x, section.inside.shape)
-    assert np.abs(section.fields["pressure"] - across)[section.inside].max() < 1e-6
-    assert not section.inside[section.z < 0.3][:, np.abs(section.x - 0.5) < 0.1].any()
-    assert section.inside[section.z > 0.6].all()
+    x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
+    found = run.plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
+    assert np.abs(found - x).max() < 1e-6
+    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
 
 
 def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
