@@ -122,7 +122,7 @@ class _Film:
     def __init__(self, directory: Path, field: Shown, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
         self.scene = read_scene(directory)
-        self.history = self.contacts = None
+        self.history = None
         first = self.run(0)
         self.size = Scene(**self.scene).grain.size if self.scene.get("body") else 1.0
         self.history = read_history(directory / "history.csv") if first.moves else None

@@ -184,8 +184,10 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
     with style.applied():
         try:
             figure = picture(stored)
-        except (KeyError, TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood ({error}); {again}") from error
+        except KeyError as error:
+            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
+        except (TypeError, ValueError) as error:
+            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
         style.save(figure, path)
     return [path]
 

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from ..arrays import planar_cross, quarter_turned
 from .drawing import draw_grain, show_place
-from .mesh import directed, enclosed_area
+from .mesh import curve, directed, enclosed_area
 from .plane import pyvista_off_screen
 from .record import StoredRun
 from .style import FLOW, INK, PULL, PUSH, headline
@@ -41,21 +41,27 @@ def _in_2d(run: StoredRun) -> Figure:
     figure = Figure(figsize=(9.4, 4.7), layout="constrained")
     headline(figure, f"{run.title}: traction of the fluid on the grain")
     left, right = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
-    _show_arrows(run, left, middles, tractions[edges[:, 2]], normals)
+    grain = curve(points, edges) if run.touching_grain is None else run.touching_grain
+    _show_arrows(run, left, grain, middles, tractions[edges[:, 2]], normals)
     centre = np.array(run.value("grain", "centre", middles.mean(axis=0))[:2], dtype=float)
     _show_components(right, middles - centre, tractions[edges[:, 2]], normals)
     return figure
 
 
 def _show_arrows(
-    run: StoredRun, axes: Axes, points: np.ndarray, tractions: np.ndarray, normals: np.ndarray
+    run: StoredRun,
+    axes: Axes,
+    grain: np.ndarray,
+    points: np.ndarray,
+    tractions: np.ndarray,
+    normals: np.ndarray,
 ) -> None:
     """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
     size = float(np.ptp(points, axis=0).max())
     show_place(axes, points, size, above=0.95)
     axes.set_aspect("equal")
     run.plane.draw_solids(axes, fluid="white", grain=False)
-    draw_grain(axes, points if run.touching_grain is None else run.touching_grain)
+    draw_grain(axes, grain)
     steps = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
     evenly = np.arange(_ARROWS) * steps.sum() / _ARROWS
     chosen = np.unique(np.minimum(np.searchsorted(np.cumsum(steps), evenly), len(points) - 1))

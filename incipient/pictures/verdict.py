@@ -20,7 +20,6 @@ from ..judging.case import Case
 from ..scene import Body, Scene, load
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
-from . import style
 from .drawing import (
     PLANE,
     Marks,
@@ -44,7 +43,7 @@ from .outlines import (
     sketched_outline,
     sketched_solid,
 )
-from .record import StoredRun, parsed_json
+from .record import StoredRun, drawn
 from .sheet import (
     Group,
     contact_rows,
@@ -172,25 +171,23 @@ def _flow_rows(run: StoredRun) -> list[Group]:
 
 
 def draw_judgement(directory: Path) -> list[Path]:
-    """Draw judgement.png from the judgement.json of a directory; raises OutputError. Not collective."""
+    """Draw judgement.png from the judgement.json of a directory; raises as `record.drawn`. Not collective."""
     source = directory / "judgement.json"
-    stored = parsed_json(source)
-    if "verdict" not in stored:
-        raise OutputError(f"{source}: holds no verdict; judge the case again")
+    return drawn(source, lambda stored: _judgement(stored, source), "judge the case again")
+
+
+def _judgement(stored: dict[str, Any], source: Path) -> Figure:
     case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
-    with style.applied():
-        chances = stored.get("probabilities")
-        more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
-        subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
-        figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-        explain(axes, _show(axes, case, shape))
-        if case.planar:
-            axes.set(xlabel="x", ylabel="y")
-        there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
-        write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
-        path = source.with_suffix(".png")
-        style.save(figure, path)
-    return [path]
+    chances = stored.get("probabilities")
+    more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
+    subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
+    figure, axes = sheet(case.sentences[0], " ".join(more), subject)
+    explain(axes, _show(axes, case, shape))
+    if case.planar:
+        axes.set(xlabel="x", ylabel="y")
+    there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
+    write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
+    return figure
 
 
 def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
@@ -222,23 +219,14 @@ def draw_threshold(directory: Path) -> list[Path]:
     Raises:
         OutputError: when one of them is missing or damaged, or the picture cannot be written.
     """
-    source, path = directory / "threshold.json", directory / "threshold.png"
-    stored, again = parsed_json(source), "find the threshold again"
-    scene_file = directory / "scene.toml"
+    source, scene_file = directory / "threshold.json", directory / "scene.toml"
+    again = "find the threshold again"
     if not scene_file.exists():
         raise OutputError(f"{scene_file}: no such file; {again}")
     scene = load(scene_file)
     if scene.grain is None or scene.bed_shape is None:
         raise OutputError(f"{scene_file}: has no grain on a bed; {again}")
-    with style.applied():
-        try:
-            figure = _threshold(stored, scene, source)
-        except KeyError as error:
-            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
-        except (TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
-        style.save(figure, path)
-    return [path]
+    return drawn(source, lambda stored: _threshold(stored, scene, source), again)
 
 
 def _threshold(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
