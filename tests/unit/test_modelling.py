@@ -10,9 +10,8 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse
+from incipient.accuracy.coarse_runs import KeptRuns, changed, coarse
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.kept_runs import KeptRuns
 from incipient.accuracy.modelling import remedies
 from incipient.accuracy.terms import of_domain, of_gap
 from incipient.errors import SceneError
