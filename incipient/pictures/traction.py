@@ -155,12 +155,8 @@ def _shown_surface(
     lengths = {"scale": "traction", "factor": 0.35 * extent / (norm.vmax or 1.0)}
     arrows = few.glyph(orient="traction", clamping=False, **lengths)
     plotter.add_mesh(arrows, color=FLOW, show_scalar_bar=False)
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    plotter.camera.parallel_projection = True
+    plotter.enable_parallel_projection()
     plotter.view_vector((along, -0.6, 0.35), viewup=(0.0, 0.0, 1.0))
-    plotter.camera.focal_point = centre
-    plotter.camera.parallel_scale = 0.85 * extent
-    plotter.reset_camera_clipping_range()
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     return image
