@@ -153,7 +153,8 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
     for name, direction in zip("xyz", 0.06 * (x1 - x0) * sight(np.eye(3)), strict=True):
         axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0, zorder=9)
-        axes.text(*(corner + 1.3 * direction), name, fontsize=8, ha="center", va="center")
+        x, y = corner + 1.3 * direction
+        axes.text(x, y, name, fontsize=8, ha="center", va="center")
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:

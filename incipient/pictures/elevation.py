@@ -54,7 +54,9 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
         away = KDTree(run.surface.points).query(sides.points)[0]
         chosen &= away[triangles].max(axis=1) > reach
     used, places = np.unique(triangles[chosen], return_inverse=True)
-    return np.asarray(sides.points)[used], places.reshape(-1, 3)
+    # Places in VTK are of single precision.
+    nodes = KDTree(run.fields.points).query(sides.points[used])[1]
+    return run.fields.points[nodes], places.reshape(-1, 3)
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:

@@ -114,7 +114,7 @@ def draw_streamlines(plane: Plane, axes: Axes, view: View, colour: str = "white"
     x, y, velocity = plane.velocities(view)
     if np.abs(velocity).max() > 0.0:
         looks: Looks = {"linewidth": 0.6, "arrowsize": 0.6, "density": 1.4, "zorder": 2}
-        axes.streamplot(x, y, *velocity, color=colour, **looks)
+        axes.streamplot(x, y, velocity[0], velocity[1], color=colour, **looks)
 
 
 def profiles(run: StoredRun) -> Figure:

@@ -37,6 +37,7 @@ from .drawing import (
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence
 from .outlines import (
+    Solid,
     bed_line,
     grain_outline,
     placed_surface,
@@ -95,34 +96,44 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
     load, contacts = case.load, case.contacts
     planar = case.planar and (shape is None or shape.placement.gdim == 2)
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
-    places, size = _place(axes, sight, shape or case, contacts.points)
-    if shape is None or shape.bed is None:
+    solid = _sketch(sight, case) if shape is None else _surface(sight, shape)
+    bed = None if shape is None else shape.bed
+    size = _place(axes, sight, solid, bed, contacts.points, known=shape is not None)
+    if bed is None:
         draw_pieces(axes, case, sight, size)
-    return draw_case(axes, case, sight, places, size)
+    return draw_case(axes, case, sight, solid[0], size)
+
+
+def _surface(sight: Sight, shape: Shape) -> Solid:
+    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles."""
+    if sight.planar:
+        return spatial(grain_outline(shape.grain, shape.placement)), np.empty((0, 3), dtype=int)
+    return placed_surface(shape.grain, shape.placement)
+
+
+def _sketch(sight: Sight, case: Judged) -> Solid:
+    """The same of a grain of which only the contacts are known."""
+    if sight.planar:
+        return spatial(sketched_outline(case)), np.empty((0, 3), dtype=int)
+    return sketched_solid(case)
 
 
 def _place(
-    axes: Axes, sight: Sight, shown: Shape | Judged, contacts: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Draw a grain, sketched by its contacts (n, 3) where its shape is not known, and its bed; its places and size."""
-    known, bed = isinstance(shown, Shape), getattr(shown, "bed", None)
-    if sight.planar:
-        outline = grain_outline(shown.grain, shown.placement) if known else sketched_outline(shown)
-        places, triangles = spatial(outline), np.empty((0, 3))
-    else:
-        solid = placed_surface(shown.grain, shown.placement) if known else sketched_solid(shown)
-        places, triangles = solid
+    axes: Axes, sight: Sight, solid: Solid, bed: Any, contacts: np.ndarray, known: bool = True
+) -> float:
+    """Draw a grain and its bed where they and contacts (n, 3) are seen; the grain's size."""
+    places, triangles = solid
     seen = np.vstack([places, contacts])
     size = float(np.ptp(seen if sight.planar else places, axis=0).max())
     x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if sight.planar else 0.3)
     if not sight.planar:
         render(axes, sight, places, triangles, bed)
         draw_directions(axes, sight)
-        return places, size
+        return size
     if bed is not None:
         draw_bed(axes, bed_line(bed, x0, x1))
     draw_grain(axes, sight(places), known)
-    return places, size
+    return size
 
 
 def _unjudged(run: StoredRun, shape: Shape) -> Figure:
@@ -139,7 +150,7 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
     )
     down = forces.get("weight", np.zeros(3))
     sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
-    _, size = _place(axes, sight, shape, np.empty((0, 3)))
+    size = _place(axes, sight, _surface(sight, shape), shape.bed, np.empty((0, 3)))
     if not run.in_space:
         draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
