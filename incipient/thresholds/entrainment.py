@@ -2,7 +2,7 @@
 
 The velocity at the grain is the mean times a random factor of mean one (`laws`). So the grain moves at instants at
 which the factor exceeds the critical strength of the scene's flow over that of the mean flow. The load is that of the
-steady flow of equal strength.
+steady flow of equal strength, and, where the flow's changes are known in time, that of their acceleration.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..scene.fluctuations import GIVEN, MODEL, NEAR_WALL, Gusts
+from .acceleration import CriticalStrength, load_of_growth
 from .critical import find_threshold
 from .lasting import RateOfLasting, WeakestGusts, rate_of_lasting, series_of
 from .laws import Events, Gaussian, Law, Measured
@@ -34,12 +35,15 @@ ON_CURVE, ENDS = 25, (1e-4, 0.99)  # strengths of a default curve, and probabili
 WEAKEST, STRONGEST = 1e-3, 1e3  # mean flows over the critical one: range of the search
 ENOUGH = 10.0  # mean flow over the critical one at the end of a curve
 FARTHEST = 1e6  # range of mean flows over the scene's, and its inverse
+# The critical strength has kinks where the mode changes: equal steps miss less of them than those of Hermite.
+NODES = np.linspace(-4.5, 4.5, 31)  # of the quadrature over the flow's growth, in deviations
+WEIGHTS = norm.pdf(NODES) / norm.pdf(NODES).sum()
 SOURCES = {
     NEAR_WALL: "by u'/u* near the wall (Zanke 2003)",
     MODEL: "by k of the model as it enters, u'^2 = 2k/3; measured ones near walls are up to 1.3 times that",
 }
 NO_ERRORS = "ranges of the rates of gusts that last hold no error of the weakest gusts, searched without error bars"
-ACCELERATION = "the load of the flow's acceleration is left out"
+ACCELERATION = "acceleration acts by added mass and pressure gradient, without viscosity; in rates it is left out"
 
 
 @dataclass(frozen=True)
@@ -186,13 +190,18 @@ def find_entrainment(
         raise SceneError(f"gusts: there is no threshold to exceed; {threshold.why_none()}")
     if weakest is not None:
         weakest.require_of(threshold.factor)
-    motion = Motion(gusts, flow, threshold, threshold.factor, weakest)
+    assert scene.contact is not None
+    growing, without = None, _without_growth(setup, gusts, threshold)
+    if not without:
+        growth = load_of_growth(setup, comm)
+        growing = CriticalStrength.of(threshold, growth, scene.contact.friction)
+    motion = Motion(gusts, flow, threshold, threshold.factor, growing, weakest)
     points = tuple(motion.quantile(probability) for probability in wanted)
     if not strengths:
         low, high = (motion.strength(motion.nearest(end)) for end in ENDS)
         strengths = np.geomspace(low, high, ON_CURVE).tolist()
     curve = tuple(motion.at(strength) for strength in strengths)
-    assumed = [*_assumed(gusts, law), ACCELERATION]
+    assumed = [*_assumed(gusts, law), without or ACCELERATION]
     if left_out := [one for one in PROBABILITIES if not probabilities and one not in wanted]:
         missing = ", ".join(f"{probability:g}" for probability in left_out)
         assumed.append(f"left out, since the data do not resolve them: probabilities {missing}")
@@ -201,6 +210,21 @@ def find_entrainment(
     assumed += [note for note in threshold.notes if note.startswith(DOUBTED)]
     own, title = motion.at(1.0), scene.title
     return Entrainment(title, threshold, gusts.law, own, points, curve, tuple(assumed))
+
+
+def _without_growth(setup: Setup, gusts: Gusts, threshold: Threshold) -> str:
+    """Why the load of the flow's growth is left out; empty where it is known."""
+    reasons = (
+        (gusts.law in GIVEN, "the data are taken as of slow changes"),
+        (gusts.microscale is None, "gusts.microscale is not given"),
+        (setup.is_averaged, "it is computed in laminar flow only"),
+        (
+            not math.isfinite(threshold.steepness or math.inf),
+            "the safety factor jumps at the threshold",
+        ),
+    )
+    why = next((reason for applies, reason in reasons if applies), "")
+    return why and f"the load of the flow's acceleration is left out: {why}"
 
 
 def _law_of(gusts: Gusts, flow: MeanFlow, strength: float) -> Law:
@@ -239,6 +263,7 @@ class Motion:
     """Motion of the grain in mean flows of any strength over the scene's.
 
     factor: critical strength, of the threshold or of an end of its error bar
+    growing: critical strengths of a flow that grows; None: growth is left out
     other: whether the law is the other one of equal intensity
     """
 
@@ -246,6 +271,7 @@ class Motion:
     flow: MeanFlow
     threshold: Threshold
     factor: float
+    growing: CriticalStrength | None = None
     weakest: WeakestGusts | None = None
     other: bool = False
 
@@ -315,9 +341,18 @@ class Motion:
 
     def probability(self, strength: float) -> float:
         """Probability of motion at an instant in a mean flow."""
-        return (
-            0.0 if math.isinf(self.factor) else self.law(strength).exceeded(self.factor / strength)
-        )
+        law, growing = self.law(strength), self.growing
+        if math.isinf(self.factor):
+            return 0.0
+        if growing is None or not isinstance(law, Gaussian) or law.microscale is None:
+            return law.exceeded(self.factor / strength)
+        # The rate of the Gaussian process is independent of it, of variance 2/lambda^2.
+        rate = law.growth(strength) * math.sqrt(2.0) / law.microscale
+        over = self.factor / self.threshold.factor / strength
+        exceeded = [
+            law.exceeded(over * growing.near(node * rate, law.lognormal)) for node in NODES.tolist()
+        ]
+        return float(WEIGHTS @ exceeded)
 
     def nearest(self, probability: float) -> float:
         """The nearest probability that the data can tell, and that a flow of at most `ENOUGH` has."""

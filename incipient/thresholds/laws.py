@@ -57,6 +57,13 @@ class Gaussian:
             return np.asarray(1.0 + self.intensity * standard)
         return np.asarray(np.exp(self._deviation * (standard - 0.5 * self._deviation)))
 
+    def growth(self, strength: float) -> float:
+        """How fast a flow of mean `strength` grows where the Gaussian process grows by one in unit time.
+
+        Relative to the flow's own strength at that instant for a lognormal factor, otherwise to the scene's.
+        """
+        return self._deviation if self.lognormal else strength * self.intensity
+
     def exceeded(self, level: float) -> float:
         """Probability that the factor is above a level at an instant."""
         return float(norm.sf(self.standard(level)))

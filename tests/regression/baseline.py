@@ -13,7 +13,6 @@
 - sphere_in_pocket, threshold_sphere: another mesh of its bed, 0.2% more unknowns; the safety factor changes by 1e-4
 - backward_facing_step: the flow separates at the face of the step, not at the edge of its corner eddy
 - survey: percentiles are values of the sample
-- entrainment: the load of the flow's acceleration is left out; mean flows are 0.7% stronger at most
 - sphere_on_plane: bars are a quarter wider: half of what order 3 changes, before 0.35 of it
 
 A result on the same mesh (as many cells and unknowns) must agree to

@@ -1,4 +1,4 @@
-"""Motion in a fluctuating flow: the flow at a grain, probabilities of motion and errors."""
+"""Motion in a fluctuating flow: the stream at a grain, its acceleration, probabilities of motion and errors."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ import pytest
 from mpi4py import MPI
 
 from incipient import make_plan
+from incipient.contact import Contacts, Load
+from incipient.contact.safety import safety_factor
 from incipient.errors import SceneError
 from incipient.planning.flow_setup import Setup
 from incipient.scene import load
 from incipient.scene.file import loads
+from incipient.thresholds.acceleration import CriticalStrength, load_of_growth
 from incipient.thresholds.entrainment import Entrainment, Motion, find_entrainment
 from incipient.thresholds.laws import Gaussian
 from incipient.thresholds.mean_flow import MeanFlow, near_wall
@@ -212,6 +215,79 @@ def test_the_plan_of_a_run_says_that_gusts_are_not_in_it() -> None:
     assert "[gusts]" not in make_plan(loads(POCKET[: POCKET.index("[gusts]")])).text()
 
 
+class TestAcceleration:
+    def growth(self, **changes: str) -> np.ndarray:
+        """Load of growth of a uniform flow of speed one over the volume of the disc or sphere."""
+        text = "\n".join(
+            (
+                f"[domain]\n{changes['domain']}",
+                '[fluid]\nreynolds = 10.0\nscale = "grain"\n[flow]\nkind = "uniform"',
+                f"[body]\ndiameter = 1.0\n{changes['body']}",
+                changes.get("bed", ""),
+            )
+        )
+        scene = loads(text)
+        assert scene.grain is not None
+        return load_of_growth(Setup(scene), MPI.COMM_WORLD) / scene.grain.volume
+
+    def test_disc_far_from_walls(self) -> None:
+        # Added mass is that of the fluid displaced (Lamb 1932, section 68): the whole is twice it.
+        found = self.growth(
+            domain="length = 30.0\nheight = 30.0", body='shape = "disc"\ncentre = [15.0, 15.0]'
+        )
+        assert found[0] == pytest.approx(2.0, rel=3e-3)
+        assert np.abs(found[1:]).max() < 1e-3
+
+    def test_disc_next_to_a_plane(self) -> None:
+        # By the images of a doublet in the disc and its mirror image, as Milne-Thomson (1968, section 8.81): each at
+        # 1/d from the centre, weaker by 1/d^2. At a gap of zero the whole is pi^2/3.
+        away, strength, expected = 2.0 * 1.0002, 1.0, 2.0
+        apart = away
+        while strength > 1e-14:
+            strength /= apart**2
+            expected += 2.0 * strength
+            apart = away - 1.0 / apart
+        found = self.growth(
+            domain="length = 60.0\nheight = 30.0",
+            body='shape = "disc"\nx = 30.0',
+            bed='[bed]\nkind = "flat"\n[contact]\nfriction = 0.5\ngap = 1e-4',
+        )
+        assert expected == pytest.approx(3.25044, abs=1e-5)
+        assert found[0] == pytest.approx(expected, rel=2e-3)
+
+    @pytest.mark.slow
+    def test_sphere_that_touches_a_plane(self) -> None:
+        # Added mass 0.621 along the plane (Milne-Thomson 1968, section 16.41, of two spheres that touch).
+        found = self.growth(
+            domain="length = 24.0\nwidth = 20.0\nheight = 12.0",
+            body='shape = "sphere"\nx = 12.0',
+            bed='[bed]\nkind = "flat"\n[contact]\nfriction = 0.5\ngap = 1e-3',
+        )
+        assert found[0] == pytest.approx(1.621, rel=5e-3)
+
+    def test_critical_strength_of_a_flow_that_grows(self) -> None:
+        # A push through the centre in a symmetric pocket: lost at a push F, be it of the flow or of its growth.
+        normals = np.array([[math.sin(one), -math.cos(one), 0.0] for one in (-0.5, 0.5)])
+        contacts = Contacts(0.5 * normals, normals)
+        weight = np.array([0.0, -1.0, 0.0])
+        push = np.array(
+            [
+                safety_factor(Load([1.0, 0, 0], [0, 0, 0], weight, [0, 0, 0]), contacts, 0.3).value,
+                0,
+                0,
+            ]
+        )
+        load = Load(push, [0, 0, 0], weight, [0, 0, 0])
+        growth = np.concatenate([0.4 * push, np.zeros(3)])
+        critical = CriticalStrength(2.0, load, 2.0, growth, contacts, 0.3)
+        assert critical.at(0.0, relative=False) == pytest.approx(2.0, rel=1e-6)
+        # (x/2)^2 + 0.4 = 1, and (x/2)^2 + 0.4 x = 1.
+        assert critical.at(1.0, relative=False) == pytest.approx(2.0 * math.sqrt(0.6), rel=1e-6)
+        assert critical.at(1.0, relative=True) == pytest.approx(
+            2.0 * (math.sqrt(1.16) - 0.4), rel=1e-6
+        )
+
+
 @pytest.fixture(scope="module")
 def found() -> Entrainment:
     return find_entrainment(Setup(loads(POCKET)), MPI.COMM_WORLD)
@@ -310,6 +386,16 @@ class TestEntrainment:
         )
         assert [one.probability for one in told.quantiles] == [0.001, 0.01, 0.05]
         assert told.assumed[-1] == "left out, since the data do not resolve them: probabilities 0.5"
+
+    def test_without_acceleration_slow_changes_are_the_limit(self, found: Entrainment) -> None:
+        # With a long microscale the load of acceleration vanishes.
+        scene = loads(POCKET + "microscale = 1000.0\n")
+        assert scene.gusts is not None and scene.contact is not None
+        growth = load_of_growth(Setup(scene), MPI.COMM_WORLD)
+        growing = CriticalStrength.of(found.threshold, growth, 0.6)
+        flow = MeanFlow(Setup(scene), scene.gusts)
+        motion = Motion(scene.gusts, flow, found.threshold, found.threshold.factor, growing)
+        assert motion.strength(0.01) == pytest.approx(found.quantiles[1].strength, rel=1e-4)
 
     def test_scenes_that_lack_something(self) -> None:
         text = POCKET[: POCKET.index("[gusts]")]

@@ -1,0 +1,94 @@
+"""The force of a flow that changes faster than viscosity acts: of the disturbance's potential, added mass among it.
+
+Where the base flow w changes at the rate of w in unit time, the fluid around bodies at rest gains w + grad(phi), with
+no flux through walls: n . grad(phi) = -n . w there. The pressure of the disturbance is -phi (fluid density one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import compat
+from ..arrays import Floats
+from ..compat import petsc
+from ..errors import ConvergenceError
+from ..mesh.domain import Domain
+
+ORDER = 2
+
+
+def load_of_disturbance(
+    domain: Domain,
+    velocity: Callable[[np.ndarray], np.ndarray],
+    walls: Sequence[str],
+    outlet: str,
+    centre: Sequence[float],
+) -> Floats:
+    """Force and torque (2, 3) on the boundary "body" by the disturbance of a base flow that grows. Collective.
+
+    Args:
+        velocity: of the base flow, (gdim, n) at places (3, n), that it gains in unit time.
+        walls: boundaries that nothing crosses, "body" among them. Others are taken as far from the disturbance.
+        outlet: the one of the others where its potential is zero.
+        centre: (gdim,) of the torque.
+    """
+    mesh, gdim = domain.mesh, domain.gdim
+    space = compat.space(mesh, ("Lagrange", ORDER))
+    base = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", ORDER), (gdim,)))
+    base.interpolate(velocity)
+    u, w, n = ufl.TrialFunction(space), ufl.TestFunction(space), ufl.FacetNormal(mesh)
+    stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
+    flux = compat.form(-ufl.inner(base, n) * w * domain.measure(*walls))
+    phi = dolfinx.fem.Function(space)
+    _solve(stiffness, flux, phi, compat.nodes_on(space, domain.facets_of(outlet)))
+    return _pushed(phi, n, domain, centre)
+
+
+def _pushed(phi: Any, n: Any, domain: Domain, centre: Sequence[float]) -> Floats:
+    """Force and torque (2, 3) of the pressure -phi on the body; n points into it."""
+    x = ufl.SpatialCoordinate(domain.mesh)
+    ds, arms = domain.measure("body"), x - ufl.as_vector([float(one) for one in centre])
+    if domain.gdim == 2:
+        couple = [0, 0, arms[0] * n[1] - arms[1] * n[0]]
+        pushes = [n[0], n[1], 0, *couple]
+    else:
+        pushes = [*n, *ufl.cross(arms, n)]
+    found = np.zeros(6)
+    for place, push in enumerate(pushes):
+        if not isinstance(push, int):
+            found[place] = dolfinx.fem.assemble_scalar(compat.form(-phi * push * ds))
+    domain.comm.Allreduce(MPI.IN_PLACE, found)
+    if domain.halved:
+        found = 2.0 * found * np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    return found.reshape(2, 3)
+
+
+def _solve(stiffness: Any, flux: Any, phi: Any, held: Any) -> None:
+    """Laplace's equation with a flux through walls and zero at the nodes held."""
+    conditions = [dolfinx.fem.dirichletbc(PETSc.ScalarType(0.0), held, phi.function_space)]
+    matrix = petsc.assemble_matrix(stiffness, conditions)
+    matrix.assemble()
+    right = petsc.assemble_vector(flux)
+    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    petsc.set_bc(right, conditions)
+    solver, solution = PETSc.KSP().create(phi.function_space.mesh.comm), matrix.createVecRight()
+    solver.setOperators(matrix)
+    solver.setType("cg")
+    solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
+    solver.setTolerances(rtol=1e-10, max_it=10_000)
+    solver.solve(right, solution)
+    if solver.getConvergedReason() <= 0:
+        raise ConvergenceError(
+            "the potential of a growing flow did not converge: use a smaller numerics.mesh_size"
+        )
+    phi.x.array[: solution.getLocalSize()] = solution.array_r
+    phi.x.scatter_forward()
+    for one in (matrix, right, solution, solver):
+        one.destroy()

@@ -1,0 +1,106 @@
+"""The load of a growing flow on a grain at rest, besides that of its strength: added mass, pressure gradient."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..arrays import Floats
+from ..contact import Contacts, Load
+from ..contact.safety import safety_factor
+from ..parallel import Comm
+from ..planning.driving_force import DisplacedFluid
+from ..planning.flow_setup import Setup
+from ..simulation.build import prepared
+from .outcome import Threshold
+
+FARTHEST = 20.0  # times the critical strength, or its inverse: end of the search
+LARGEST_LOGARITHM = 5.0  # of a safety factor in a root search
+APART = 1.03  # ratio of growths between which critical strengths are interpolated
+
+
+def load_of_growth(setup: Setup, comm: Comm) -> Floats:
+    """Force and torque (6,) on the grain where the scene's flow grows by itself in unit time. Collective.
+
+    The torque is about the centroid. The load is that of the pressure gradient on the displaced fluid, and of the
+    potential disturbance, before viscosity has acted.
+    """
+    from ..fluid.acceleration import load_of_disturbance
+
+    scene, base_flow = setup.scene, setup.base_flow
+    assert scene.grain is not None
+    with prepared(scene, comm) as run:
+        placement = run.layout.placement
+        assert placement is not None
+        bottom, outlet = setup.sides.around[:2]
+        walls = ["body", *([bottom] if scene.bed is not None else [])]
+        disturbance = load_of_disturbance(
+            run.domain, lambda x: base_flow.velocity(x, 0.0), walls, outlet, placement.centre
+        )
+    return np.ravel(disturbance + DisplacedFluid(scene.grain, base_flow).load(placement))
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalStrength:
+    """The strength at which a grain begins to move in a flow that grows or fades.
+
+    Near the critical flow the load goes as a power of the strength.
+
+    factor, load, power: of the critical steady flow
+    of_growth: (6,) load where the strength grows by one in unit time
+    """
+
+    factor: float
+    load: Load
+    power: float
+    of_growth: Floats
+    contacts: Contacts
+    friction: float
+    _known: dict[tuple[float, bool], float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, threshold: Threshold, of_growth: Floats, friction: float) -> CriticalStrength:
+        """The critical strengths of a grain about its threshold."""
+        assert threshold.steepness is not None
+        steady = threshold.factor, threshold.load, threshold.steepness
+        return cls(*steady, of_growth, threshold.contacts, friction)
+
+    def near(self, growth: float, relative: bool) -> float:
+        """The critical strength as of `at`; for a growth that is not relative interpolated between neighbours.
+
+        Such a growth is another one in every mean flow.
+        """
+        if relative or not growth:
+            return self.at(growth, relative)
+        below = APART ** math.floor(math.log(abs(growth)) / math.log(APART))
+        ends = [below, APART * below]
+        known = [self.at(math.copysign(end, growth), False) for end in ends]
+        return float(np.interp(abs(growth), ends, known))
+
+    def at(self, growth: float, relative: bool) -> float:
+        """The critical strength in a flow that grows in unit time by `growth` times the scene's, or its own."""
+        key = (float(f"{growth:.8g}"), relative)
+        if key not in self._known:
+            self._known[key] = self._solved(*key)
+        return self._known[key]
+
+    def _solved(self, growth: float, relative: bool) -> float:
+        low, high = self.factor / FARTHEST, self.factor * FARTHEST
+        if self._logarithm(low, growth, relative) <= 0.0:
+            return low
+        if self._logarithm(high, growth, relative) >= 0.0:
+            return high
+        return float(brentq(self._logarithm, low, high, args=(growth, relative), xtol=1e-8 * low))
+
+    def _logarithm(self, strength: float, growth: float, relative: bool) -> float:
+        """Logarithm of the safety factor, within bounds."""
+        ratio = (strength / self.factor) ** self.power
+        added = growth * (strength if relative else 1.0) * self.of_growth
+        force, torque = ratio * self.load.flow_force, ratio * self.load.flow_couple
+        load = Load(force + added[:3], torque + added[3:], self.load.weight, self.load.centre)
+        value = safety_factor(load, self.contacts, self.friction).value
+        bound = math.exp(LARGEST_LOGARITHM)
+        return math.log(min(max(value, 1.0 / bound), bound))
