@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow regression test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration effects gusts shields turbulence scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow regression test-debian13 test-wheel lint types docs docs-commands gallery bench cost calibration certified effects gusts shields turbulence scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -73,6 +73,9 @@ cost: setup ## what accuracy costs, on the demos: docs/validation/cost.md
 
 calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/validation/performance.md
 	$(PYTHON) benchmarks/calibration.py $(ARGS)
+
+certified: setup ## what a certified error of the force costs, with and without corrections: docs/validation/performance.md
+	$(PYTHON) benchmarks/certified.py $(ARGS)
 
 effects: setup ## one scene with its effects switched on one after another: docs/validation/effects.md
 	$(PYTHON) benchmarks/effects.py

@@ -20,6 +20,8 @@ from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 # are, which waves in long steps would be damped in, as long as there are so many.
 MODEL_ORDER, MODEL_MESH, MODEL_MESH_IN_TIME = 2, 1.4, 2.0
 MODEL_STEP, MODEL_STEP_OF_WAVES, FEWEST_STEPS = 4.0, 2.0, 8
+# Where gap and domain are chosen to an accuracy below this, coarse runs in 2-D are in elements of this order.
+FINE_BELOW, FINE_ORDER = 0.005, 3
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over that of the scene; bound
 MODEL_ITERATION = 1e-6  # tolerance of iterations in time: differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
@@ -166,7 +168,10 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
 
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
-    numerics: dict[str, Any] = {"order": MODEL_ORDER, "geometry_order": None, "error_bars": False}
+    accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
+    fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < FINE_BELOW
+    order = FINE_ORDER if fine else MODEL_ORDER
+    numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
     if scene.time is None:
         numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)

@@ -1,21 +1,33 @@
-"""The errors of gap and domain, which no mesh reduces: what of the scene would make them small enough."""
+"""The errors of gap and domain, which no mesh makes smaller, in a search for an accuracy.
+
+With `numerics.accuracy_includes = "all"` gap and domain are changed until both errors are small compared with the
+accuracy; the mesh is sought after that. Otherwise they stay, and the result says what would make them small enough.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from ..errors import SceneError
-from ..results.errorbars import ErrorBars, Term
+from ..arrays import spatial
+from ..errors import IncipientError, SceneError
+from ..results.errorbars import ErrorBars, Loads, Term
+from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..scene.flows import Flow
-from .coarse_runs import changed, farther
-from .goal import Computed, Quantity, relative
+from ..simulation.loads import weights
+from .coarse_runs import Solve, changed, coarse, farther
+from .goal import Computed, LoadsOnMesh, Quantity, relative
 from .next_mesh import AIM
-from .terms import DECAY, has_no_far_sides
+from .terms import DECAY, SLOWEST_DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 
+SHARE = 0.5  # of the accuracy, for gap and domain together
+MOST_STEPS = 6
 SMALLEST_GAP = 1e-4  # of the grain's size
 CLOSEST, FARTHEST = 1 / 32, 3.0  # how much smaller a gap and larger a domain become at once
 # Keys that change gap and domain, by section.
@@ -25,6 +37,115 @@ KEYS = {
     "surface": ("sponge",),
 }
 LEAST = 1e-3  # to which fraction a term is sought to be lessened, at most
+
+
+@dataclass(frozen=True)
+class Suited:
+    """A scene with the gap and domain that an accuracy calls for.
+
+    terms: their errors, as they are now; `error` is their sum, relative, infinite where they are not known
+    unmet: why they are not small enough, or ""; errors: what each term comes to by name, relative
+    plain: the same without corrections
+    """
+
+    scene: Scene
+    terms: tuple[Term, ...] = ()
+    error: float = np.inf
+    unmet: str = ""
+    errors: dict[str, float] = field(default_factory=dict)
+    plain: dict[str, float] = field(default_factory=dict)
+
+    def changes(self, wished: Scene) -> tuple[str, ...]:
+        """Differences from the scene that was wished for, in words."""
+        changed = _keys(self.scene, wished).items()
+        return tuple(f"{key} = {now} instead of {before}" for key, (now, before) in changed)
+
+
+def suited(
+    scene: Scene, accuracy: float, goal: Quantity, solve: Solve, report: Callable[[str], None]
+) -> Suited:
+    """Choose gap and domain whose errors together are half of a relative error. Collective.
+
+    The last choice is kept where a coarse run fails, or the budget is spent. The search ends where the domain's error
+    does not fall as expected: it is then larger than it seemed, and no larger domain helps.
+    """
+    last = Suited(scene)
+    for _ in range(MOST_STEPS):
+        try:
+            before, last = last, _looked_at(scene, goal, solve)
+            errors = last.errors
+            if _hardly_falls(before, last):
+                return _ended(before, last, goal, solve)
+            if _is_noise(before, last):
+                return replace(before, unmet="the error of the gap does not fall as the gap closes")
+            if last.error <= SHARE * accuracy:
+                return last
+            parts = [f"error of the {name} {error:.1e}" for name, error in errors.items()]
+            report("; ".join(parts))
+            part = SHARE * accuracy / len(errors)
+            for term in last.terms:
+                if (error := errors[term.name]) > part:
+                    scene = lessened(scene, term, AIM * part / error) or scene
+        except IncipientError as error:
+            return replace(last, unmet=f"errors of gap and domain are unknown beyond that: {error}")
+        if scene is last.scene:
+            largest = max(errors, key=lambda name: errors[name])
+            remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
+            why = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
+            return replace(last, unmet=why + remedy)
+    return replace(last, unmet=f"errors of gap and domain are too large after {MOST_STEPS} steps")
+
+
+def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
+    """A scene with its terms, the domain's error falling with a power of its size. Collective."""
+    estimates = of_the_model(scene)
+    if not estimates:
+        return Suited(scene, (), 0.0)
+    if decay is not None:
+        estimates["domain"] = partial(of_domain, scene, decay=decay)
+    computed = solve(coarse(scene))
+    terms = tuple(estimate(computed, solve) for estimate in estimates.values())
+    on_mesh = _on_mesh(scene, computed)
+    errors, plain = (
+        {term.name: relative(goal, on_mesh, term) or 0.0 for term in which}
+        for which in (terms, [term.uncorrected for term in terms])
+    )
+    return Suited(scene, terms, sum(errors.values()), errors=errors, plain=plain)
+
+
+def _hardly_falls(before: Suited, now: Suited) -> bool:
+    """Whether a larger domain has less than half the power of its size in its error that the estimate supposes.
+
+    The gap's power is measured anew with each gap.
+    """
+    larger = now.scene.domain.length / before.scene.domain.length
+    if larger <= 1.0 or "domain" not in before.plain or now.errors["domain"] <= 0.0:
+        return False
+    return now.plain["domain"] > before.plain["domain"] * larger ** (-0.5 * DECAY)
+
+
+def _is_noise(before: Suited, now: Suited) -> bool:
+    """Whether a smaller gap in the same domain has no less of an error: that of the coarse runs' meshes is left."""
+    gaps = [each.errors.get("gap", 0.0) for each in (before, now)]
+    alike = now.scene.domain == before.scene.domain and now.scene is not before.scene
+    return alike and gaps[1] >= gaps[0] > 0.0
+
+
+def _ended(before: Suited, now: Suited, goal: Quantity, solve: Solve) -> Suited:
+    """The better of the last two scenes, with the domain's error by the slowest decay. Collective."""
+    slowly = [_looked_at(each.scene, goal, solve, SLOWEST_DECAY) for each in (before, now)]
+    best = min(slowly, key=lambda each: each.error)
+    error = best.errors["domain"]
+    why = f"the error of the domain, {error:.1e}, hardly falls as the domain grows"
+    return replace(best, unmet=why)
+
+
+def not_estimated(scene: Scene) -> str:
+    """Reason why the error of gap or domain cannot be estimated, or "". Not collective."""
+    for name, reason in not_there(scene).items():
+        if reason.startswith("not estimated"):
+            return f"that of the {name} is {reason}"
+    return ""
 
 
 def remedies(
@@ -38,6 +159,8 @@ def remedies(
             continue
         remedy = _remedy(scene, term, accuracy / error)
         said.append(f"beside it the error of the {term.name}, {error:.1e}; {remedy}")
+    if said:
+        said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
     return tuple(said)
 
 
@@ -50,18 +173,24 @@ def _remedy(scene: Scene, term: Term, relative: float) -> str:
         better = lessened(scene, term, AIM * relative, at_once=False)
     if better is None:
         return "it cannot be made small enough"
-    return f"{', '.join(_changes(better, scene))} would do"
+    keys = _keys(better, scene).items()
+    return f"{', '.join(f'{key} = {now}' for key, (now, _) in keys)} would do"
 
 
-def _changes(scene: Scene, other: Scene) -> Iterator[str]:
-    """The keys of gap and domain in which a scene differs from another, as they are set."""
+def _keys(scene: Scene, other: Scene) -> dict[str, tuple[str, str]]:
+    """The keys of gap and domain in which two scenes differ, with both values."""
+    keys: dict[str, tuple[str, str]] = {}
     for section, names in KEYS.items():
-        now, before = (getattr(each, section) for each in (scene, other))
-        for name in names if now is not None else ():
-            value = getattr(now, name)
-            if value != getattr(before, name, value):
-                numbers = [float(f"{x:.4g}") for x in value] if isinstance(value, tuple) else None
-                yield f"{section}.{name} = {numbers or f'{value:.4g}'}"
+        now, before = (getattr(getattr(each, section), "__dict__", {}) for each in (scene, other))
+        for name in names:
+            pair = now.get(name), before.get(name)
+            if None not in pair and pair[0] != pair[1]:
+                keys[f"{section}.{name}"] = (_written(pair[0]), _written(pair[1]))
+    return keys
+
+
+def _written(value: Any) -> str:
+    return str([float(f"{x:.4g}") for x in value]) if isinstance(value, tuple) else f"{value:.4g}"
 
 
 def _of_datum(flow: Flow) -> str:
@@ -87,3 +216,12 @@ def lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) ->
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
     return farther(scene, min(factor, FARTHEST) if at_once else factor)
+
+
+def _on_mesh(scene: Scene, loads: Loads) -> LoadsOnMesh:
+    """What a coarse run has computed, with the weight of the grain if there is one."""
+    if scene.placement is None:
+        return LoadsOnMesh(None, None, loads.elevations)
+    force = Forces(loads.force, loads.force, *weights(scene))
+    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
+    return LoadsOnMesh(force, couple, loads.elevations)

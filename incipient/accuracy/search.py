@@ -27,8 +27,9 @@ from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
+from .coarse_runs import KeptRuns
 from .goal import Goal, LoadsOnMesh, Quantity
-from .modelling import remedies
+from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
     from .strategies import Strategy
@@ -130,7 +131,7 @@ class Search:
         voice: Silent,
         strategy: Callable[[Search], Strategy],
     ):
-        self.scene = scene
+        self.scene = self._wished = scene
         self.comm, self.recorder, self.voice = comm, recorder, voice
         self.numerics, self.trials = scene.numerics, list[Trial]()
         self.accounts = Accounts(spent=self.spent)
@@ -138,11 +139,13 @@ class Search:
         self.goal: Quantity = Goal.of(scene)
         self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
+        self.suited: Suited | None = None  # where the accuracy includes errors of gap and domain
         self.best: tuple[Attempt, Estimate] | None = None  # with the least error so far
         self.strategy = strategy(self)
 
     def result(self) -> Any:
         """Try meshes until the accuracy is reached or cannot be; the last result. Collective; raises IncipientError."""
+        self._choose_gap_and_domain()
         attempt, failures = self.strategy.first(), 0
         while True:
             began = self.elapsed()
@@ -210,12 +213,35 @@ class Search:
     def allowed(self) -> float:
         """The relative error that the discretisation may have; none where a verdict is sought."""
         accuracy = self.numerics.accuracy
-        return accuracy if isinstance(accuracy, float | int) else 0.0
+        if not isinstance(accuracy, float | int):
+            return 0.0
+        if self.suited is None:
+            return accuracy
+        left = accuracy - self.suited.error
+        return left if left > 0.0 else SHARE * accuracy
 
-    def conclude(self, doubt: str = "") -> None:
+    def _choose_gap_and_domain(self) -> None:
+        """Choose gap and domain before any mesh, if the accuracy includes their errors. Collective."""
+        accuracy, includes = self.numerics.accuracy, self.numerics.accuracy_includes
+        if includes == "discretisation" or not isinstance(accuracy, float | int):
+            return
+        with self.ledger.stage("error bars"), self.strategy.coarse_runs() as solve:
+            runs = KeptRuns(self.known.loads, self.spent, solve)
+            self.suited = suited(self.scene, accuracy, self.goal, runs, self.voice.say)
+            self.scene = self.suited.scene
+        self.known.terms.update({term.name: term for term in self.suited.terms})
+
+    def conclude(self, estimate: float, doubt: str = "") -> None:
         """End the search: the discretisation's error is small enough, unless there is a doubt. Not collective."""
-        self.reason = f"not known to be reached: {doubt}" if doubt else "reached"
-        self.met = not doubt
+        accuracy, unmet = self.numerics.accuracy, ""
+        if doubt:
+            unmet = f"not known to be reached: {doubt}"
+        elif self.suited is not None and isinstance(accuracy, float | int):
+            if estimate + self.suited.error > accuracy:
+                unmet = f"not reached: {self.suited.unmet}"
+            elif missing := not_estimated(self.scene):
+                unmet = f"not known to be reached: {missing}"
+        self.reason, self.met = unmet or "reached", not unmet
 
     def adaptation(self, result: Result | None = None) -> Adaptation:
         """The record of the search so far, with the remedies for errors of a result that it does not include.
@@ -229,6 +255,12 @@ class Search:
         assert accuracy is not None
         trials, reason = tuple(self.trials), self.reason or UNFINISHED
         record = Adaptation(accuracy, self.goal.name, reached, self.met, reason, trials)
+        if self.suited is not None:
+            error = self.suited.error
+            whole = None if reached is None or np.isinf(error) else reached + error
+            includes = ("discretisation", *(term.name for term in self.suited.terms))
+            changes = self.suited.changes(self._wished)
+            return replace(record, reached=whole, includes=includes, changes=changes)
         bars = None if result is None else result.error_bars
         if result is None or bars is None or not isinstance(accuracy, float | int):
             return record

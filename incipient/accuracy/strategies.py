@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -20,6 +20,7 @@ from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
 from ..simulation.assemble import outcome
+from ..simulation.beside import InTurn
 from ..simulation.build import prepared
 from ..simulation.loads import loads
 from ..simulation.recorder import Recorder
@@ -29,7 +30,7 @@ from ..simulation.steady import loads_at, solve_with_parts
 from . import next_mesh
 from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
-from .errorbars import error_bars, loads_of_run, unit_of
+from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
 from .finish import finished
 from .goal import LoadsOnMesh, relative
 from .modelling import lessened
@@ -94,13 +95,19 @@ class Strategy(ABC):
     ) -> Attempt | None:
         """The next attempt, or None, with the reason noted, once the accuracy is reached or cannot be."""
         if estimate.rank <= self.search.allowed:
-            self.search.conclude(estimate.doubt)
+            self.search.conclude(estimate.rank, estimate.doubt)
             return None
         return self.search.refined(attempt, estimate, self.target(estimate))
 
     def target(self, estimate: Estimate) -> float:
         """The fraction of an error that is to be left."""
         return AIM * self.search.allowed / estimate.rank or FOR_VERDICT
+
+    @contextmanager
+    def coarse_runs(self) -> Iterator[InTurn]:
+        """Runs for the errors of gap and domain."""
+        with InTurn(self.search.comm, coarse_scenes, loads_of) as solve:
+            yield solve
 
 
 class Steady(Strategy):
@@ -186,7 +193,9 @@ class Steady(Strategy):
 class DualWeighted(Steady):
     """Cells by what each vertex contributes to the error, by the dual-weighted residual; the order with them."""
 
-    _improved: tuple[float, Loads] | None = None  # speed and improved loads of the mesh before
+    # Speed and improved loads of the mesh before; the run of the first attempt, solved for the coarse runs.
+    _improved: tuple[float, Loads] | None = None
+    _at_hand: tuple[Run, ExitStack] | None = None
     _plain = np.inf  # the error of the quantity on the last mesh without corrections
     _compared = False  # whether corrected loads of two meshes were
 
@@ -195,6 +204,17 @@ class DualWeighted(Steady):
         scene = self.search.scene
         factor = 0.5**failures * coarsest(scene.gdim, has_inertia(scene))
         return Attempt(self.set_up(scene), partial(coarse_sizes, factor, None))
+
+    @contextmanager
+    def solved(self, attempt: Attempt) -> Iterator[tuple[Run, LoadsOnMesh]]:
+        """See `Strategy`."""
+        if self._at_hand is None:
+            with super().solved(attempt) as both:
+                yield both
+            return
+        (run, held), self._at_hand = self._at_hand, None
+        with held:
+            yield run, LoadsOnMesh(*loads(run, surface=False))
 
     def solve(self, run: Run) -> LoadsOnMesh:
         """See `Steady`."""
@@ -214,7 +234,16 @@ class DualWeighted(Steady):
             if self._compared and before is not None:
                 term = by_both(term, goals, unit, before[1])
             search.known.terms["discretisation"] = term
-            error = search.goal.error(force, couple, term.force, term.couple)
+            others = search.suited.terms if search.suited is not None else ()
+            between = of_interaction((*others, term), Loads(force.flow, couple.flow))
+            whole = (
+                term
+                if between is None
+                else replace(
+                    term, force=term.force + between.force, couple=term.couple + between.couple
+                )
+            )
+            error = search.goal.error(force, couple, whole.force, whole.couple)
             if error <= search.allowed:
                 return Estimate(error, term, term.doubt)  # there is no next mesh
             parts = [goals.shares(unit * goal) for goal in search.goal.goals(force, couple)]
@@ -258,8 +287,22 @@ class DualWeighted(Steady):
 
     @property
     def _has_one_order(self) -> bool:
-        """Whether all meshes are of order two, in steady flow in 3-D with inertia."""
+        """Whether all meshes are of order two, in steady flow in 3-D with inertia; coarse runs are on the first one."""
         return self._highest == next_mesh.ORDERS[0]
+
+    @contextmanager
+    def coarse_runs(self) -> Iterator[InTurn]:
+        """See `Strategy`; the last of them may be the run of the first attempt."""
+        prepare = self._for_coarse_runs if self._has_one_order else None
+        with InTurn(self.search.comm, coarse_scenes, loads_of, prepare) as solve:
+            yield solve
+            self._at_hand = solve.handed_over(self.first().scene)
+
+    def _for_coarse_runs(self, coarse: Scene) -> AbstractContextManager[Run]:
+        """The run of the first attempt, with the gap and domain of a coarse run."""
+        search, first = self.search, self.first()
+        own = changed(coarse, numerics=first.scene.numerics.model_dump())
+        return prepared(own, search.comm, search.accounts, voice=search.voice, sizing=first.sizing)
 
 
 class Uniform(Steady):

@@ -320,13 +320,14 @@ def _order_in_gap(near: float, far: float) -> float:
     return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
-def of_domain(scene: Scene, computed: Loads, solve: Solve) -> Term:
+def of_domain(scene: Scene, computed: Loads, solve: Solve, decay: float | None = None) -> Term:
     """What sides that stand for an unbounded flow change, from a coarse run with all of them farther away.
 
-    Their influence falls as a power of their distance. The loads on a held grain are corrected, with sides farther away
-    still: these are the other way to estimate it.
+    Their influence falls as their distance to the power `decay`; None: as is known of the bed. The loads on a held
+    grain are corrected, with sides farther away still: these are the other way to estimate it.
     """
-    decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
+    if decay is None:
+        decay = DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
     share = 1.0 / (1.0 - FARTHER**-decay)
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     here, far = solve(coarse(scene)), solve(coarse(farther(scene)))

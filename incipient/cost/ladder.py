@@ -15,7 +15,7 @@ from ..scene import Scene
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next; steps are halved
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
-BY_REFINEMENT = ("accuracy", "budget_seconds", "budget_mib", "geometry_order")
+BY_REFINEMENT = ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib", "geometry_order")
 EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 
 

@@ -74,10 +74,15 @@ def _sought(setup: Setup) -> str:
     scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
-    chosen = "mesh and order are" if scene.time is None else "steps, mesh and order are"
+    everything = numerics.accuracy_includes == "all"
+    chosen = ("gap, domain, " if everything else "") + (
+        "mesh and order" if scene.time is None else "steps, mesh and order"
+    )
+    chosen = f"{chosen} are"
     if scene.is_averaged:
-        chosen = "the mesh is"
-    aim = f"until the error of the {scene.accuracy_of} (of discretisation) is below {numerics.accuracy}"
+        chosen = "gap, domain and mesh are" if everything else "the mesh is"
+    of = "of discretisation, gap and domain" if everything else "of discretisation"
+    aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":
         aim = "until the verdict is decided"
     budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))

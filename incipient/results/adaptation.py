@@ -39,6 +39,8 @@ class Adaptation:
     met: bool
     reason: str
     trials: tuple[Trial, ...]
+    includes: tuple[str, ...] = ("discretisation",)  # the errors that are in it
+    changes: tuple[str, ...] = ()  # what has been changed of the scene for it, in words
     # What is to be known of errors that are not in it, and what would make them smaller
     beside: tuple[str, ...] = ()
 
@@ -49,11 +51,12 @@ class Adaptation:
     def lines(self) -> list[str]:
         """The outcome and the trials, a line each."""
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
+        *others, last = self.includes
+        of = f"{', '.join(others)} and {last}" if others else last
         lines = [
-            f"accuracy            error of the {self.of} {reached} (of discretisation), "
-            f"asked for {self.asked}: {self.reason}"
+            f"accuracy            error of the {self.of} {reached} (of {of}), asked for {self.asked}: {self.reason}"
         ]
-        lines += [f"{'':<20}{line}" for line in self.beside]
+        lines += [f"{'':<20}{line}" for line in (*self.changes, *self.beside)]
         for trial in self.trials:
             error = "            " if trial.estimate is None else f"error {trial.estimate:.1e}"
             step = "" if trial.step is None else f"   step {trial.step:.3g}"

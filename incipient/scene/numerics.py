@@ -67,6 +67,10 @@ class Numerics(Section):
         "with turbulence shear velocity",
         "auto",
     )
+    accuracy_includes: Literal["discretisation", "all"] = key(
+        "Errors that it is to include; all: gap and domain as well, which the run then chooses",
+        "discretisation",
+    )
     budget_seconds: Positive | None = key(
         "Wall time after which to stop seeking accuracy [s]", None, examples=[60.0]
     )

@@ -2,8 +2,6 @@
 
 # Dotted key -> remedy; indices of lists are left out of the key.
 KEYS: dict[str, str] = {
-    "numerics.accuracy_includes": "leave it out: the accuracy is that of the discretisation, and the result says which "
-    "contact.gap and [domain] make their errors as small",
     "numerics.coupling": "leave it out: grain and fluid are coupled with the grain's added mass",
     "numerics.form": "leave it out: the convective term is the paper's",
     "surface.inflow": "use surface.wave, or a flow.kind whose velocity is steady",

@@ -317,6 +317,7 @@ RULES: tuple[tuple[Rule, ...], ...] = (
     # Accuracy.
     (_for_accuracy("budget_seconds", "limits what is spent on an accuracy"),),
     (_for_accuracy("budget_mib", "limits what is spent on an accuracy"),),
+    (_for_accuracy("accuracy_includes", "says what an accuracy includes"),),
     _for_accuracy_of_loads(
         Rule("numerics.accuracy_of",
              lambda s: s.numerics.accuracy_of == OF_WALLS and (s.body is not None or not s.is_averaged),
@@ -561,6 +562,11 @@ RULES: tuple[tuple[Rule, ...], ...] = (
                        lambda s: _accurate(s) and s.body is None and s.numerics.accuracy_of not in ("auto", OF_WALLS),
                        '"{s.numerics.accuracy_of}" does not exist in a turbulent channel without a grain',
                        f'use "{OF_WALLS}"'),
+    ),
+    (
+        _of_turbulence("numerics.accuracy_includes",
+                       lambda s: _accurate(s) and s.body is None and s.numerics.accuracy_includes == "all",
+                       '"all" means gap and domain but without a grain both belong to the scene', "leave it out"),
     ),
     # Gusts.
     (

@@ -102,6 +102,9 @@ def to_accuracy(
     if scene.numerics.accuracy == "verdict":
         why = '"verdict" means nothing for a threshold; give a relative error of the critical flow such as 0.01'
         raise SceneError(f"numerics.accuracy: {why}")
+    if scene.numerics.accuracy_includes == "all":
+        why = '"all" is for runs; leave it out, and see the error bars of the threshold'
+        raise SceneError(f"numerics.accuracy_includes: {why}")
     strategy = partial(_DualWeightedThreshold, conclude=conclude)
     found: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
     return found

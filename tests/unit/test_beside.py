@@ -10,12 +10,14 @@ import pytest
 from mpi4py import MPI
 from scenes import sphere_on_plane
 
+from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
+from incipient.errors import ConvergenceError
 from incipient.mesh.motion import MeshMotion, Potentials, stretched
 from incipient.meshes import SYMMETRY
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
-from incipient.simulation.beside import Beside
+from incipient.simulation.beside import Beside, InTurn
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
@@ -144,13 +146,51 @@ def test_a_mesh_around_a_free_sphere_serves_for_larger_domains() -> None:
     assert len(larger) == 2 and larger[1].domain.bottom < larger[0].domain.bottom < 0.0
 
 
+def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
+    """Where no mesh serves for all the run of each scene gives its loads; none is run a second time."""
+    scene = on_plane(
+        domain=Domain(length=4.0, width=4.0, height=3.0),
+        body=Sphere(diameter=1.0, x=2.0, density=2.65),
+        bed=SphereBed(radius=1.0, spacing=2.2, offset=(1.0, 2.0)),
+        contact=Contact(friction=0.5, gap=0.025),
+        numerics=Numerics(order=2, mesh_size=6.0),
+    )
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
+        found = [solve(each) for each in coarse_scenes(scene)[:2]]
+    assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
+
+
+def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
+    """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
+    scene = on_plane(
+        domain=Domain(length=3.0, width=3.0, height=2.0),
+        fluid=Fluid(reynolds=40.0, scale="grain"),
+        body=Sphere(diameter=1.0, x=1.5, density=2.65),
+        numerics=Numerics(order=2, mesh_size=9.0, stabilisation="off"),
+    )
+    few = scene.numerics.model_copy(update={"max_iterations": 1, "tolerance": 1e-12})
+    failing = scene.model_copy(update={"numerics": few, "title": "fails"})
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
+        first = solve(scene)
+        with pytest.raises(ConvergenceError):
+            solve(failing)
+        assert solve.handed_over(failing) is None
+        again = solve(scene)
+        assert again.force == pytest.approx(first.force, rel=1e-6)
+        handed = solve.handed_over(scene)
+    assert handed is not None
+    with handed[1]:
+        assert handed[0].scene == scene
+
+
 # The first rank is elsewhere when the second meets a defect; freeing MUMPS's factors is collective.
 DEFECT = """
 import time
 from mpi4py import MPI
 from incipient.fluid.projection import Projection
 from incipient.scene import Domain, Fluid, Numerics, Sphere
-from incipient.simulation.build import prepared
+from incipient.accuracy.errorbars import coarse_scenes
+from incipient.simulation.beside import InTurn
 from scenes import sphere_on_plane
 
 comm = MPI.COMM_WORLD
@@ -160,8 +200,9 @@ direct = Numerics(order=2, mesh_size=9.0, stabilisation="off")
 fluid = Fluid(reynolds=400.0, scale="grain")
 scene = sphere_on_plane(domain=small, fluid=fluid, body=sphere, numerics=direct)
 try:
-    with prepared(scene, comm) as run:
-        with Projection(run.fluid) as projection:
+    with InTurn(comm, coarse_scenes, None) as solve:
+        solve(scene)
+        with Projection(solve._run.fluid) as projection:
             projection.apply()
             if comm.rank == 0:
                 time.sleep(50)
@@ -173,7 +214,7 @@ except ValueError as error:
 
 
 def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
-    """It leaves the contexts of a run and of a projection at once, as its traceback has to be shown."""
+    """It leaves the contexts of coarse runs and of a projection at once, as its traceback has to be shown."""
     done = mpirun(2, DEFECT, timeout=40)
     assert done.returncode == 3, done.stderr
     assert done.stdout.split("\n")[0] == "1: a defect of this rank"
@@ -194,3 +235,18 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None
     assert stretched(line, centre, kept, new, np.array([old[0], [8.0, 8.0, 6.0]])) is None
+
+
+@pytest.mark.slow
+def test_coarse_runs_in_turn_have_the_mesh_of_the_first() -> None:
+    """Without a run beside them: the first is run, its mesh serves the others; another scene begins anew."""
+    scenes = coarse_scenes(coarse(on_plane()))
+    with InTurn(MPI.COMM_SELF, coarse_scenes, never) as solve:
+        found = [solve(each) for each in scenes[:2]]
+        other = solve(coarse(on_plane(domain=Domain(length=60.0, width=60.0, height=30.0))))
+    assert all(one.moved for one in (*found, other))
+    with prepared(scenes[0], MPI.COMM_SELF) as run:
+        solve_steadily(run, run.fluid)
+        beside = [Beside(run, coarse_scenes, never)(each) for each in scenes[:2]]
+    for one, another in zip(found, beside, strict=True):
+        assert one.force == pytest.approx(another.force, rel=1e-4)

@@ -10,6 +10,7 @@ from scenes import TANK, message
 
 from incipient.accuracy.coarse_runs import changed, farther
 from incipient.accuracy.goal import Goal, relative
+from incipient.accuracy.modelling import suited
 from incipient.accuracy.next_mesh import cheapest, first
 from incipient.accuracy.terms import (
     SAFETY,
@@ -237,6 +238,22 @@ def test_the_end_of_a_channel_moves_away_at_which_nothing_is_asked_for(
     assert longer.surface.sponge == pytest.approx(sponge)
     assert longer.surface.stations == (3.0,)
     assert longer.viscosity == pytest.approx(loads(text).viscosity)
+
+
+def test_an_accuracy_of_all_makes_a_channel_longer():
+    """The waves' height errs as the inverse square of the length: by 0.2 at first, of which both ends may keep 0.05."""
+    scene = loads(CHANNEL.replace("sponge", WAVES).replace("accuracy = 0.01", "accuracy = 0.1"))
+
+    def solved(one: Scene) -> Loads:
+        return of(wave(20, size=1.0 + 0.2 * (12.0 / one.domain.length) ** 2))
+
+    found = suited(scene, 0.1, Goal.of(scene), solved, lambda line: None)
+    assert found.unmet == "" and [term.name for term in found.terms] == ["domain"]
+    true = 0.2 * (12.0 / found.scene.domain.length) ** 2
+    assert true < 0.05
+    # Relative to waves that are higher by the error itself.
+    assert found.error == pytest.approx(true / (1.0 + true), rel=1e-6)
+    assert found.scene.domain.origin == (-1.0, 0.0)
 
 
 def test_the_first_mesh_of_a_stream_keeps_the_zone_at_its_inflow():

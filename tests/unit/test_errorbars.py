@@ -18,14 +18,13 @@ from scenes import on_bed as example
 import incipient
 from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
+from incipient.accuracy.modelling import not_estimated
 from incipient.accuracy.run import finished
 from incipient.accuracy.terms import (
-    GROUND,
     MOVES,
     by_coarser_runs,
     is_corrected,
     no_gap,
-    not_there,
     of_domain,
     of_gap,
     of_level_ground,
@@ -568,11 +567,13 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     )
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
     assert on_more_bed(wide) is None and on_more_bed(grain_on_bed()) is None
-    # With an accuracy it is not estimated, which is said.
-    exact = {"accuracy": 0.01}
+    # With an accuracy it is not estimated, so that none of all errors is known to be reached.
+    exact = {"accuracy": 0.01, "accuracy_includes": "all"}
     assert on_more_bed(changed(scene, numerics=exact)) is None
-    assert not_there(changed(scene, numerics=exact))[GROUND].startswith("not estimated")
-    assert GROUND not in not_there(changed(wide, numerics=exact)) | not_there(scene)
+    assert not_estimated(changed(scene, numerics=exact)).startswith(
+        "that of the planar far bed is not estimated"
+    )
+    assert not_estimated(changed(wide, numerics=exact)) == not_estimated(scene) == ""
 
 
 # -- corrections --------------------------------------------------------------------------------------

@@ -330,7 +330,7 @@ def test_three_failures_end_a_search() -> None:
 
 def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
     search = Search(wanting(), MPI.COMM_SELF, Recorder(), Silent(), DualWeighted)
-    search.conclude("for a reason")
+    search.conclude(0.005, "for a reason")
     assert (search.reason, search.met) == ("not known to be reached: for a reason", False)
 
 

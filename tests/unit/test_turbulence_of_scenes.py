@@ -67,6 +67,10 @@ MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
             'numerics.accuracy_of: "force" does not exist in a turbulent channel without a grain',
         ),
         (
+            {"numerics": Numerics(accuracy=0.05, accuracy_includes="all")},
+            'numerics.accuracy_includes: "all" means gap and domain but without a grain both belong to the scene',
+        ),
+        (
             {"body": Disc(diameter=0.2, centre=(4, 0.5))}
             | {"numerics": Numerics(accuracy=0.05, accuracy_of="shear velocity")},
             'numerics.accuracy_of: "shear velocity" is for a turbulent channel without a grain; use "auto"',

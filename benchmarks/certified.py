@@ -1,0 +1,160 @@
+"""What a certified error of the force costs: runs to 3%, 1% and 0.3%, with corrected loads and with loads as computed.
+
+The error of a row is that of the error bars, all terms, over the force: what the program answers for, not what
+it knows of the truth (`benchmarks/calibration.py` compares the bars with that).
+
+Cost:    an hour and a half.
+Run:     python benchmarks/certified.py [a part of the scenes' names]
+Results: benchmarks/certified.json and, from all that it has, the table "certified"
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+
+import measure
+from tables import publish
+
+ROOT = Path(__file__).resolve().parents[1]
+STORED = Path(__file__).parent / "certified.json"
+SCENES, MINE = ROOT / "demos" / "scenes", ROOT / "benchmarks" / "scenes"
+ACCURACIES = (None, 0.03, 0.01, 0.003)
+LONGEST = 400  # seconds of processor time that a run may take
+INERTIA = ("fluid.inertia=true", "fluid.reynolds=20")
+CASES: dict[str, tuple[Path, tuple[str, ...]]] = {
+    "grain on a bed": (SCENES / "grain_on_bed.toml", ()),
+    "disc in a pocket": (MINE / "pocket_of_half_discs.toml", ()),
+    "sphere on a plane, creeping": (SCENES / "sphere_on_plane.toml", ()),
+    "sphere on a plane, Re 20": (SCENES / "sphere_on_plane.toml", INERTIA),
+    "sphere on a plane, G d²/ν = 200": (MINE / "sphere_in_shear.toml", ()),
+    "sphere in a pocket": (SCENES / "sphere_in_pocket.toml", ()),
+    "free sphere, Re 100": (MINE / "free_sphere.toml", ()),
+}
+HEAD = """| scene | asked for | corrected: error | s | MiB | unknowns | as computed: error | s | MiB | unknowns |
+| --- | --: | --: | --: | --: | --: | --: | --: | --: | --: |"""
+
+
+UNTRIED = ("not tried", "", "", "")  # after a larger error that was not reached
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run: the error asked for (None: the default run) and certified, processor time in s, peak in MiB."""
+
+    name: str
+    asked: float | None
+    corrected: bool
+    error: float
+    seconds: float
+    mib: float
+    unknowns: int
+    why: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the error is as small as it was to be."""
+        return self.error <= (self.asked or math.inf)
+
+    def cells(self) -> tuple[str, ...]:
+        """Cells of the table: error, seconds, MiB, unknowns; an error that was not reached in brackets."""
+        error = f"{100 * self.error:.2g}%"
+        return (
+            error if self.reached else f"({error})",
+            f"{self.seconds:.1f}",
+            f"{self.mib:.0f}",
+            f"{self.unknowns:,}",
+        )
+
+
+def row_of(
+    program: str, name: str, asked: float | None, corrected: bool, older: bool = False
+) -> Row:
+    """Run a scene to an accuracy in a process of its own and read the error that it certifies."""
+    path, given = CASES[name]
+    settings = [*given, "numerics.error_bars=true", "output.fields=false"]
+    if not corrected and not older:
+        settings.append("numerics.correction=false")
+    if asked is not None:
+        settings += [f"numerics.accuracy={asked}", 'numerics.accuracy_includes="all"']
+        settings.append(f"numerics.budget_seconds={LONGEST}")
+    with tempfile.TemporaryDirectory() as directory:
+        out = Path(directory) / "out"
+        options = [part for setting in settings for part in ("--set", setting)]
+        usage = measure.measure([program, "run", str(path), "--out", str(out), *options])
+        if not (out / "result.json").is_file():
+            why = (usage.errors.strip().splitlines() or [f"exit code {usage.exit_code}"])[-1][:200]
+            return Row(name, asked, corrected, math.inf, usage.cpu, usage.peak_mib, 0, why)
+        result = json.loads((out / "result.json").read_text())
+    bars, unknowns = result["error_bars"], result["cost"]["unknowns"]
+    if bars is None:
+        why = result["without_error_bars"] or result["error"]
+        return Row(name, asked, corrected, math.inf, usage.cpu, usage.peak_mib, unknowns, why)
+    error = math.hypot(*bars["force"]) / math.hypot(*result["force"]["flow"])
+    return Row(name, asked, corrected, error, usage.cpu, usage.peak_mib, unknowns)
+
+
+def table(rows: dict[tuple[str, float | None, bool], Row]) -> str:
+    """The table of all pairs of runs, and what they come to."""
+    lines, ratios = [HEAD], []
+    for name in CASES:
+        for asked in ACCURACIES:
+            pair = [rows.get((name, asked, corrected)) for corrected in (True, False)]
+            if pair == [None, None]:
+                continue
+            goal = "default" if asked is None else f"{100 * asked:g}%"
+            cells = [cell for row in pair for cell in (row.cells() if row else UNTRIED)]
+            lines.append(f"| {' | '.join((name, goal, *cells))} |")
+            if asked is not None and pair[0] and pair[0].reached:
+                ratios.append(
+                    pair[0].seconds / pair[1].seconds if pair[1] and pair[1].reached else 0.0
+                )
+    if ratios:
+        lines += [
+            "",
+            f"With corrected loads {len(ratios)} of {3 * len(CASES)} accuracies are reached, "
+            f"{ratios.count(0.0)} of them not with loads as computed. Their time is {median(ratios):.2f} of that with "
+            "loads as computed in the median, counted as 0 where those do not reach it.",
+        ]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run the scenes whose names have one of the words wanted, or all, and renew the page after each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("wanted", nargs="*", help="parts of the names of scenes")
+    parser.add_argument("--program", default="incipient", help="the command to measure")
+    parser.add_argument("--stored", type=Path, default=STORED, help="file of the rows")
+    parser.add_argument("--older", action="store_true", help="a program that knows no corrections")
+    options = parser.parse_args()
+    known = (
+        [Row(**one) for one in json.loads(options.stored.read_text())]
+        if options.stored.is_file()
+        else []
+    )
+    rows = {(row.name, row.asked, row.corrected): row for row in known}
+    for name in CASES:
+        if options.wanted and not any(one in name for one in options.wanted):
+            continue
+        for corrected in (False,) if options.older else (True, False):
+            for asked in ACCURACIES:
+                row = row_of(options.program, name, asked, corrected, options.older)
+                print(row, flush=True)
+                rows[name, asked, corrected] = row
+                options.stored.write_text(
+                    json.dumps([asdict(one) for one in rows.values()], indent=1) + "\n"
+                )
+                if not row.reached:
+                    break  # nor would a smaller one be
+    if options.stored == STORED:
+        publish("certified", table(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
