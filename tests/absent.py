@@ -67,10 +67,7 @@ OF_TURBULENCE = (
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = (
-    *(
-        f"accuracy.{name}"
-        for name in ("errorbars", "terms", "dual", "goal", "coarse_runs", "kept_runs")
-    ),
+    *(f"accuracy.{name}" for name in ("errorbars", "terms", "dual", "goal", "coarse_runs")),
     *(f"accuracy.{name}" for name in ("search", "strategies", "modelling", "next_mesh", "sizing")),
     "simulation.beside",
 )

@@ -1,14 +1,18 @@
-"""The scenes of coarse runs: coarser, in longer steps, with sides farther away."""
+"""Coarse runs: their scenes, coarser, in longer steps, with sides farther away; their loads, each computed once."""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ..errors import ConvergenceError, IncipientError, MeshError
 from ..planning.boundary_layer import is_resolved
 from ..planning.flow_setup import Setup, order_of
+from ..results.errorbars import Loads
 from ..scene import Scene
 from ..scene.rules import FEWEST_STEPS as FEWEST_IN_GUST
 
@@ -25,6 +29,37 @@ FARTHER = 1.5  # how much larger the domain of the domain's term is
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
 # Steps longer by less tell little: then steps are compared with shorter ones. Likewise cells.
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
+REMEDY = re.compile(r"; |: use ")  # where the advice of a message begins
+Solve = Callable[[Scene], Loads]
+
+
+class Spent(IncipientError):
+    """What may be spent on estimates is used up."""
+
+
+class KeptRuns:
+    """Loads of coarse runs, each made once and kept by the JSON of its scene. Calling is collective.
+
+    `known` are loads that are known already; those of runs are added. `spent` says why no run shall be begun any more,
+    or nothing: then calling raises Spent.
+    """
+
+    def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
+        self._known, self._spent, self._run = known, spent, solve
+
+    def __call__(self, scene: Scene) -> Loads:
+        """The loads of a scene, by a run if they are not known. Collective."""
+        key = scene.model_dump_json()
+        if key not in self._known:
+            if reason := self._spent():
+                raise Spent(reason)
+            try:
+                self._known[key] = self._run(scene)
+            except (ConvergenceError, MeshError) as error:
+                # Its advice is for the scene of the coarse run, not for that of the user.
+                why = REMEDY.split(str(error))[0]
+                raise type(error)(f"{why}, in a run to compare with") from error
+        return self._known[key]
 
 
 def on_coarser_mesh(scene: Scene) -> Scene:

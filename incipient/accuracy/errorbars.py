@@ -17,8 +17,7 @@ from ..errors import ConvergenceError, IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Scene
-from .coarse_runs import coarse, is_coarse
-from .kept_runs import KeptRuns, Solve
+from .coarse_runs import KeptRuns, Solve, coarse, is_coarse
 from .terms import (
     MODEL,
     OF_MESH,

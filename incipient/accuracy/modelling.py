@@ -21,9 +21,8 @@ from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..scene.flows import Flow
 from ..simulation.loads import weights
-from .coarse_runs import changed, coarse, farther
+from .coarse_runs import Solve, changed, coarse, farther
 from .goal import Computed, LoadsOnMesh, Quantity, relative
-from .kept_runs import Solve
 from .next_mesh import AIM
 from .terms import DECAY, SLOWEST_DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 

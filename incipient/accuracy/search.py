@@ -27,8 +27,8 @@ from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
 from ..simulation.state import Accounts, Run
+from .coarse_runs import KeptRuns
 from .goal import Goal, LoadsOnMesh, Quantity
-from .kept_runs import KeptRuns
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:

@@ -28,12 +28,11 @@ from ..simulation.simulate import hand_over, loads_of, solved
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at, solve_with_parts
 from . import next_mesh
-from .coarse_runs import COARSER_MESH, changed, on_coarser_mesh
+from .coarse_runs import COARSER_MESH, KeptRuns, changed, on_coarser_mesh
 from .dual import GoalErrors
 from .errorbars import coarse_scenes, error_bars, loads_of_run, of_interaction, unit_of
 from .finish import finished
 from .goal import LoadsOnMesh, relative
-from .kept_runs import KeptRuns
 from .modelling import lessened
 from .next_mesh import AIM, COARSEST, UNKNOWNS, WORK_POWER, coarsest, highest_order, next_order
 from .search import Attempt, Estimate, Search, SearchRecorder

@@ -28,6 +28,7 @@ from ..scene.model import WIDEST_GAP
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
+    Solve,
     changed,
     coarse,
     comparisons,
@@ -37,7 +38,6 @@ from .coarse_runs import (
     order_in_time,
     ratio_of_steps,
 )
-from .kept_runs import Solve
 
 if TYPE_CHECKING:
     from .dual import GoalErrors

@@ -29,6 +29,7 @@ from .measurement import MeasuredRun
 from .quantities import Quantity
 
 STUDY, TABLE = "cost.json", "cost.csv"
+ROUND_OFF = 1e-9  # relative: a smaller error is none
 RESOLVED = 2.0  # an error that exceeds the doubt about the reference by this factor is known
 
 Measure = Callable[[Scene, Rung, str], MeasuredRun]
@@ -115,11 +116,20 @@ class Study:
         """What the scene's own resolution costs, and what ten times less error would cost."""
         if self.own is None:
             return f"As the scene stands ({self.own_rung.name}) its run failed."
-        own, target = self.own, 0.1 * self.own.error
-        return (
+        own, target, cheapest = self.own, 0.1 * self.own.error, self.judged[0].run
+        spent = (
             f"As the scene stands ({own.run.rung.name}) a run takes {seconds(own.run.cpu)} of CPU time without error "
-            f"bars for an error {'of' if own.resolved else 'below'} {percent(own.error)}; ten times less error "
-            f"({percent(target)}) {self._price(target, own.run.cpu)}."
+            "bars"
+        )
+        if max(judged.error for judged in self.judged) < ROUND_OFF:
+            cheap = f"{cheapest.rung.name}, {seconds(cheapest.cpu)}"
+            return f"{spent}; all runs agree to round-off, so that the cheapest is as accurate ({cheap})."
+        if not own.resolved:
+            below = f"below {percent(max(own.error, ROUND_OFF))}"
+            return f"{spent}. Its error is {below}, which these runs do not resolve; add finer cells by --sizes."
+        return (
+            f"{spent} for an error of {percent(own.error)}; ten times less error ({percent(target)}) "
+            f"{self._price(target, own.run.cpu)}."
         )
 
     def _price(self, error: float, own_time: float) -> str:
@@ -138,7 +148,7 @@ class Study:
         known = f", known to {percent(doubt)}" if doubt else ""
         lines = [
             f"{self.sentence}\n",
-            f"  {'CPU time':>9} {'memory':>9} {'unknowns':>9} {'error':>9}  run",
+            f"  {'error':>9} {'CPU time':>9} {'of own':>7} {'memory':>9} {'unknowns':>9}  run",
             *map(self._line, self.judged),
             f"\n* frontier: no cheaper run is as accurate; the error is the largest relative one of: {names}",
             f"reference: {self.reference.source}{known}",
@@ -153,9 +163,10 @@ class Study:
 
     def _line(self, judged: JudgedRun) -> str:
         run, mark = judged.run, "*" if judged in self.frontier else " "
-        spent = f"{seconds(run.cpu):>9} {run.peak_mib:>5.0f} MiB {run.unknowns:>9}"
+        ratio = f"{run.cpu / self.own.run.cpu:.2g} x" if self.own else ""
+        spent = f"{seconds(run.cpu):>9} {ratio:>7} {run.peak_mib:>5.0f} MiB {run.unknowns:>9,}"
         own = "  (the scene's own)" if judged is self.own else ""
-        return f"{mark} {spent} {judged.said:>9}  {run.rung.name}{own}"
+        return f"{mark} {judged.said:>9} {spent}  {run.rung.name}{own}"
 
     def to_dict(self) -> dict[str, Any]:
         """The study without its runs as plain data, for pictures and pages."""

@@ -42,10 +42,12 @@ def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load
 def followed(scene: Scene, load: Load) -> Rocking | None:
     """The rests of a scene's grain as the load of the flow grows to this and beyond; None if it has none.
 
-    The first is where the scene has the grain, or close by.
+    The first is where the scene has the grain, or close by. A disc or sphere on a plane rolls on under any load.
     """
-    body, contact = scene.body, scene.contact
+    body, contact, bed = scene.body, scene.contact, scene.bed
     assert body is not None and contact is not None and scene.placement is not None
+    if body.shape in ("disc", "sphere") and bed is not None and bed.kind in ("flat", "inclined"):
+        return None
     inert = mass_and_inertia(body, scene.placement)
     return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.law, inert)
 

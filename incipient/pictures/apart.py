@@ -33,7 +33,7 @@ def draw_apart(directory: Path) -> Drawn:
 def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
     """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
     given = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return _apart("not drawn", str(file), *given, module="incipient.pictures.charts")
+    return _apart("not drawn", str(file), *given)
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
@@ -46,10 +46,10 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     return path
 
 
-def _apart(nothing: str, *arguments: str, module: str = "incipient.pictures") -> Drawn:
+def _apart(nothing: str, *arguments: str) -> Drawn:
     surroundings = environment_alone()
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
-    command = [sys.executable, "-P", "-m", module, *arguments]
+    command = [sys.executable, "-P", "-m", "incipient.pictures", *arguments]
     # Names of files need not be UTF-8.
     surroundings["PYTHONIOENCODING"] = "utf-8:surrogateescape"
     surroundings["MPLBACKEND"] = "agg"  # pictures are files, wherever the user looks at others

@@ -22,7 +22,7 @@ from ..arrays import quarter_turned, unit
 from ..geometry.space.beds import Terrain
 from .judged import DrawnMotion, Judged
 from .outlines import hull
-from .section import pyvista_off_screen
+from .plane import pyvista_off_screen
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, Looks, View
 
 _TURNED, _RAISED = np.radians(
@@ -32,7 +32,7 @@ _PIXELS = 1320  # of the height of a rendering
 # Lengths in grain sizes: arrows of the largest force and of the acceleration, the normal into the bed, the arc of the
 # torque, how far the grain has moved, a piece of bed with its thickness, how far the bed is shown.
 _STRONGEST, _ACCELERATION, _NORMAL, _COUPLE, _MOVED = 0.8, 0.45, 0.24, 0.2, 0.09
-_PIECE, _THICK, _BED = 0.2, 0.05, 1.4
+_PIECE, _THICK, _BED = 0.2, 0.05, 1.0
 _SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 _ARC = np.radians(38.0)  # half of an arc that shows the sense of turning
@@ -119,19 +119,19 @@ def render(
     if len(triangles):
         surface = pyvista.PolyData.from_regular_faces(points, triangles)
         surface = surface.compute_normals(auto_orient_normals=True, point_normals=False)
-        plotter.add_mesh(surface, color=GRAIN, opacity=0.3, culling="back", **looks)
+        plotter.add_mesh(surface, color=GRAIN, opacity=0.55, culling="back", **looks)
         edges = surface.extract_feature_edges(_SHARP, boundary_edges=False, manifold_edges=False)
         if edges.n_points:
             plotter.add_mesh(edges, color=INK, line_width=2.0, lighting=False)
         plotter.add_silhouette(surface, color=INK, line_width=3.0)
     if terrain is not None:
-        side = np.linspace(-_BED, _BED, 241) * size
+        side = np.linspace(-_BED, _BED, 201) * size
         x, y = np.meshgrid(middle[0] + side, middle[1] + side)
         z = terrain.height(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
         bed = pyvista.StructuredGrid(x, y, z).extract_surface(algorithm="dataset_surface")
         bed["away"] = np.hypot(*(bed.points[:, :2] - middle[:2]).T)
         bed = bed.clip_scalar(scalars="away", value=_BED * size)
-        plotter.add_mesh(bed, color=GROUND, opacity=0.4, **looks)
+        plotter.add_mesh(bed, color=GROUND, opacity=0.3, **looks)
     camera, toward = plotter.camera, sight.directions[2]
     camera.parallel_projection, camera.parallel_scale = True, (y1 - y0) / 2
     camera.focal_point = (
@@ -153,7 +153,8 @@ def draw_directions(axes: Axes, sight: Sight) -> None:
     corner = np.array([x0 + 0.07 * (x1 - x0), y0 + 0.08 * (y1 - y0)])
     for name, direction in zip("xyz", 0.06 * (x1 - x0) * sight(np.eye(3)), strict=True):
         axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0, zorder=9)
-        axes.text(*(corner + 1.3 * direction), name, fontsize=8, ha="center", va="center")
+        x, y = corner + 1.3 * direction
+        axes.text(x, y, name, fontsize=8, ha="center", va="center")
 
 
 def draw_pieces(axes: Axes, case: Judged, sight: Sight, size: float) -> None:

@@ -22,6 +22,8 @@ from ..scene import Scene, load
 from . import style
 from .mesh import QuadraticMesh
 from .outlines import grain_outline
+from .plane import Plane, plane_of
+from .style import View
 
 REMEDY = "give the directory of a finished run, or run the scene again"
 
@@ -42,10 +44,14 @@ class StoredRun:
         return QuadraticMesh(self.fields.points[:, :2], self.fields.cells)
 
     @cached_property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, right, lowest and highest coordinate of the fluid."""
-        (x0, y0), (x1, y1) = self.mesh.points.min(axis=0), self.mesh.points.max(axis=0)
-        return float(x0), float(x1), float(y0), float(y1)
+    def plane(self) -> Plane:
+        """The plane in which the flow is shown."""
+        return plane_of(self)
+
+    @property
+    def views(self) -> list[View]:
+        """The parts of that plane that are shown."""
+        return self.plane.views(ground=bool(self.scene.get("bed")))
 
     @property
     def place(self) -> Placement | None:
@@ -79,6 +85,11 @@ class StoredRun:
         if name not in self.fields.fields:
             raise OutputError(f"{self.directory / 'fields'}: holds no {name}; run the scene again")
         return self.fields.fields[name]
+
+    def in_plane(self, name: str) -> np.ndarray:
+        """Values of a field at the points of the plane, (nodes,) or (nodes, 3)."""
+        self.field(name)
+        return self.plane.fields[name]
 
     def setting(self, section: str, key: str) -> Any:
         """A value of the resolved scene, None if the section or the key is absent."""
@@ -213,8 +224,10 @@ def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str)
     with style.applied():
         try:
             figure = picture(stored)
-        except (KeyError, TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood ({error}); {again}") from error
+        except KeyError as error:
+            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
+        except (TypeError, ValueError) as error:
+            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
         style.save(figure, path)
     return [path]
 

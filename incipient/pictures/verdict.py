@@ -20,7 +20,6 @@ from ..judging.case import Case
 from ..scene import Body, Scene
 from ..scene.mass import mass_and_inertia
 from ..thresholds.outcome import with_error
-from . import style
 from .drawing import (
     PLANE,
     Marks,
@@ -38,13 +37,14 @@ from .drawing import (
 from .flow import draw_streamlines
 from .judged import Judged, judged, sentence
 from .outlines import (
+    Solid,
     bed_line,
     grain_outline,
     placed_surface,
     sketched_outline,
     sketched_solid,
 )
-from .record import StoredRun, parsed_json, scene_of
+from .record import StoredRun, drawn, scene_of
 from .sheet import (
     Group,
     contact_rows,
@@ -85,7 +85,7 @@ def of_run(run: StoredRun) -> Figure:
     figure, axes = sheet(*case.sentences, run.headline)
     explain(axes, _show(axes, case, shape))
     if not run.in_space:
-        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     groups = [load_rows(case.acting, case.load.flow_couple, _UNIT, not run.in_space)]
     write_numbers(axes, [*groups, *judge_rows(case), *_flow_rows(run)])
     return figure
@@ -96,34 +96,44 @@ def _show(axes: Axes, case: Judged, shape: Shape | None) -> Marks:
     load, contacts = case.load, case.contacts
     planar = case.planar and (shape is None or shape.placement.gdim == 2)
     sight = PLANE if planar else Sight.of(load.flow_force, load.weight, contacts.normals)
-    places, size = _place(axes, sight, shape or case, contacts.points)
-    if shape is None or shape.bed is None:
+    solid = _sketch(sight, case) if shape is None else _surface(sight, shape)
+    bed = None if shape is None else shape.bed
+    size = _place(axes, sight, solid, bed, contacts.points, known=shape is not None)
+    if bed is None:
         draw_pieces(axes, case, sight, size)
-    return draw_case(axes, case, sight, places, size)
+    return draw_case(axes, case, sight, solid[0], size)
+
+
+def _surface(sight: Sight, shape: Shape) -> Solid:
+    """Places (n, 3) along a grain's outline, in 3-D on its surface, with triangles."""
+    if sight.planar:
+        return spatial(grain_outline(shape.grain, shape.placement)), np.empty((0, 3), dtype=int)
+    return placed_surface(shape.grain, shape.placement)
+
+
+def _sketch(sight: Sight, case: Judged) -> Solid:
+    """The same of a grain of which only the contacts are known."""
+    if sight.planar:
+        return spatial(sketched_outline(case)), np.empty((0, 3), dtype=int)
+    return sketched_solid(case)
 
 
 def _place(
-    axes: Axes, sight: Sight, shown: Shape | Judged, contacts: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Draw a grain, sketched by its contacts (n, 3) where its shape is not known, and its bed; its places and size."""
-    known, bed = isinstance(shown, Shape), getattr(shown, "bed", None)
-    if sight.planar:
-        outline = grain_outline(shown.grain, shown.placement) if known else sketched_outline(shown)
-        places, triangles = spatial(outline), np.empty((0, 3))
-    else:
-        solid = placed_surface(shown.grain, shown.placement) if known else sketched_solid(shown)
-        places, triangles = solid
+    axes: Axes, sight: Sight, solid: Solid, bed: Any, contacts: np.ndarray, known: bool = True
+) -> float:
+    """Draw a grain and its bed where they and contacts (n, 3) are seen; the grain's size."""
+    places, triangles = solid
     seen = np.vstack([places, contacts])
     size = float(np.ptp(seen if sight.planar else places, axis=0).max())
     x0, x1, _, _ = show_place(axes, sight(seen), size, 0.55 if sight.planar else 0.3)
     if not sight.planar:
         render(axes, sight, places, triangles, bed)
         draw_directions(axes, sight)
-        return places, size
+        return size
     if bed is not None:
         draw_bed(axes, bed_line(bed, x0, x1))
     draw_grain(axes, sight(places), known)
-    return places, size
+    return size
 
 
 def _unjudged(run: StoredRun, shape: Shape) -> Figure:
@@ -140,9 +150,9 @@ def _unjudged(run: StoredRun, shape: Shape) -> Figure:
     )
     down = forces.get("weight", np.zeros(3))
     sight = Sight.of(forces["flow"], down, normals) if run.in_space else PLANE
-    _, size = _place(axes, sight, shape, np.empty((0, 3)))
+    size = _place(axes, sight, _surface(sight, shape), shape.bed, np.empty((0, 3)))
     if not run.in_space:
-        draw_streamlines(run, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
+        draw_streamlines(run.plane, axes, (*axes.get_xlim(), *axes.get_ylim()), "#9db8cf")
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
     draw_load(axes, sight, spatial(shape.placement.centre), size, forces, torque, largest)
     if listed:
@@ -172,25 +182,23 @@ def _flow_rows(run: StoredRun) -> list[Group]:
 
 
 def draw_judgement(directory: Path) -> list[Path]:
-    """Draw judgement.png from the judgement.json of a directory; raises OutputError. Not collective."""
+    """Draw judgement.png from the judgement.json of a directory; raises as `record.drawn`. Not collective."""
     source = directory / "judgement.json"
-    stored = parsed_json(source)
-    if "verdict" not in stored:
-        raise OutputError(f"{source}: holds no verdict; judge the case again")
+    return drawn(source, lambda stored: _judgement(stored, source), "judge the case again")
+
+
+def _judgement(stored: dict[str, Any], source: Path) -> Figure:
     case, shape = judged(stored["verdict"], source), _shape_of_case(stored, source)
-    with style.applied():
-        chances = stored.get("probabilities")
-        more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
-        subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
-        figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-        explain(axes, _show(axes, case, shape))
-        if case.planar:
-            axes.set(xlabel="x", ylabel="y")
-        there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
-        write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
-        path = source.with_suffix(".png")
-        style.save(figure, path)
-    return [path]
+    chances = stored.get("probabilities")
+    more = [case.sentences[1], *([] if chances is None else [sentence(chances["sentence"])])]
+    subject = (stored.get("title") or "A case") + ("" if shape else "; the grain is sketched")
+    figure, axes = sheet(case.sentences[0], " ".join(more), subject)
+    explain(axes, _show(axes, case, shape))
+    if case.planar:
+        axes.set(xlabel="x", ylabel="y")
+    there = load_rows(case.acting, case.load.flow_couple, "[units of the case]", case.planar)
+    write_numbers(axes, [there, *judge_rows(case), *_probability_rows(chances)])
+    return figure
 
 
 def _shape_of_case(stored: dict[str, Any], source: Path) -> Shape | None:
@@ -222,20 +230,11 @@ def draw_threshold(directory: Path) -> list[Path]:
     Raises:
         OutputError: when one of them is missing or damaged, or the picture cannot be written.
     """
-    source, path = directory / "threshold.json", directory / "threshold.png"
-    stored, again = parsed_json(source), "find the threshold again"
+    source, again = directory / "threshold.json", "find the threshold again"
     scene = scene_of(directory)
     if scene.grain is None or scene.bed_shape is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain on a bed; {again}")
-    with style.applied():
-        try:
-            figure = _threshold(stored, scene, source)
-        except KeyError as error:
-            raise OutputError(f"{source}: holds no {error.args[0]}; {again}") from error
-        except (TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood: {error}; {again}") from error
-        style.save(figure, path)
-    return [path]
+    return drawn(source, lambda stored: _threshold(stored, scene, source), again)
 
 
 def _threshold(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:

@@ -23,6 +23,7 @@ from incipient.pictures import flow, style, traction, verdict
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.directory_pictures import draw
 from incipient.pictures.mesh import QuadraticMesh, enclosed_area
+from incipient.pictures.plane import Plane
 from incipient.pictures.record import read
 from incipient.results.kinds import JUDGEMENT, THRESHOLD
 from incipient.scene.file import dumps, loads
@@ -312,11 +313,14 @@ def test_boundary_of_a_mesh_with_a_hole():
 def test_fields_are_sampled_on_a_grid_within_the_fluid():
     points, cells = quadratic_grid(around_disc, 48, 24, closed=True)
     mesh, view = QuadraticMesh(points, cells), (-2.0, 3.0, -1.0, 1.0)
-    x, y, (value,) = flow.sample(mesh, (points[:, 0] - 3.0 * points[:, 1])[:, None], view, 50)
+    linear = np.column_stack([points[:, 0] - 3.0 * points[:, 1], 2.0 * points])
+    plane = Plane(points, mesh.quarters, {"velocity": linear}, [], [])
+    x, y, (value, other) = plane.velocities(view, 50)
     across, up = np.meshgrid(x, y)
     radius = np.hypot(across, up)
     assert value.mask[radius < 0.99 * RADIUS].all() and not value.mask[radius > RADIUS].any()
     assert np.allclose(value, across - 3.0 * up, atol=1e-12)
+    assert np.allclose(other, 2.0 * across, atol=1e-12)
 
 
 def test_components_of_the_traction_are_those_along_normal_and_surface(grain_run):

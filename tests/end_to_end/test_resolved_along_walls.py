@@ -5,7 +5,7 @@ import math
 import pytest
 
 import incipient
-from incipient.accuracy.kept_runs import KeptRuns
+from incipient.accuracy.coarse_runs import KeptRuns
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import (

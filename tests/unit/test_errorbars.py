@@ -16,11 +16,10 @@ from scenes import CARRIED, IN_STREAM, SETTLED
 from scenes import on_bed as example
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse, comparisons, farther
+from incipient.accuracy.coarse_runs import Solve, changed, coarse, comparisons, farther
 from incipient.accuracy.errorbars import coarse_scenes, of_interaction
-from incipient.accuracy.finish import finished
-from incipient.accuracy.kept_runs import Solve
 from incipient.accuracy.modelling import not_estimated
+from incipient.accuracy.run import finished
 from incipient.accuracy.terms import (
     MOVES,
     by_coarser_runs,

@@ -12,9 +12,8 @@ from mpi4py import MPI
 from scenes import SETTLED, on_bed
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse, farther
+from incipient.accuracy.coarse_runs import KeptRuns, Solve, changed, coarse, farther
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.accuracy.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
 from incipient.accuracy.search import Search
 from incipient.accuracy.strategies import DualWeighted

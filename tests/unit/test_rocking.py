@@ -43,6 +43,7 @@ from incipient.geometry import (
 from incipient.planning.effects import Decision, EffectName
 from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, loads
+from incipient.scene.example import grain_on_bed
 from incipient.scene.mass import mass_and_inertia
 
 HEIGHT, LENGTH = 0.05, 2.0  # of the sinusoidal bed, which is lowest at 1.5
@@ -145,6 +146,16 @@ def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
 
 def test_on_a_plane_any_load_rolls_a_disc_away() -> None:
     assert followed(Disc(1.0), (0.3, 0.0), 0.0, 0.8, Flat(0.0)).critical == 0.0
+
+
+def test_a_disc_on_a_plane_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it has no other rest; to find that out would take longer than the flow."""
+    scene, wanted = (
+        grain_on_bed(),
+        Load([0.3, 0.0, 0.0], np.zeros(3), [0.0, -1.0, 0.0], np.zeros(3)),
+    )
+    monkeypatch.setattr("incipient.evaluation.contact_verdict.follow", None)
+    assert followed_in(scene, wanted) is None
 
 
 def test_what_contacts_hold_is_held_up_to_the_safety_factor() -> None:

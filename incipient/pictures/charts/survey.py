@@ -197,21 +197,16 @@ def _by_protrusion(axes: Axes, grains: dict[str, Floats]) -> None:
 
 def _for_paraview(path: Path, grains: dict[str, Floats], spheres: dict[str, Floats]) -> Path:
     """Write the spheres as triangles with numbers, diameters and thresholds; NaN where there is none."""
-    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
-    places = np.column_stack([spheres["x"], spheres["y"], spheres["z"]])
-    points = places[:, None] + spheres["diameter"][:, None, None] * ball.points
-    count, corners = len(ball.points), ball.faces.reshape(-1, 4)[:, 1:]
-    triangles = np.arange(len(places))[:, None, None] * count + corners
-    faces = np.insert(triangles.reshape(-1, 3), 0, 3, axis=1)
-    made = pyvista.PolyData(points.reshape(-1, 3), faces.ravel())
-    fields = {"number": np.arange(len(places), dtype=float), "diameter": spheres["diameter"]}
+    made = pyvista.PolyData(np.column_stack([spheres["x"], spheres["y"], spheres["z"]]))
+    made["number"] = np.arange(made.n_points, dtype=float)
+    made["diameter"] = spheres["diameter"]
     for name in ("stress", "shields", "rank", "pivot", "protrusion", "carries"):
-        values = np.full(len(places), np.nan)
+        values = np.full(made.n_points, np.nan)
         if name in grains:
             values[grains["number"].astype(int)] = grains[name]
-        fields[name] = values
-    for name, values in fields.items():
-        made.point_data[name] = np.repeat(values, count)
+        made[name] = values
+    ball = pyvista.Sphere(radius=0.5, theta_resolution=_ROUND, phi_resolution=_ROUND)
+    balls = made.glyph(scale="diameter", orient=False, geom=ball)
     with replaced(path, path.with_suffix(".part.vtp")) as part:
-        made.save(part)
+        balls.save(part)
     return path

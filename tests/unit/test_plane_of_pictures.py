@@ -9,14 +9,10 @@ import pytest
 from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
+from incipient.pictures.drawing import Sight
+from incipient.pictures.plane import PARTS, TETRAHEDRON, boundary_lines, grain_lines
 from incipient.pictures.record import StoredRun
-from incipient.pictures.section import (
-    PARTS,
-    TETRAHEDRON,
-    boundary_lines,
-    grain_lines,
-    section_of,
-)
+from incipient.pictures.verdict import of_run
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = (
@@ -71,11 +67,10 @@ def test_fields_stand_where_they_are_on_curved_cells() -> None:
         StoredStep(0.0, points, cells, fields),
         None,
     )
-    section = section_of(run, (0.0, 1.0, 0.0, 1.0), ["pressure", "velocity"], 50)
-    across = np.broadcast_to(section.x, section.inside.shape)
-    assert np.abs(section.fields["pressure"] - across)[section.inside].max() < 1e-6
-    assert not section.inside[section.z < 0.3][:, np.abs(section.x - 0.5) < 0.1].any()
-    assert section.inside[section.z > 0.6].all()
+    x, z = np.meshgrid(np.linspace(0.01, 0.99, 50), np.linspace(0.01, 0.99, 50))
+    found = run.plane.at(np.column_stack([x.ravel(), z.ravel()]), "pressure").reshape(x.shape)
+    assert np.abs(found - x).max() < 1e-6
+    assert found.mask[(z < 0.3) & (np.abs(x - 0.5) < 0.1)].all() and not found.mask[z > 0.6].any()
 
 
 def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
@@ -114,3 +109,25 @@ def test_the_line_around_a_grain_is_its_own() -> None:
     x, z = turn.T @ (line - [2.0, 1.0]).T
     assert len(line) > 200
     assert np.abs(np.hypot(x / 0.6, z / 0.3) - 1.0).max() < 5e-3
+
+
+def test_the_load_on_a_grain_in_space_is_drawn_without_a_verdict() -> None:
+    """The force points along x, which the sight has to the right; its arrow begins at the centre."""
+    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
+    domain = Domain(length=4.0, width=2.0, height=2.0)
+    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
+    result = {
+        "grain": {"centre": [2.0, 1.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]},
+        "force": {"flow": [3.0, 0.0, 0.0]},
+        "couple": {"flow": [0.0, 1.0, 0.0]},
+    }
+    cells = np.zeros((0, 10), int)
+    stored = StoredStep(0.0, CUBE, cells, {})
+    run = StoredRun(Path(), result, scene.model_dump(mode="json"), stored, None)
+    (axes,) = of_run(run).axes
+    assert len(axes.images) == 1
+    sight = Sight.of(np.array([3.0, 0.0, 0.0]), np.zeros(3), np.empty((0, 3)))
+    (force, *_) = [one for one in axes.patches if getattr(one, "_posA_posB", None) is not None]
+    tail, tip = np.array(force._posA_posB)
+    assert tail == pytest.approx(sight(np.array([2.0, 1.0, 1.0])))
+    assert tip[0] - tail[0] == pytest.approx(0.8 * 1.2 * np.cos(np.radians(24.0)))
