@@ -342,12 +342,18 @@ def _on_surfaces(
     mesh = replace(mesh, points=points)
     if mesh.order == 1:
         return mesh, none
-    free, layered = ~held(mesh.points), tuple[Any, ...]()
-    free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
+    feet, layered = np.full(len(points), -1), tuple[Any, ...]()
     if columns is not None:
         feet, share = columns.by_point(len(points))
-        free[feet >= 0] = False
         layered = feet, AT_TOP + (1.0 - AT_TOP) * share
+    # In a bed's valleys cells lie between two facets, and moving their other nodes unfolds none of them.
+    at_grains = np.concatenate([none, *(mesh.sides[name].ravel() for name in size.bodies)])
+    at_grains = np.union1d(at_grains, np.flatnonzero(np.isin(feet, at_grains)))
+    beside = np.unique(mesh.cells[np.isin(mesh.cells, at_grains).any(axis=1)])
+    free = np.zeros(points.shape, dtype=bool)
+    free[beside] = ~held(mesh.points)[beside]
+    free[np.concatenate([mesh.sides[name].ravel() for name in walls])] = False
+    free[feet >= 0] = False
     moved = np.concatenate(middles), np.concatenate(places)
     made, straight = mesh.curved(*moved, free, *layered)
     return made, np.intersect1d(straight, np.concatenate(smooth))

@@ -438,12 +438,16 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _length(text: str) -> float:
+    from .flume import length  # whose libraries other commands do not need
+
+    return length(text)
+
+
 def of_flume(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient flume`."""
-    from .flume import length
-
     parser.add_argument(
-        "--diameter", type=length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
+        "--diameter", type=_length, required=True, help="of the grains, as in 2mm or 0.002 [m]"
     )
     parser.add_argument(
         "--density",
@@ -454,7 +458,7 @@ def of_flume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shear-velocity", type=float, help="u* [m/s]; or depth and velocity, or depth and slope"
     )
-    parser.add_argument("--depth", type=length, help="of the flow, as in 0.3m")
+    parser.add_argument("--depth", type=_length, help="of the flow, as in 0.3m")
     parser.add_argument("--velocity", type=float, help="mean over the depth [m/s]")
     parser.add_argument("--slope", type=float, help="of bed and surface, rise over length")
     parser.add_argument(

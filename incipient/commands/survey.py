@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..errors import SceneError
 from ..output.ownership import refuse_foreign
@@ -32,7 +34,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         request, base = load_request(options.bed, options.overrides), options.bed.parent
         named = (getattr(request.bed, key, None) for key in ("file", "heights", "labels"))
         kind, read = SURVEY, [base / name for name in named if name]
-        compute = partial(find, request, base, directory, comm, options.runs, sweep)
+        compute: Callable[..., Any] = partial(
+            find, request, base, directory, comm, options.runs, sweep
+        )
     elif options.runs:
         remedy = "leave it out with --orientations and --seeds"
         raise SceneError(f"--runs: is for a bed of grains; {remedy}")

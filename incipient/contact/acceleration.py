@@ -384,7 +384,7 @@ def _solution(case: ReleaseProblem, acceleration: Floats, forces: Floats) -> Sol
     return Solution(
         acceleration=unit * whole[0, :3],
         angular_acceleration=unit / problem.reach[0] * whole[0, 3:],
-        contact_forces=case.force_unit[0] * problem.forces(problem.law.project(local[None])[0]),
+        contact_forces=problem.forces(case.force_unit[0] * problem.law.project(local[None])[0]),
         contact_states=tuple(states[kinds[0, i]] for i in problem.copy.tolist()),
         mode=MODES[modes[0]],
         forces_unique=unique,

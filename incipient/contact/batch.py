@@ -36,7 +36,7 @@ class Cases:
 
     points, normals: (n, k, 3), unit normals out of the grain; a case with fewer contacts ends with NaN
     force, couple, weight, centre: (n, 3) of the flow, its torque about the centre of mass, and all else that acts there
-    law: of the contacts, of one or (n,) coefficients
+    law: of the contacts, or coefficients of friction: one or (n,)
     mass: (n,), inertia: (n, 3, 3) about the centre, NaN where they are not known
     """
 
@@ -55,6 +55,8 @@ class Cases:
         shapes = {"points": contacts, "normals": contacts, "mass": (), "inertia": (3, 3)}
         for item in fields(self):
             value, inner = getattr(self, item.name), shapes.get(item.name, (3,))
+            if item.name == "law" and not isinstance(value, FrictionCone):
+                value = FrictionCone(np.asarray(value, dtype=float))
             rows: Any
             try:
                 if isinstance(value, FrictionCone):

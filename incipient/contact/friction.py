@@ -1,8 +1,8 @@
-"""The law of a contact: Coulomb's friction cone; local forces are (normal, two tangential)."""
+"""The law of a contact: Coulomb's friction cone, shifted by cohesion; local forces are (normal, two tangential)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,40 +22,57 @@ Rows = Integers | Booleans | slice | int
 
 @dataclass(frozen=True, eq=False)
 class FrictionCone:
-    """Forces N >= 0, |T| <= coefficient N.
+    """Forces N >= 0, |T| <= coefficient N; with cohesion N stands for the normal force and the cohesion together.
 
     `coefficient`: static friction of at least 0, or infinite: a number, or (n,) of n cases, all of them
-    frictionless, or all infinite, or none.
+    frictionless, or all infinite, or none. `cohesion`: the largest pull of a contact [force], of the same shape.
     """
 
     coefficient: Floats
+    cohesion: Floats = field(default_factory=lambda: np.zeros(()))
 
     @classmethod
-    def of(cls, law: Law) -> FrictionCone:
+    def of(cls, law: Law, cohesion: float = 0.0) -> FrictionCone:
         """A law as it is, or that of a coefficient; raises SceneError if that is negative or not a number."""
-        cone = law if isinstance(law, FrictionCone) else cls(np.asarray(law, dtype=float))
+        cone = (
+            law
+            if isinstance(law, FrictionCone)
+            else cls(np.asarray(law, float), np.asarray(cohesion, float))
+        )
         if not (cone.coefficient >= 0.0).all():
             raise SceneError(
                 f"friction {cone.coefficient} is not a coefficient; give a number that is not negative"
+            )
+        if not ((cone.cohesion >= 0.0) & np.isfinite(cone.cohesion)).all():
+            raise SceneError(
+                f"cohesion {cone.cohesion} is no pull; give a finite number that is not negative"
             )
         return cone
 
     def rows(self, count: int) -> FrictionCone:
         """The law of n cases: each its own, or all alike."""
-        return FrictionCone(np.broadcast_to(self.coefficient, count))
+        both = self.coefficient, self.cohesion
+        return FrictionCone(*(np.broadcast_to(number, count) for number in both))
 
     def part(self, rows: Rows) -> FrictionCone:
         """The law of some of the cases."""
-        return FrictionCone(self.coefficient[rows])
+        cohesion = self.cohesion[rows] if self.cohesion.shape else self.cohesion
+        return FrictionCone(self.coefficient[rows], cohesion)
 
     def changed(self, change: float) -> FrictionCone:
         """The law with a larger or smaller coefficient, of at least 0."""
-        return FrictionCone(np.maximum(self.coefficient + change, 0.0))
+        return replace(self, coefficient=np.maximum(self.coefficient + change, 0.0))
+
+    @property
+    def is_cohesive(self) -> bool:
+        """Whether contacts can pull."""
+        return bool((self.cohesion > 0.0).any())
 
     @property
     def is_usual(self) -> Booleans:
-        """Whether the coefficient counts as neither zero nor infinite, shaped as the coefficient."""
-        return (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
+        """Whether the coefficient counts as neither zero nor infinite, and cohesion is right; shaped as they are."""
+        pulls = (self.cohesion >= 0.0) & np.isfinite(self.cohesion)
+        return pulls & (self.coefficient > FRICTIONLESS) & (self.coefficient <= INFINITE)
 
     @property
     def is_frictionless(self) -> bool:

@@ -35,7 +35,6 @@ REGULAR = 1e-12  # added to the diagonal of W, over its mean, for impulses that 
 STEPS, PATIENCE = 14, 300  # of Newton's method, the latter where the former do not converge
 # Residuals of a solution; the latter if one more step leaves no better.
 CONVERGED, STALLED = 1e-12, 1e-11
-DERIVATIVE_WORK = 0.05  # of a row of the conic program, about
 HALVINGS, FALL = 4, 0.1  # of a step, until the squared residual falls by that fraction of it
 SHIFT = 1e-11  # of the derivative, which may be singular
 RANDOM_STARTS = (40, 200)
@@ -71,7 +70,7 @@ class CoulombLaw:
         """Whether the equations at a solution (k, 3) leave a direction open in which velocities change."""
         derivative = np.empty_like(self.onto)
         trial = local.ravel() @ self.onto + self.offset
-        DERIVATIVE(self.onto, self.friction, trial, derivative, rows=DERIVATIVE_WORK)
+        DERIVATIVE(self.onto, self.friction, trial, derivative, rows=2.0 / len(local) ** 3)
         _, sizes, right = np.linalg.svd(derivative)
         ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
         return bool((np.abs(ways @ self.gain) > 1e3 * SINGULAR).any())

@@ -112,6 +112,10 @@ class ContactProblem:
         wrenches = np.zeros((count, 2, 6))
         wrenches[:, 0, :3], wrenches[:, 1, :3] = loads[0], loads[2]
         wrenches[:, 0, 3:] = loads[1] / reach[:, None]
+        # Forces in the cones are those of the contacts and their cohesion together, which pulls the grain to the bed.
+        pull = law.cohesion[:, None]
+        wrenches[:, 1, :3] += pull * normals.sum(axis=1)
+        wrenches[:, 1, 3:] = pull * np.cross(arms, normals).sum(axis=1) / reach[:, None]
         sizes = np.sqrt((wrenches * wrenches).sum(axis=2))
         wrenches /= np.maximum(sizes, TINY)[:, :, None]
         scaled = arms / reach[:, None, None], -normals, reach, wrenches, sizes
@@ -209,7 +213,8 @@ class ContactProblem:
         return whole / np.maximum(size, TINY)[:, None], size
 
     def forces(self, local: Floats) -> Floats:
-        """Local forces (k, 3) of a single case as forces (j, 3) on the grain at the contacts of the caller."""
+        """Forces (j, 3) on the grain at the caller's contacts, of local forces (k, 3) in the cones of a single case."""
+        local = local - [self.law.cohesion.item(), 0.0, 0.0]
         return np.asarray(self.fraction[:, None] * (local[:, None] @ self.frames[0])[self.copy, 0])
 
 
@@ -241,7 +246,8 @@ def contact_frames(inward: Floats, across: Floats | None) -> Floats:
 def plain(value: Any) -> Any:
     """Results as dictionaries, lists, names, numbers and None (no number, or infinite), for JSON."""
     if is_dataclass(value):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        shown = (item.name for item in fields(value) if item.repr)
+        return {name: plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, tuple | list):

@@ -134,13 +134,15 @@ def follow(
 ) -> Rocking | None:
     """Follow the rest of a grain from its weight alone until it leaves its pocket; None if it has no rest at `start`.
 
+    None with cohesion as well: a contact that opens is torn off, and other rests are sought without it.
+
     `load.centre` is not used: the load acts at the grain's centroid. Without mass and inertia the mode is not known.
     `resolved` is the relative tolerance of the critical factor.
 
     Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
     """
     pocket = _Pocket(grain, bed, load, FrictionCone.of(law), resolved)
-    first = pocket.rest(0.0, start)
+    first = None if pocket.law.is_cohesive else pocket.rest(0.0, start)
     if first is None:
         return None
     rests = tuple(pocket.rests(first))

@@ -1,8 +1,9 @@
 """The safety factor: how much the flow's load may grow before the contacts cannot balance it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -48,8 +49,7 @@ class SafetyFactor:
     largest s that are balanced, None if none is. `held`: whether 1 is in it. `contact_forces` (n, 3) on the
     grain balance the load at `factor`: the largest of the interval; if that is infinite 1, or twice the
     smallest if 1 is not in it; NaN, with zero forces, if there is no interval. `contact_states`: of these
-    forces; `jams`: forces in the cones can balance one another, so contact forces have no bound; `residual`:
-    how far equilibrium and cones are missed, relative to the largest force.
+    forces; `residual`: how far equilibrium and cones are missed, relative to the largest force.
     """
 
     value: float
@@ -59,8 +59,13 @@ class SafetyFactor:
     contact_forces: Floats
     contact_states: tuple[ConeState, ...]
     factor: float
-    jams: bool
     residual: float
+    problem: ContactProblem = field(repr=False)
+
+    @cached_property
+    def jams(self) -> bool:
+        """Whether forces in the cones can balance one another, so that contact forces have no bound."""
+        return can_jam(self.problem)
 
 
 def safety_factor(load: Load, contacts: Contacts, law: Law) -> SafetyFactor:
@@ -105,8 +110,8 @@ def safety_of(problem: ContactProblem) -> SafetyFactor:
         contact_forces=problem.forces(local[0]),
         contact_states=tuple(states[place] for place in places[problem.copy].tolist()),
         factor=factor,
-        jams=can_jam(problem),
         residual=0.0 if math.isnan(factor) else float(missed / (unit or 1.0)),
+        problem=problem,
     )
 
 

@@ -6,7 +6,7 @@ contacts alone, or of contact forces that brace one another.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum, Flag, auto
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.contact.acceleration import IncipientMotion, checked_inertia, motion_of
 from incipient.contact.acceleration import Mode as ExactMode
-from incipient.contact.friction import Law
+from incipient.contact.friction import FrictionCone, Law
 from incipient.contact.paper import Classification, classify
 from incipient.contact.paper.outcomes import Criterion, Mode
 from incipient.contact.problem import ContactProblem, Load, plain
@@ -94,6 +94,7 @@ class Reason(Enum):
         "the paper infers the motion from the residual force and torque; "
         "it also depends on mass and inertia"
     )
+    COHESION = "contacts pull, and the paper's criteria know no cohesion"
     NOT_UNIQUE = "with dry friction several motions are possible here, or none; the exact criterion says which"
     MODE_UNKNOWN = "both predict motion; the exact criterion names no mode, without mass and inertia or a solution"
 
@@ -244,6 +245,7 @@ class Verdict:
         exact, agreement = self.equilibrium, self.agreement
         motion = None if exact.motion is None else exact.motion.to_dict()
         factor = plain(exact.safety.value)
+        safety = plain(exact.safety) | {"jams": exact.safety.jams}
         return {
             "moves": self.moves,
             "mode": exact.label,
@@ -252,8 +254,8 @@ class Verdict:
             "safety_status": exact.safety.status.name,
             "judges": {
                 "criteria": self.criteria.to_dict(),
-                "equilibrium": plain(replace(exact, motion=None))
-                | {"moves": exact.moves, "mode": exact.label, "motion": motion},
+                "equilibrium": {"safety": safety, "motion": motion, "unsolved": exact.unsolved}
+                | {"moves": exact.moves, "mode": exact.label},
             },
             "agreement": plain(agreement)
             | {"agree": agreement.agree, "explanation": agreement.explanation},
@@ -269,7 +271,10 @@ def judge(
     """
     paper = classify(load, contacts, law)
     exact = judged(load, contacts, law, mass_and_inertia)
-    return Verdict(paper, exact, compare(paper, exact))
+    agreement = compare(paper, exact)
+    if isinstance(law, FrictionCone) and law.is_cohesive and not agreement.agree:
+        agreement = replace(agreement, reason=Reason.COHESION)
+    return Verdict(paper, exact, agreement)
 
 
 def exact_sentence(exact: Exact) -> str:

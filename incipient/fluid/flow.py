@@ -27,6 +27,8 @@ from .solvers.two_level import Action, PressureForce
 LOWEST_ORDER = 2  # of the velocity
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
+# Residual, relative to the right-hand side, of corrections of a steady flow by factors, which cost little to be better.
+INNER = 1e-6
 # Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
 EXACT = 1e-9
 
@@ -145,13 +147,13 @@ class Fluid(Holder, FlowEquations):
             watch(0, size)
             return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
         before = self.solver.statistics.factorisations
-        inexact = not kept and not self.solver.regular and self.coarse is None
+        inexact = not kept and self.coarse is None
         known = self._contraction if remember else None
-        fresh = not inexact and (self._aged or not kept)
+        fresh = self._aged and not inexact
         report = newton.solve(self, tolerance, max_iterations, watch, fresh, known, inexact)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
-        self._aged = not report.converged or report.iterations > PATIENCE
+        self._aged = not kept or not report.converged or report.iterations > PATIENCE
         return report
 
     def correct(self) -> float:
@@ -211,6 +213,7 @@ class Fluid(Holder, FlowEquations):
         if renewed:
             self._assemble_jacobian()
         if rtol is not None:
+            rtol = min(rtol, INNER) if self.solver.regular else rtol
             self.solver.solve(self._vector, self._correction, rtol, fresh)
         else:
             if fresh:

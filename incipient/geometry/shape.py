@@ -132,40 +132,6 @@ class Balls(Shape):
         return unit((unit(away) * nearest[..., None]).sum(axis=1))
 
 
-class RoundedBox(Shape):
-    """A rectangle or a box whose edges and corners are rounded by a disc or a ball that is rolled around a core."""
-
-    @property
-    @abstractmethod
-    def rounding(self) -> float:
-        """The radius of the disc or ball; 0: edges are sharp."""
-
-    @property
-    @abstractmethod
-    def core(self) -> Floats:
-        """Half the sides (gdim,) of what the disc or ball is rolled around."""
-
-    @property
-    def size(self) -> float:
-        """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.rounding)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, gdim)."""
-        beyond = np.abs(rows(x)) - self.core
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.rounding)
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, gdim) at points (n, gdim), at sharp edges and corners the bisector."""
-        x = rows(x)
-        beyond, slack = np.abs(x) - self.core, 1e-12 * self.size
-        inside = (beyond <= slack).all(axis=1, keepdims=True)
-        nearest = beyond >= beyond.max(axis=1, keepdims=True) - slack
-        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
-        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
-
-
 def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
     """Centres (n, dimension) and radii (n,) as tables, checked to be connected discs or spheres."""
     from scipy.sparse.csgraph import connected_components  # which takes time to import

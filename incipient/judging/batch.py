@@ -2,8 +2,8 @@
 
 Columns (in 3-D with `_z`, and three of torque): force_x, force_y, couple (torque), weight_x, weight_y, centre_x,
 centre_y, friction, contact_1_x, contact_1_y, normal_1_x, normal_1_y and so on for further contacts, empty where a row
-has fewer; optional are about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x, inertia_y,
-inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
+has fewer; optional are cohesion, about_x, about_y (the point of the torque), mass and inertia (in 3-D inertia_x,
+inertia_y, inertia_z, and inertia_xy, inertia_xz, inertia_yz unless the axes are principal axes), and name.
 """
 
 from __future__ import annotations
@@ -155,9 +155,10 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         for kind in ("contact", "normal")
     )
     numbers = [*of("force"), *couple, *of("weight"), *of("centre"), "friction"]
+    numbers += ["cohesion"] if "cohesion" in value else []
     needed = [*numbers, *chain(*points, *normals), *(["mass", *inertia] if "mass" in value else [])]
     products = [f"inertia_{axes}" for axes in _PRODUCTS] if axes == "xyz" else []
-    optional = ["name", *of("about"), "mass", *inertia, *products]
+    optional = ["name", *of("about"), "cohesion", "mass", *inertia, *products]
     require_columns("batch", value, needed, optional, REMEDY)
 
     def vector(names: Sequence[str]) -> Floats:
@@ -180,7 +181,7 @@ def _cases(table: Table, constants: Mapping[str, float]) -> tuple[Cases, dict[in
         torque,
         spatial(vector(of("weight"))),
         centre,
-        FrictionCone(value["friction"]),
+        FrictionCone(value["friction"], value.get("cohesion", np.zeros(len(table)))),
         value.get("mass", np.full(len(table), np.nan)),
         _inertia(value, inertia),
     )

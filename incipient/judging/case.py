@@ -114,13 +114,14 @@ class CaseContacts(Section):
     points: Points = key("points of contact")
     normals: Normals = key("unit normals there, OUT of the grain")
     friction: NotNegative = key("coefficient of static friction")
+    cohesion: NotNegative = key("largest pull of each contact, in the unit of force", 0.0)
     areas: Areas | None = key("area of the contact at each point; default: points only", None)
     convex: bool = key("the grain is convex: no normal points toward its centre of mass", True)
 
     @property
     def law(self) -> FrictionCone:
         """The law of the contacts."""
-        return FrictionCone.of(self.friction)
+        return FrictionCone.of(self.friction, self.cohesion)
 
 
 class CaseGrain(Section):

@@ -89,6 +89,7 @@ class ForcesContact(Section):
     """The contact of grain and bed."""
 
     friction: NotNegative = key("Coefficient of static friction")
+    cohesion: NotNegative = key("Largest pull of each contact, in the unit of force", 0.0)
     tolerance: Positive = key("Distance that counts as touching, over the grain's size", 1e-6)
 
 
@@ -148,6 +149,7 @@ class GrainInPlace(Section):
                     "normals": list(contacts.normals @ frame),
                     "areas": None if contacts.areas is None else contacts.areas.tolist(),
                     "friction": self.contact.friction,
+                    "cohesion": self.contact.cohesion,
                     "convex": False,
                 },
                 "grain": {"mass": mass, "inertia": inertia},

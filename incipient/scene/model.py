@@ -80,6 +80,10 @@ class Contact(Section):
     )  # fmt: skip
 
     friction: NotNegative = key("Coefficient of static friction [-]")
+    cohesion: NotNegative = key(
+        "Largest pull of each contact, which adds to the normal force in friction's bound [force]",
+        0.0,
+    )
     gap: Positive = key(
         "Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
         "2-D flow the width up to which the space next to contacts is closed [grain sizes]",
@@ -103,7 +107,7 @@ class Contact(Section):
         """The law of a contact at rest, which both criteria apply."""
         from ..contact.friction import FrictionCone
 
-        return FrictionCone.of(self.friction)
+        return FrictionCone.of(self.friction, self.cohesion)
 
 
 class Time(Section):

@@ -29,7 +29,6 @@ from incipient.geometry.plane.curves import (
 from incipient.geometry.shape import (
     Balls,
     Moments,
-    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -221,7 +220,7 @@ class Disc(Ellipse):
 
 
 @dataclass(frozen=True)
-class Rectangle(RoundedBox, Grain):
+class Rectangle(Grain):
     """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
 
     width: float
@@ -237,6 +236,11 @@ class Rectangle(RoundedBox, Grain):
     def core(self) -> Floats:
         """Half the sides of the rectangle that the corner circle is rolled around."""
         return 0.5 * np.array([self.width, self.height]) - self.rounding
+
+    @property
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.rounding)
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""

@@ -21,7 +21,6 @@ from incipient.geometry.plane.grains import exposed_arcs, farthest, moments_of_a
 from incipient.geometry.shape import (
     Balls,
     Moments,
-    RoundedBox,
     Shape,
     checked_balls,
     largest_distance,
@@ -227,7 +226,7 @@ class Sphere(Solid):
 
 
 @dataclass(frozen=True)
-class Box(RoundedBox, Solid):
+class Box(Solid):
     """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
 
     level_is_distance = True
@@ -245,9 +244,24 @@ class Box(RoundedBox, Solid):
         return self.edge_radius == 0.0
 
     @property
-    def rounding(self) -> float:
-        """The edges' radius."""
-        return self.edge_radius
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.linalg.norm(self.core) + 2.0 * self.edge_radius)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 3)."""
+        beyond = np.abs(rows(x)) - self.core
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
+        x = rows(x)
+        beyond, slack = np.abs(x) - self.core, 1e-12 * self.size
+        inside = (beyond <= slack).all(axis=1, keepdims=True)
+        nearest = beyond >= beyond.max(axis=1, keepdims=True) - slack
+        direction = np.where(inside, nearest, np.maximum(beyond, 0.0))
+        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
 
     @cached_property
     def core(self) -> Floats:
