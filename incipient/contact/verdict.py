@@ -6,7 +6,7 @@ contacts alone, or of contact forces that brace one another.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, Flag, auto
 from typing import Any
 
