@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..accuracy.run import run_scene
 from ..errors import SceneError
@@ -14,8 +14,6 @@ from ..parallel import Comm, from_first, world
 from ..planning.flow_setup import order_of
 from ..planning.order import with_order
 from ..progress import Silent
-from ..restart import checkpoint as checkpoints
-from ..restart.checkpoint import Checkpoint
 from ..results.result import Result
 from ..scene import Scene, Time, load
 from ..scene.file import loads
@@ -23,6 +21,9 @@ from ..simulation.recorder import Recorder
 from .directory import ResultDirectory
 from .lock import locked
 from .ownership import CHECKPOINT, SCENE
+
+if TYPE_CHECKING:
+    from ..restart.checkpoint import Checkpoint
 
 # What a scene may be resumed with instead of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
@@ -106,6 +107,8 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.
         SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
     """
+    from ..restart import checkpoint as checkpoints  # which most runs do without
+
     kept = checkpoints.read(directory / CHECKPOINT, comm)
 
     def loaded() -> tuple[Scene, Scene]:
