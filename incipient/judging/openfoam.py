@@ -22,6 +22,7 @@ from ..input_files import LARGEST_TABLE, reading
 DECIMAL = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 RUN = re.compile(rf"(?P<kind>forces?|moment)(?:_(?P<start>{DECIMAL}))?\.dat")
 CENTRE = re.compile(r"#\s*CofR\s*:?\s*\(?([^)\n]*)\)?", re.IGNORECASE)
+ROUNDING = 1e-5  # of a total that is written beside its parts, relative to the largest part
 FORMATS = "force.dat and moment.dat (openfoam.com) or forces.dat (openfoam.org, foam-extend)"
 
 
@@ -110,6 +111,14 @@ def _of_file(path: Path) -> ForcesInTime:
     moments, header = _table(beside)
     if moments.shape != table.shape or not np.array_equal(moments[:, 0], table[:, 0]):
         raise _refusal(f"{beside} has other times than {path.name}; give files of one run")
+    for values, name in ((table, path), (moments, beside)):
+        parts = values[:, 4:].reshape(len(values), -1, 3)
+        wrong = np.abs(values[:, 1:4] - parts.sum(axis=1)) > ROUNDING * np.abs(parts).max()
+        if wrong.any():
+            why = (
+                f"the total at time {values[wrong.any(axis=1), 0][0]:g} is not the sum of its parts"
+            )
+            raise _refusal(f"{name}: {why}; write it anew")
     return ForcesInTime(table[:, 0], table[:, 1:4], moments[:, 1:4], _centre(beside, header))
 
 

@@ -23,7 +23,7 @@ from .worker import CaseOutcome
 
 APPLICATION, FORMAT = (
     0x696E6370,
-    5,
+    6,
 )  # in the head of the file: "incp", and the version of its tables
 PATIENCE = 60.0  # seconds that a writer waits for readers
 WAITING, DONE, FAILED = "waiting", "done", "failed"

@@ -167,6 +167,10 @@ def both(change: Callable[[Path], Any]) -> Callable[[Path, Path], Any]:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
+        (
+            lambda f, m: changed(f, "\n0.1\t1.2", "\n0.1\t1.3"),
+            "the total at time 0.1 is not the sum",
+        ),
         (lambda f, m: changed(m, CENTRE, ""), "add a line '# CofR"),
         (lambda f, m: m.unlink(), "moment.dat is missing; write moments also"),
         (lambda f, m: changed(m, "\n0.1\t", "\n0.15\t"), "has other times than force.dat"),
