@@ -368,6 +368,18 @@ def test_step_on_a_moved_mesh_equals_step_on_the_reference(
         assert np.abs(a - b).max() < 1e-11 * np.abs(b).max()
 
 
+def test_measures_of_the_boundary_share_the_facet_tags() -> None:
+    """From dolfinx 0.9 on a form whose measures of the boundary hold different tags is refused."""
+    sides = [Open("left"), Open("right"), no_slip("bottom"), no_slip("top")]
+    with Fluid(unit_box(2, 2), FlowModel(), sides, reynolds=1.0) as fluid:
+        form = fluid.residual_form(*ufl.TestFunctions(fluid.space.mixed))
+    held = [
+        one.subdomain_data() for one in form.integrals() if one.integral_type() == "exterior_facet"
+    ]
+    assert len(held) == 2
+    assert all(tags is held[0] for tags in held)
+
+
 @pytest.mark.parametrize(("gdim", "order"), [(2, 2), (2, 3), (3, 2)])
 def test_straight_cells_take_fewer_points(gdim: int, order: int) -> None:
     """Both measures are exact on straight cells, where the integrands are polynomials, and alike on curved ones."""

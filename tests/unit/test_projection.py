@@ -10,7 +10,7 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from domains import SIDES, ring, square_in_box, unit_box
+from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat
 from incipient.fluid import Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
@@ -190,6 +190,18 @@ def test_a_closed_box_that_takes_in_more_than_it_lets_out() -> None:
         left = np.sort(np.abs(continuity(fluid)))
         assert left[-1] == pytest.approx(1.0, rel=1e-10)
         assert left[-2] < 1e-12
+
+
+def test_a_ball_in_three_dimensions() -> None:
+    stream = Prescribed("outer", lambda x, t: np.vstack([x[1], 0 * x[0], 0 * x[0]]))
+    conditions = [stream, no_slip("body")]
+    with flow(ball_in_box(0.5), conditions) as source, flow(ball_in_box(0.6), conditions) as fluid:
+        source.solve(1e-12)
+        receive(fluid, source)
+        fluid.constraints.update(0.0)
+        compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+        assert projected(fluid) < 0.1
+        assert np.abs(continuity(fluid)).max() < 1e-12
 
 
 RANKS = """
