@@ -160,6 +160,7 @@ def largest_error(flow: Flow, order: int, accuracy: float, step: float) -> float
         return max(errors(fluid, flow).velocity for _ in transient.march(END, step))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_follows_the_tolerance(order: int) -> None:
     """With the local error kept at the tolerance the global error goes as tolerance^(k / (k + 1))."""

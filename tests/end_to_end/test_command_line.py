@@ -73,6 +73,7 @@ def test_the_levels_of_the_log(command):
     assert "stage: mesh" in debug and "correction 1" in debug
 
 
+@pytest.mark.slow
 def test_pictures_with_the_run_are_gone_with_the_next(tmp_path, capsys):
     coarse = [*COARSE, *settings(numerics_error_bars=False)]
     asked = [
@@ -305,6 +306,7 @@ def test_plan_counts_what_the_run_solves_for(capsys, tmp_path, scene, values):
     assert planned["effects"] == result["plan"]["effects"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error_bars", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_plan_announces_the_memory_that_the_run_needs(command, tmp_path, capsys, error_bars):
     """With the dual solution of error bars twice as much; off by -13% to +20% in docs/validation/performance.md."""

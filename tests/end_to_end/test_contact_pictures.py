@@ -181,6 +181,7 @@ def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
     assert picture.read_bytes() != shaped
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flow", [pytest.param("[0.2, 0.0, 0.0]", marks=pytest.mark.slow), "[0.4, 0.1, 0.05]"]
 )  # rests, pivots

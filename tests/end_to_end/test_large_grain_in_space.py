@@ -52,6 +52,7 @@ def stone(mesh_size=7.0, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_what_grain_and_walls_bear_is_what_the_stream_loses():
     """Balance of momentum along half of the channel, with the eddies of the inflow: to the tolerance of the flow.
 
@@ -82,6 +83,7 @@ def channel(length=2.0, width=None, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_ridges_across_the_stream_are_the_plane_s():
     """u* along a wavy bed of a slice of a channel between sides without friction, by cells half as large in the plane.
 

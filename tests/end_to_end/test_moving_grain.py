@@ -189,6 +189,7 @@ def carried_in_a_cavity(**numerics: Any) -> Scene:
     )
 
 
+@pytest.mark.slow
 def test_ten_new_meshes_leave_no_jump(tmp_path: Path) -> None:
     """Loads and velocities through ten new meshes are those through one or two, within their error bars.
 

@@ -65,6 +65,7 @@ def still(motion, start):
     return incipient.run(moving(0.1, 0.05, start, motion=motion, course=("0",) * 3))
 
 
+@pytest.mark.slow
 def test_a_grain_on_a_course_of_no_way_is_one_that_is_held():
     """On a mesh that may move, but does not; also what both say of the walls."""
     held, by_course = (still(motion, "rest") for motion in ("fixed", "prescribed"))

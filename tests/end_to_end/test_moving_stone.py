@@ -80,6 +80,7 @@ def balances(scene):
     return gained, load, weight, np.array(borne), lost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "share"), [(moving, 1.0), pytest.param(ball, 2.0, marks=pytest.mark.slow)]
 )
@@ -92,6 +93,7 @@ def test_a_stone_and_the_stream_exchange_momentum(made, share):
     assert gained == pytest.approx(load + weight, abs=1e-6 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "made", [partial(moving, remesh_below=0.998), pytest.param(ball, marks=pytest.mark.slow)]
 )

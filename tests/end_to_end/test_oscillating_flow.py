@@ -80,6 +80,7 @@ def test_the_torques_are_largest_before_the_velocity_is() -> None:
     assert 0.05 < 0.75 - when < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "moves"), [(1.03, False), (0.97, True)])
 def test_a_disc_in_a_flow_to_and_fro_rolls_from_where_the_torques_say(
     share: float, moves: bool

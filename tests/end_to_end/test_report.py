@@ -183,6 +183,7 @@ def test_every_term_has_a_remedy() -> None:
     assert {*named, terms.GROUND, terms.OF_MESH} <= REMEDIES.keys()
 
 
+@pytest.mark.slow
 def test_a_sweep_shows_curves_cases_and_failures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,7 @@ def channel(reynolds, length=6.0, mesh_size=1.0, **changes):
     return Scene(**{**sections, **changes})
 
 
+@pytest.mark.slow
 def test_a_long_channel_stays_as_it_enters():
     """Forty depths; with grad-div the velocity alternated from cell to cell, more down the stream, to no flow at all.
 
@@ -98,6 +99,7 @@ def test_fine_sand_is_told_to_be_smooth():
     assert any("hydraulically smooth" in line for line in warnings)
 
 
+@pytest.mark.slow
 def test_a_slice_of_a_channel_is_the_plane_s():
     """u* of a channel in space between sides without friction, of as many rows: within 0.5% of the plane's."""
     plane = incipient.run(channel(9900.0, 3.0, 2.0)).turbulence
@@ -109,6 +111,7 @@ def test_a_slice_of_a_channel_is_the_plane_s():
     assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_wide_channel_in_space_stays_as_it_enters():
     """Twelve depths, two wide; with the upwinding of flows past grains k went up and down by a tenth for ever.
 
@@ -157,6 +160,7 @@ def test_a_uniform_flow_develops_to_that_which_stays():
     assert found.at_outflow == pytest.approx(developed, rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_accuracy_is_reached_where_walls_are_resolved():
     """Cells of 0.6 times 1.3 wall units for mesh_size = 1: the first mesh, of size 4, does not resolve the walls."""
     result = incipient.run(channel(20000.0, numerics=Numerics(order=3, accuracy=0.2)))
@@ -164,6 +168,7 @@ def test_an_accuracy_is_reached_where_walls_are_resolved():
     assert result.turbulence.mesh_size < 3.0
 
 
+@pytest.mark.slow
 def test_an_accuracy_is_not_reached_where_the_law_of_the_wall_does_not_hold():
     """y+ of 1000: smaller cells change nothing of that."""
     far = Turbulence(model="k-epsilon", wall_distance=0.1)
@@ -172,6 +177,7 @@ def test_an_accuracy_is_not_reached_where_the_law_of_the_wall_does_not_hold():
     assert result.adaptation.reason.startswith("not known to be reached: NOT APPLICABLE")
 
 
+@pytest.mark.slow
 def test_a_steady_flow_stays_in_time():
     """Loads on a disc at u* d/nu = 20 after four steps from the steady flow are those of that flow."""
     scene = channel(
@@ -224,6 +230,7 @@ def over_mean_profile(number, depth=60.0):
     return found
 
 
+@pytest.mark.slow
 def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
     """u* d/nu = 1 within 3%, nearer than at 10, where the model's own mean profile and eddies count.
 
@@ -234,6 +241,7 @@ def test_loads_on_sand_tend_to_those_of_laminar_flow_over_the_mean_profile():
     assert (np.abs(slow) < np.abs(fast)).all()
 
 
+@pytest.mark.slow
 def test_a_flow_that_does_not_converge_has_means_of_its_loads():
     """A tolerance below round-off is never met: loads differ from converged ones by less than their tolerance, 1e-4."""
     found = []

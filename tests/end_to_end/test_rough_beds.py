@@ -80,6 +80,7 @@ def loads(scene):
     return np.array([*found.force.flow[:2], found.torque.flow[2]])
 
 
+@pytest.mark.slow
 def test_flow_over_sand_on_a_free_mesh_is_developed_flow():
     """Waves of no height to speak of, with thin cells along them: u* within 0.5% of finite volumes in one dimension."""
     walls = waves(0.02, 5e-4, 1.4)
@@ -259,6 +260,7 @@ def test_ridges_across_a_slice_bear_what_waves_in_the_plane_do(sand, mesh_size, 
     assert (np.abs(space / plane - 1.0) < within).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [0.05, pytest.param(0.02, marks=pytest.mark.slow)])
 def test_a_slice_of_a_rough_channel_is_the_plane_s(roughness):
     """u* in space between sides without friction, in as many rows: within 0.5% of the plane's."""

@@ -57,7 +57,7 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     assert result.verdict["mode"] == "rolling" and result.verdict["safety_factor"] == 0.0
     stored = incipient.load(tmp_path / "scene.toml")
     assert stored == scene and (tmp_path / "fields.xdmf").exists()
-    assert "torque (0, " in result.text()
+    assert "torque about the centre of mass (0, " in result.text()
 
 
 def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
@@ -68,7 +68,7 @@ def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     )
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)
-    one = np.concatenate([alone.force.flow, alone.couple.flow])
+    one = np.concatenate([alone.force.flow, alone.torque.flow])
     done = mpirun(2, RANKS, tmp_path / "scene.toml")
     assert done.returncode == 0, done.stderr
     two = np.array(done.stdout.split(), dtype=float)

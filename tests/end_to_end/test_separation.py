@@ -39,6 +39,7 @@ def behind_step(reynolds: float, **sections) -> Scene:
     )
 
 
+@pytest.mark.slow
 def test_gartling_s_step_on_default_cells():
     """Within 1% of 6.10 H, and the error bar holds it; without cells at the kink of the inflow it was 6.34 H."""
     result = incipient.run(
@@ -59,6 +60,7 @@ def test_gartling_s_step_on_default_cells():
     assert stored["separated"] == [list(result.separated[0])] and stored["without_error_bars"] == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reynolds", [100, 800])
 def test_erturk_s_step_on_default_cells(reynolds):
     """Within 1%; the flow leaves the wall at the edge of the step, whatever eddies there are in the corner below."""

@@ -112,6 +112,7 @@ def over_volumes(walls, reynolds, k):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reynolds", "k"), [(1e6, 0.005), (1e5, 0.05)])
 def test_a_rough_channel(reynolds, k):
     """By the law with a wake of 0.2 (open channels: Nezu & Rodi 1986) within 3%, by finite volumes within 1%.
@@ -258,6 +259,7 @@ def test_within_the_sand_the_remedy_is_a_distance_that_holds():
     assert asked(wall_distance=walls.suitable).applicable
 
 
+@pytest.mark.slow
 def test_a_stone_on_gravel_has_a_verdict():
     """Sand of a fiftieth of the depth: by y+, in the thousands, the law of a smooth wall would not hold."""
     stone = {
@@ -311,6 +313,7 @@ def test_a_run_that_is_resumed_ends_where_the_whole_one_does(tmp_path):
     assert found.count("\n") == expected.count("\n")
 
 
+@pytest.mark.slow
 def test_a_channel_in_space_is_the_plane_s():
     """Level bed, sides without friction: u* within 0.1%, by which triangles and tetrahedra may differ."""
     plane = incipient.run(channel(11000.0, 4.0)).turbulence

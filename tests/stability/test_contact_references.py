@@ -75,6 +75,7 @@ def reference(load, contacts, friction):
     return None if None in ends else ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SEEDS)
 def test_random_cases_against_programs_with_cuts(kind):
     """240 cases in 3-D and 220 in 2-D: the ends of the interval of balanced factors, or that there is none."""

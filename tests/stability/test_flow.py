@@ -131,6 +131,7 @@ def test_energy_of_a_decaying_flow(
     assert never_grows(energy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("convection", "order", "step"),
     [

@@ -111,6 +111,7 @@ def test_lubrication(motion: str, gap: float) -> None:
     assert wall_force(motion, gap) == pytest.approx(exact_wall_force(motion, gap), rel=0.015)
 
 
+@pytest.mark.slow
 def test_a_new_mesh_in_nearly_every_step() -> None:
     """The place differs by a few parts in 1e5 of the grain's size."""
     usual, often = (remeshed_run(below, steps=8) for below in (0.35, 0.99))
@@ -158,6 +159,7 @@ def test_lid_set_off_at_once_at_high_reynolds(courant: float, convection: str) -
 # -- stopped and resumed ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "says", "close"),
     [

@@ -119,6 +119,7 @@ def followed(seed: int, round_grain: bool) -> bool:
     return touched > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("round_grain", "seeds"), [(True, 12), (False, 3)])
 def test_some_random_releases(round_grain: bool, seeds: int) -> None:
     """With restitution no energy is looked at: with friction Newton's law may add some (Kane & Levinson 1985)."""

@@ -42,6 +42,7 @@ def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
     raise AssertionError("the mesh of the run serves")
 
 
+@pytest.mark.slow
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     """With four times the gap the exact loads, to the error of such cells (1.1%, docs/contribute/defaults.md)."""
     scene = on_plane()
@@ -160,6 +161,7 @@ def test_coarse_runs_in_turn_on_meshes_of_their_own_are_made_once() -> None:
     assert not any(one.moved for one in found) and 0.0 < found[0].force[0] < found[1].force[0]
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_is_not_handed_over_nor_used_again() -> None:
     """One Newton update does not solve a flow at G d^2/nu = 40; the run before it has been freed by then."""
     scene = on_plane(
@@ -213,6 +215,7 @@ except ValueError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_defect_of_one_rank_does_not_wait_for_the_others(mpirun: Any) -> None:
     """It leaves the contexts of coarse runs and of a projection at once, as its traceback has to be shown."""
     done = mpirun(2, DEFECT, timeout=40)

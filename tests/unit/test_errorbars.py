@@ -366,6 +366,7 @@ def test_boundary_layer_is_resolved_by_one_cell(
     assert is_resolved(Setup(loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",))))
 
 
+@pytest.mark.slow
 def test_a_boundary_layer_that_no_cell_resolves_is_in_the_bars() -> None:
     """Elements of third order on the same cells see a ninth of the error of the place."""
     scene = loads(RISING, overrides=("numerics.mesh_size=1.5",))
@@ -717,6 +718,7 @@ def test_what_has_not_shown_what_it_is_worth_is_not_corrected() -> None:
 # -- a run, and a threshold ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_all_of_a_result_is_of_the_corrected_load(tmp_path: Path) -> None:
     """The verdict and the coefficients are those of the corrected load; without corrections all is as computed."""
     scene = example(*SETTLED, "output.fields=false", "numerics.mesh_size=2")

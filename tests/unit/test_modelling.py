@@ -50,6 +50,7 @@ def relative(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
 
+@pytest.mark.slow
 def test_all_errors_are_brought_below_the_accuracy() -> None:
     """The force is that of a domain far larger and a gap far smaller, to the accuracy that was asked for."""
     asked = 0.03

@@ -65,6 +65,7 @@ def followed(
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("couple", [-0.02, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_a_disc_rests_where_the_bed_has_the_slope_of_its_load(couple: float) -> None:
     """Slope phi with R |L| sin(psi - phi) = couple, psi the load's angle; it leaves beyond the steepest slope."""
@@ -120,6 +121,7 @@ def moments(grain: Ellipse, axes: tuple[float, float]) -> tuple[np.ndarray, np.n
     return contacts - arms, contacts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("couple", [0.0, pytest.param(-0.02, marks=pytest.mark.slow)])
 def test_an_ellipse_leaves_at_the_fold_of_its_potential(couple: float) -> None:
     axes, force = (0.5, 0.3), (0.3, 0.05)

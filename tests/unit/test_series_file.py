@@ -72,6 +72,7 @@ written(Path(sys.argv[1]), 10_000)
 """
 
 
+@pytest.mark.slow
 def test_a_writer_killed_at_any_moment_leaves_whole_steps(tmp_path: Path) -> None:
     """SIGKILL, eight times; all steps but the one under way are there, and the series resumes behind any of them."""
     random, here = np.random.default_rng(5), str(Path(__file__).parent)

@@ -389,6 +389,7 @@ def on_plane(inertia: float, limit: float = np.inf) -> Pretended:
     return pretended
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: float) -> None:
     """Turned by t its centre is h = sqrt(a^2 sin^2 t + b^2 cos^2 t) high, its contact h' beside: force/weight = h'/h.
@@ -410,6 +411,7 @@ def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: f
     assert found.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_grain_that_rocks_where_no_steady_flow_is_found() -> None:
     """Its threshold, by force/weight = (a^2 - b^2)/(2 a b), is at some 2.5 times the flow; none is found beyond 1."""
     found = on_plane(1.0, limit=1.0).from_rest()
