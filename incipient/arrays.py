@@ -99,11 +99,11 @@ def quarter_turned(vectors: Floats) -> Floats:
 
 def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) -> Floats:
     """Values (n,) at a time, by the polynomial through those at different times: of second degree for three."""
-    found = np.zeros_like(values[0])
+    result = np.zeros_like(values[0])
     for i, (one, value) in enumerate(zip(times, values, strict=True)):
         others = np.delete(times, i)
-        found += np.prod((time - others) / (one - others)) * value
-    return found
+        result += np.prod((time - others) / (one - others)) * value
+    return result
 
 
 def percentile(values: ArrayLike, share: float) -> Floats:

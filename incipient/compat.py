@@ -159,14 +159,14 @@ def _compiled(
         if keyword not in inspect.signature(compiled_by).parameters:
             return make({})
         chosen = settings()
-        told = (
+        inputs = (
             compiled_by.__name__,
             signature,
             dolfinx.__version__,
             sys.implementation.cache_tag,
             chosen,
         )
-        name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
+        name = hashlib.sha1(str(inputs).encode(), usedforsecurity=False).hexdigest()
         root = Path(chosen["cache_dir"]) / "incipient"
         return form_cache.compiled(
             root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}})

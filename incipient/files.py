@@ -173,10 +173,10 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 def write_bytes_atomically(path: Path, data: bytes | memoryview) -> None:
     """Write content of any kind as `write_text_atomically` writes text."""
-    with replaced(path, part_of(path)) as part, part.open("xb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+    with replaced(path, part_of(path)) as part, part.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())  # some file systems tell of a full disk only here
 
 
 def write_hdf5(
@@ -291,15 +291,15 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     header, line = _csv_line(row.keys()), _csv_line(row.values())
     require_own(path)
     own(path)
-    with reported(path), path.open("a+b", buffering=0) as stream:
-        end = stream.seek(0, os.SEEK_END)
-        stream.seek(0)
-        if end and stream.readline() != header:
+    with reported(path), path.open("a+b", buffering=0) as file:
+        end = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if end and file.readline() != header:
             raise OutputError(
                 f"{path}: has other columns than the row to append; move it out of the way"
             )
         try:
-            write_fully(stream, line if end else header + line)
+            write_fully(file, line if end else header + line)
         except OSError:
             with suppress(OSError):
                 os.truncate(path, end)
@@ -314,8 +314,8 @@ def sync(path: Path) -> None:
     """
     if not path.exists():
         return
-    with reported(path), path.open("rb") as stream:
-        os.fsync(stream.fileno())
+    with reported(path), path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def cut_after(path: Path, time: float, least: int = 0) -> None:
@@ -336,10 +336,10 @@ def cut_after(path: Path, time: float, least: int = 0) -> None:
             os.truncate(path, sum(map(len, [header, *kept])))
 
 
-def write_fully(stream: io.RawIOBase, data: bytes) -> None:
+def write_fully(file: io.RawIOBase, data: bytes) -> None:
     """Write without a buffer, which would be written once more when the file is closed after a failure."""
     while data:
-        data = data[stream.write(data) or 0 :]
+        data = data[file.write(data) or 0 :]
 
 
 def _csv_line(values: Any) -> bytes:

@@ -203,8 +203,8 @@ def output_is_lost(error: Exception) -> bool:
     return True
 
 
-def _let_go(stream: int) -> None:
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+def _let_go(descriptor: int) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 def nobody_reads() -> bool:

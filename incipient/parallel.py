@@ -144,11 +144,11 @@ def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
     Raises:
         IncipientError: on all ranks, what the function raised.
     """
-    found: Any = None
+    value: Any = None
     with collectively(comm):
         if comm.rank == 0:
-            found = compute()
-    return found if comm.size == 1 else comm.bcast(found)
+            value = compute()
+    return value if comm.size == 1 else comm.bcast(value)
 
 
 def joined(comm: Comm, rows: NDArray[Any]) -> NDArray[Any]:

@@ -31,12 +31,12 @@ def plan(options: argparse.Namespace, comm: Comm) -> int:
     scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
-            found = planned(scene)
+            estimate = planned(scene)
             if options.json:
-                print(json.dumps(plain(found.to_dict()), indent=2))
+                print(json.dumps(plain(estimate.to_dict()), indent=2))
             else:
                 spent = _spent_before(Path("results") / options.scene.stem)
-                print("\n".join([found.text(), *spent, *_further_runs(scene)]))
+                print("\n".join([estimate.text(), *spent, *_further_runs(scene)]))
     return 0
 
 

@@ -49,11 +49,11 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
         text = flume_scene(answer)
         with reported(options.scene):
             try:
-                stream = options.scene.open("xb", buffering=0)
+                file = options.scene.open("xb", buffering=0)
             except FileExistsError:
                 raise SceneError(f"{options.scene}: exists already; choose another name") from None
-            with stream:
-                write_fully(stream, text.encode())
+            with file:
+                write_fully(file, text.encode())
         print(f"{options.scene}: computes one such grain, with: incipient run {options.scene}")
     if options.curve is not None:
         from ..pictures.charts.flume import draw

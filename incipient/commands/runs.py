@@ -81,9 +81,9 @@ def _search(
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
-        found = find(scene, directory, comm, voice)
+        result = find(scene, directory, comm, voice)
     if comm.rank == 0:
-        print(found.text())
+        print(result.text())
         print(f"numbers             {directory / (kind.tables or (kind.record,))[0]}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0

@@ -50,9 +50,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             refuse_foreign(directory, kind.files, read)
     with telling(comm.rank) as voice:
-        found = compute(voice)
+        result = compute(voice)
     if comm.rank == 0:
-        print(found.text())
+        print(result.text())
         print(f"numbers             {directory / kind.tables[0]}", flush=True)
         draw_and_tell(directory)
     return 0

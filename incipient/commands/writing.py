@@ -23,11 +23,11 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             with reported(path):
                 try:
-                    stream = path.open("xb", buffering=0)
+                    file = path.open("xb", buffering=0)
                 except FileExistsError:
                     raise SceneError(f"{path}: exists already; choose another name") from None
-                with stream:
-                    write_fully(stream, scenes.example(options.space).encode())
+                with file:
+                    write_fully(file, scenes.example(options.space).encode())
             print(f"{path}: edit it, then: incipient run {path}")
     return 0
 

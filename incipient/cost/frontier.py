@@ -27,12 +27,12 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
     """Indices of runs that no cheaper one equals in error to a factor `gain`; the cheapest first."""
-    best, found = math.inf, []
+    best, indices = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
         if gain * errors[index] < best:
             best = errors[index]
-            found.append(index)
-    return found
+            indices.append(index)
+    return indices
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence
 
     t, n, s = (np.asarray(values, dtype=float) for values in (times, unknowns, solves))
     parts = np.stack([np.ones_like(t), n / n.max(), n * s / (n * s).max()], axis=1)
-    found, _ = nnls(parts / t[:, None], np.ones_like(t))
-    return float(found[0])
+    fitted, _ = nnls(parts / t[:, None], np.ones_like(t))
+    return float(fitted[0])
 
 
 def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:

@@ -82,9 +82,9 @@ def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
         return MeasuredRun(rung, failed=why), False
     measured = json.loads(done.stdout.strip().splitlines()[-1])
     compiled = measured.pop("compiling") > COMPILED
-    found = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
+    values = {name: Quantity(**value) for name, value in measured.pop("quantities").items()}
     wall = time.perf_counter() - began
-    return MeasuredRun(rung, wall, quantities=found, **measured), compiled
+    return MeasuredRun(rung, wall, quantities=values, **measured), compiled
 
 
 class _History(Recorder):
@@ -106,12 +106,12 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         threshold = find_threshold(scene, comm)
         if not threshold.is_critical:
             raise ConvergenceError(f"there is no critical flow: {threshold.reason}")
-        cost, found = threshold.cost, quantities.of_threshold(threshold)
+        cost, values = threshold.cost, quantities.of_threshold(threshold)
     else:
         history = _History()
         result = simulate(scene, comm, history)
-        cost, found = result.cost, quantities.of_run(scene, result, history.rows)
-    if not found:
+        cost, values = result.cost, quantities.of_run(scene, result, history.rows)
+    if not values:
         raise ConvergenceError("its result has nothing to compare")
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
@@ -120,7 +120,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
         "cells": cost["cells"],
         "unknowns": cost["unknowns"],
         "newton": cost["iterations"].get("newton", 0),
-        "quantities": {name: asdict(quantity) for name, quantity in found.items()},
+        "quantities": {name: asdict(quantity) for name, quantity in values.items()},
         "compiling": compilers.ru_utime + compilers.ru_stime,
     }
 

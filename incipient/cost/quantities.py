@@ -59,9 +59,9 @@ def of_run(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -
     assert result.force is not None and result.torque is not None
     force = dict(zip((f"force_{axis}" for axis in "xyz"), result.force.flow, strict=True))
     torque = dict(zip((f"torque_{axis}" for axis in "xyz"), result.torque.flow, strict=True))
-    found = _of_loads(scene, force, torque)
+    quantities = _of_loads(scene, force, torque)
     safety = (result.verdict or {}).get("safety_factor")
-    return found | _single("safety factor", safety or np.nan)
+    return quantities | _single("safety factor", safety or np.nan)
 
 
 def _of_flow(scene: Scene, result: Result) -> Quantities:
@@ -103,12 +103,12 @@ def _of_path(
         turn = {f"rotation_{x}": 2.0 * np.sign(w) * a for x, a in zip("xyz", axis, strict=True)}
         turned = _norm(turn)
     end, size = trajectory["ended"]["time"], scene.grain.size
-    found = {
+    quantities = {
         "position": Quantity(dict(zip(axes, map(float, trajectory["place"]), strict=False)), path),
         "rotation": Quantity(turn, max(turned, SMALLEST_TURN * path / size)),
     }
     early = end < scene.time.end * (1.0 - 1e-6)
-    return found | (_single("time of contact", end) if early else {})
+    return quantities | (_single("time of contact", end) if early else {})
 
 
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantities:
@@ -119,12 +119,12 @@ def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> Quantiti
     begin = 0.0 if changing else SETTLED * scene.time.end
     rows = [row for row in history if row["time"] >= begin]
     times = np.array([row["time"] for row in rows])
-    found: dict[str, dict[str, float]] = {"force": {}, "torque": {}}
-    for part, numbers in found.items():
+    ranges: dict[str, dict[str, float]] = {"force": {}, "torque": {}}
+    for part, numbers in ranges.items():
         for column in (name for name in rows[0] if name.startswith(part)):
             low, high = extremes(times, np.array([row[column] for row in rows]))
             numbers |= {f"least_{column}": low, f"most_{column}": high}
-    return _of_loads(scene, found["force"], found["torque"])
+    return _of_loads(scene, ranges["force"], ranges["torque"])
 
 
 def _of_loads(scene: Scene, force: dict[str, float], torque: dict[str, float]) -> Quantities:

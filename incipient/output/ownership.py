@@ -40,11 +40,11 @@ def make_room(directory: Path, overwrite: bool) -> None:
 
     Only files that runs write are touched; the scene stays, and a copy of it goes along. Raises OutputError.
     """
-    found = _there(directory, FILES)
+    existing = _there(directory, FILES)
     if overwrite or not (directory / CHECKPOINT).exists():
-        _remove(found)
+        _remove(existing)
     else:
-        _move(found, directory, "the earlier run there, which can be resumed,")
+        _move(existing, directory, "the earlier run there, which can be resumed,")
 
 
 def place_scene(directory: Path, text: str, names: Collection[str] = ()) -> None:

@@ -107,14 +107,14 @@ def threshold(
         return find_threshold(scene, comm, voice)
     path = Path(directory)
 
-    def keep(found: Threshold) -> Path:
-        write(THRESHOLD, path, scene, found.to_dict(), comm)
+    def keep(result: Threshold) -> Path:
+        write(THRESHOLD, path, scene, result.to_dict(), comm)
         return path
 
     with locked(path, comm, make=True):
-        found = find_threshold(scene, comm, voice, keep)
-        keep(found)
-    return found
+        result = find_threshold(scene, comm, voice, keep)
+        keep(result)
+    return result
 
 
 @one_at_a_time
@@ -124,7 +124,7 @@ def gusts(
     directory: Path | str | None = None,
     comm: Comm | None = None,
     voice: Silent | None = None,
-    announce: Callable[[CriticalGust], object] = lambda found: None,
+    announce: Callable[[CriticalGust], object] = lambda point: None,
 ) -> GustCurve:
     """Find the weakest gusts that move a released grain out of its pocket. Collective over `comm`.
 
@@ -140,17 +140,17 @@ def gusts(
         IncipientError: on all ranks, one line; results so far stay in the directory.
     """
     comm = comm or world()
-    found: list[CriticalGust] = []
+    points: list[CriticalGust] = []
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:
         """Announce a strength, and write all so far. Collective."""
-        found.append(point)
+        points.append(point)
         announce(point)
         if directory is not None:
-            curve = GustCurve(scene, static, tuple(found)).to_dict()
+            curve = GustCurve(scene, static, tuple(points)).to_dict()
             write(GUSTS, Path(directory), scene, curve, comm, OF_GUSTS, curve["points"])
 
     if directory is None:
@@ -158,7 +158,7 @@ def gusts(
     else:
         with locked(Path(directory), comm, make=True):
             search.critical(durations, keep)
-    return GustCurve(scene, static, tuple(found))
+    return GustCurve(scene, static, tuple(points))
 
 
 @one_at_a_time
@@ -194,10 +194,10 @@ def entrainment(
         return find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
     path = Path(directory)
     with locked(path, comm, make=True):
-        found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
-        stored, rows = {**found.to_dict(), "data": measured}, [_row(one) for one in found.curve]
+        result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
+        stored, rows = {**result.to_dict(), "data": measured}, [_row(one) for one in result.curve]
         write(ENTRAINMENT, path, scene, stored, comm, OF_ENTRAINMENT, rows)
-    return found
+    return result
 
 
 def _row(one: OfStrength) -> dict[str, Any]:

@@ -108,5 +108,5 @@ def _time(path: Path) -> int:
 def _versions(stored: dict[str, Any]) -> str:
     """The versions of the programs behind a result."""
     cost = stored.get("cost")
-    found = cost.get("versions", {}) if isinstance(cost, dict) else {}
-    return ", ".join(f"{name} {number}" for name, number in found.items())
+    versions = cost.get("versions", {}) if isinstance(cost, dict) else {}
+    return ", ".join(f"{name} {number}" for name, number in versions.items())

@@ -51,7 +51,7 @@ def rendered(template: str, **context: Any) -> Markup:
 
 def environment(**context: Any) -> Environment:
     """Templates with what they need; as global names, since macros see no others."""
-    found = Environment(
+    templates = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         trim_blocks=True,
@@ -59,9 +59,9 @@ def environment(**context: Any) -> Environment:
         undefined=StrictUndefined,
     )
     filters = (cell, look, components, turning, embedded, compact)
-    found.filters |= {function.__name__: function for function in filters}
-    found.globals |= {"erring": erring, **context}
-    return found
+    templates.filters |= {function.__name__: function for function in filters}
+    templates.globals |= {"erring": erring, **context}
+    return templates
 
 
 def erring(value: float, error: float | None) -> float | Erring:
@@ -81,7 +81,7 @@ def turning(torque: Sequence[float], planar: bool) -> float | tuple[float, ...]:
 
 def embedded(path: Path) -> str:
     """A picture as WebP in a URI, made smaller where it is very wide; raises OutputError for what is none."""
-    stream = io.BytesIO()
+    buffer = io.BytesIO()
     try:
         with Image.open(path) as image:
             shown = image.convert("RGB")
@@ -91,14 +91,14 @@ def embedded(path: Path) -> str:
     if shown.width > WIDEST:
         size = WIDEST, round(shown.height * WIDEST / shown.width)
         shown = shown.resize(size, Image.Resampling.LANCZOS)
-    shown.save(stream, "WEBP", quality=QUALITY)
-    return f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    shown.save(buffer, "WEBP", quality=QUALITY)
+    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
 def compact(text: str) -> str:
     """TOML with short lists on one line each."""
     spread = r"\[\s+([^][]{1,80}?),?\s+\]"
-    return re.sub(spread, lambda found: f"[{' '.join(found[1].split())}]", text)
+    return re.sub(spread, lambda match: f"[{' '.join(match[1].split())}]", text)
 
 
 def look(value: Any) -> str:

@@ -181,17 +181,17 @@ def _size(term: Context, key: str) -> float:
     return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
 
 
-def _in_si(found: Context | None) -> list[tuple[str, Any, str]]:
+def _in_si(values: Context | None) -> list[tuple[str, Any, str]]:
     """Name, value and unit of flow, loads and units of a result in SI units; none without."""
-    if found is None:
+    if values is None:
         return []
     loads = [
         (f"{name.replace('_', ' ')} of the flow", words, unit)
-        for name, words, unit in si_loads(found)
+        for name, words, unit in si_loads(values)
     ]
     named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
-    units = [(f"one unit of {name} of the scene", found["units"][name], u) for name, u in named]
-    return [*si_rows(found), *loads, *units]
+    units = [(f"one unit of {name} of the scene", values["units"][name], u) for name, u in named]
+    return [*si_rows(values), *loads, *units]
 
 
 def _of_threshold(stored: Context, record: Path) -> Context:
@@ -248,8 +248,8 @@ def _certainty_of_threshold(stored: Context) -> str:
 
 def _corrected(term: Context) -> str:
     """By what the loads are corrected for a term, in words; nothing where they are not."""
-    if (found := term.get("correction")) is None:
+    if (correction := term.get("correction")) is None:
         return ""
-    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["torque"])}
+    sizes = {"force": math.hypot(*correction["force"]), "torque": math.hypot(*correction["torque"])}
     said = " and ".join(f"the {name} by {size:.2g}" for name, size in sizes.items() if size)
     return f"; it corrects {said}, and this is what remains"

@@ -176,8 +176,8 @@ def read(path: Path, comm: Comm) -> Checkpoint:
             )
         with opened_hdf5(path, ANEW) as file:
             _require_readable(path, file)
-            found = _got(Checkpoint, file, path)
-    return found
+            checkpoint = _got(Checkpoint, file, path)
+    return checkpoint
 
 
 def _require_readable(path: Path, file: Any) -> None:
@@ -205,15 +205,15 @@ def _datasets(part: Any, within: str = "") -> Iterator[tuple[str, np.ndarray]]:
 
 def _got(kind: type[T], group: Any, path: Path) -> T:
     """A dataclass from its stored fields, of which none may be missing."""
-    found: dict[str, Any] = {}
+    parts: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:
             raise OutputError(f"{path}: {f'{group.name}/{name}'.strip('/')} is missing; {ANEW}")
         stored = group[name]
         if hasattr(stored, "keys"):
             kind_of_part = next(one for one in (hint, *get_args(hint)) if is_dataclass(one))
-            found[name] = _got(kind_of_part, stored, path)  # type: ignore[arg-type]
+            parts[name] = _got(kind_of_part, stored, path)  # type: ignore[arg-type]
         else:
             values = stored[()]
-            found[name] = json.loads(values.tobytes()) if values.dtype == np.uint8 else values
-    return kind(**found)
+            parts[name] = json.loads(values.tobytes()) if values.dtype == np.uint8 else values
+    return kind(**parts)

@@ -100,9 +100,9 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     mesh = compat.create_mesh(comm, cells, nodes, stored.degree)
     facets = named_facets(mesh, stored.facets, stored.tags)
     owned = mesh.topology.index_map(gdim - 1).size_local
-    known, found = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
-    if found != known:
-        why = f"{found} of them are facets of the stored mesh"
+    known, matched = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
+    if matched != known:
+        why = f"{matched} of them are facets of the stored mesh"
         raise OutputError(f"{known} boundary facets are stored, {why}")
     return Domain(mesh, facets, dict(stored.names))
 

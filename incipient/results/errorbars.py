@@ -69,9 +69,9 @@ class Loads:
         shear = None if walls is None or force is not None else walls.shear_velocities
         upstream = upstream if walls is None else walls.backward
         separated = None if upstream is None else longest_first(upstream)
-        found = cls(of_force, of_torque, place, elevations, shear, separated)
+        loads = cls(of_force, of_torque, place, elevations, shear, separated)
         spread = 0.0 if walls is None or force is None else walls.spread
-        return replace(found, unsteady=found.part(spread, size)) if spread else found
+        return replace(loads, unsteady=loads.part(spread, size)) if spread else loads
 
     def where_separates(self, other: Loads) -> Loads:
         """These, with the interval of reverse flow that overlaps the other's longest one most put first."""
@@ -136,17 +136,17 @@ class Term:
             left: (6,) what it differs by from the change estimated in another way: the error that remains. No
                 component is taken to be better known, relative to its change, than the vector that it belongs to.
         """
-        found, errors = np.zeros(6), np.concatenate([self.force, self.torque])
+        added, errors = np.zeros(6), np.concatenate([self.force, self.torque])
         for part in (slice(3), slice(3, 6)):
             size, doubt = (float(np.linalg.norm(one[part])) for one in (change, left))
             if doubt < size:
-                found[part] = change[part]
+                added[part] = change[part]
                 errors[part] = np.maximum(np.abs(left[part]), doubt / size * np.abs(change[part]))
             else:
                 errors[part] = np.maximum(errors[part], np.abs(left[part]))
-        if not found.any():
+        if not added.any():
             return replace(self, force=errors[:3], torque=errors[3:])
-        correction = Correction(found[:3], found[3:])
+        correction = Correction(added[:3], added[3:])
         return replace(self, force=errors[:3], torque=errors[3:], correction=correction)
 
     @property
@@ -247,10 +247,10 @@ class ErrorBars:
     @property
     def correction(self) -> Correction | None:
         """What is added to the computed force and torque (3,); None where no term is corrected."""
-        found = [term.correction for term in self.terms if term.correction is not None]
-        if not found:
+        corrections = [term.correction for term in self.terms if term.correction is not None]
+        if not corrections:
             return None
-        parts = zip(*((one.force, one.torque) for one in found), strict=True)
+        parts = zip(*((one.force, one.torque) for one in corrections), strict=True)
         return Correction(*(np.sum(changes, axis=0) for changes in parts))
 
     def corrected(self, force: Forces, torque: Torques) -> tuple[Forces, Torques]:
@@ -297,8 +297,8 @@ class ErrorBars:
 
 def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
     """The sum of an error over the terms that have it; None if none has."""
-    found = [error for term in terms if (error := getattr(term, name)) is not None]
-    return np.sum(found, axis=0) if found else None
+    errors = [error for term in terms if (error := getattr(term, name)) is not None]
+    return np.sum(errors, axis=0) if errors else None
 
 
 def longest_first(spans: Sequence[Sequence[float]]) -> Floats:
@@ -339,9 +339,9 @@ def _errors(term: Term, gdim: int) -> str:
     return "   ".join(said)
 
 
-def centreline_velocities(found: dict[str, Extremum] | None) -> Floats | None:
+def centreline_velocities(extremes: dict[str, Extremum] | None) -> Floats | None:
     """The extreme velocities (3,) on centrelines, None without them."""
-    return None if found is None else np.array([extreme.value for extreme in found.values()])
+    return None if extremes is None else np.array([extreme.value for extreme in extremes.values()])
 
 
 def _end_of_path(place: Floats) -> str:

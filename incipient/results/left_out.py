@@ -28,9 +28,9 @@ class Omission:
         size = "by an unknown amount"
         if self.relative is not None:
             size = f"by about {percent(self.relative)}"
-        told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
+        lines = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
-            told.append(
+            lines.append(
                 f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
             )
-        return told
+        return lines

@@ -131,5 +131,5 @@ def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
 
 def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -> str:
     """Force and torque (3,) for a reader."""
-    told = load_words(torque, "torque", gdim, digits)
-    return f"{load_words(force, 'force', gdim, digits)}   torque {told}"
+    turning = load_words(torque, "torque", gdim, digits)
+    return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"

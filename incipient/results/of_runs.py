@@ -38,8 +38,8 @@ def _viscous(unit: str, run: Any) -> Any:
     """The viscous part (3,) of a computed load, None without a grain. Collective."""
     if run.probe is None:
         return None
-    found = run.probe.viscous_resultant()
-    return found.force if unit == "force" else found.torque
+    resultant = run.probe.viscous_resultant()
+    return resultant.force if unit == "force" else resultant.torque
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:

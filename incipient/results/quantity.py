@@ -79,13 +79,13 @@ class OutputQuantity:
         if isinstance(value, str) or not hasattr(value, "__len__"):
             return {self.column: value} | _with_ends(self.column, self.bar(stored))
         errors = at(stored, self.error) if self.error else None
-        found: dict[str, Any] = {}
+        columns: dict[str, Any] = {}
         for place, axis in enumerate(AXES):
             name, part = f"{self.column}_{axis}", value[place]
             if part:
                 ends = None if errors is None else (part - errors[place], part + errors[place])
-                found |= {name: part} | _with_ends(name, ends)
-        return found
+                columns |= {name: part} | _with_ends(name, ends)
+        return columns
 
     def text(self, stored: Mapping[str, Any]) -> str:
         """Name, value and error bar on a line of the screen."""

@@ -126,17 +126,17 @@ class Result:
 
     def __repr__(self) -> str:
         """The outcome on one line."""
-        told = [self.title or "untitled", self.status]
+        parts = [self.title or "untitled", self.status]
         if self.verdict is not None:
             factor = self.verdict["safety_factor"]
-            told.append(
+            parts.append(
                 f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}"
             )
         if self.force is not None and self.torque is not None:
-            told.append(
+            parts.append(
                 f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
             )
-        return f"<Result: {'; '.join(' '.join(one.split()) for one in told)}>"
+        return f"<Result: {'; '.join(' '.join(one.split()) for one in parts)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
         """The flow at points (n, gdim), or at one (gdim,); None for each that is outside the fluid. Collective.
@@ -193,10 +193,10 @@ class Result:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
         size = 1.0 if self.grain is None else self.grain["size"]
-        found = Loads.at_the_end(
+        loads = Loads.at_the_end(
             self.force, self.torque, place, self.elevations, self.turbulence, size, self.separated
         )
-        return replace(found, centreline=centreline_velocities(self.centrelines))
+        return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
@@ -266,13 +266,13 @@ def _verdict(result: Result) -> list[str]:
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
     """Where the flow along the bed separates and reattaches, of the longest place with the errors."""
     errors = None if bars is None else bars.total.separated
-    found = []
+    intervals = []
     for start, end in longest_first(spans)[:MOST_SPANS]:
         start = start if abs(start) > ROUNDING * (end - start) else 0.0
-        found.append(f"x = {place_words(start)} to {place_words(end)}")
-    if found and errors is not None:
-        found[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    return f"{'separation':<20}{', '.join(found) or 'none along the bed'}"
+        intervals.append(f"x = {place_words(start)} to {place_words(end)}")
+    if intervals and errors is not None:
+        intervals[0] += " (within {:.1e} and {:.1e})".format(*errors)
+    return f"{'separation':<20}{', '.join(intervals) or 'none along the bed'}"
 
 
 def _without_rest(settled: Any) -> str:

@@ -34,58 +34,58 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
     if scales is None or units is None:
         return None
     scalars = {name: getattr(scales, name) for name in ("length", "time", "velocity", "stress")}
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "dimension": scene.gdim,
         "units": scalars | {"force": scales.force, "torque": scales.torque},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
     for name in ("shear_rate", "velocity"):
         if getattr(units, name) is not None:
-            found[name] = factor * getattr(units, name)
+            values[name] = factor * getattr(units, name)
     if scene.flow.kind in WITH_BED_STRESS:
-        found["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
-        found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
+        values["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
+        values["shear_velocity"] = float(np.sqrt(values["bed_stress"] / scales.density))
     if scene.time is not None:
-        found["end"] = scales.time * scene.time.end
-    return found
+        values["end"] = scales.time * scene.time.end
+    return values
 
 
-def with_loads(found: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
+def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
     """What `in_si` gives, with loads (3,) by names that end in force or torque."""
-    if found is None:
+    if values is None:
         return None
-    scaled = {n: found["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
-    return found | {name: vector.tolist() for name, vector in scaled.items()}
+    scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
+    return values | {name: vector.tolist() for name, vector in scaled.items()}
 
 
-def si_rows(found: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+def si_rows(values: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
     """Name, value and unit of the grain, the flow and the end of the run."""
-    rows: list[tuple[str, Any, str]] = [("nominal diameter", found["nominal_diameter"], "m")]
-    rows += [(name, found[key], unit) for key, (unit, name) in FLOW.items() if key in found]
-    return rows + ([("end", found["end"], "s")] if "end" in found else [])
+    rows: list[tuple[str, Any, str]] = [("nominal diameter", values["nominal_diameter"], "m")]
+    rows += [(name, values[key], unit) for key, (unit, name) in FLOW.items() if key in values]
+    return rows + ([("end", values["end"], "s")] if "end" in values else [])
 
 
-def si_loads(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Name, components in words and unit of loads on the grain."""
-    names, gdim = [name for name in found if _unit(name) in UNITS], found["dimension"]
+    names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
     return [
-        (name, load_words(found[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
+        (name, load_words(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
         for name in names
     ]
 
 
-def si_lines(found: Mapping[str, Any] | None) -> list[str]:
+def si_lines(values: Mapping[str, Any] | None) -> list[str]:
     """The lines of a result in SI units, as `in_si` gives them; none without."""
-    if found is None:
+    if values is None:
         return []
-    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(found))
+    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))
     loads = ", ".join(
-        f"{name} {words} {unit}" for name, words, unit in si_loads(found) if name in OF_FLOW
+        f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
     )
     lines = [f"{'in SI units':<20}{numbers}"]
     lines += [f"{'':<20}{loads} of the flow"] if loads else []
-    unit = found["units"]["time"]
-    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in found else [])
+    unit = values["units"]["time"]
+    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in values else [])
 
 
 def _unit(name: str) -> str:

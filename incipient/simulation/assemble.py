@@ -75,7 +75,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         verdict=verdict,
         centrelines=lines,
         separated=separated,
-        steady=None if run.steadiness is None else run.steadiness.told(),
+        steady=None if run.steadiness is None else run.steadiness.result(),
         si=in_si(scene),
         cost=cost(run),
         status=status,
@@ -120,11 +120,13 @@ def completed(
     Loads are corrected where errors have a sign. With `follows` a grain that the load moves is followed to where it
     rests.
     """
-    found = _corrected(run, result, bars)
+    corrected = _corrected(run, result, bars)
     if follows:
-        found = with_rests(run, found)
-    bars, omitted = _with_rocking(run, found, bars), _omissions(run, result)
-    return replace(found, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run))
+        corrected = with_rests(run, corrected)
+    bars, omitted = _with_rocking(run, corrected, bars), _omissions(run, result)
+    return replace(
+        corrected, error_bars=bars, without_error_bars=why, omitted=omitted, cost=cost(run)
+    )
 
 
 def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
@@ -222,10 +224,10 @@ def _grain(run: Run) -> dict[str, Any] | None:
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
     """Wall time, growth of memory over all ranks, and unknowns, by effect. Collective."""
-    found = run.accounts.ledger.by_effect(_unknowns(run))
-    for share in found.values():
+    costs = run.accounts.ledger.by_effect(_unknowns(run))
+    for share in costs.values():
         share["memory_mib"] = run.comm.allreduce(share["memory_mib"])
-    return found
+    return costs
 
 
 def _unknowns(run: Run) -> dict[str, int]:

@@ -80,10 +80,10 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            found = [
+            optional = [
                 effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS
             ]
-            parts = [part for part in found if part is not None]
+            parts = [part for part in optional if part is not None]
             for part in parts:
                 model = part.within(model)
             newest = [build_fluid(made, model, conditions(meshed), plan.reynolds)]

@@ -38,8 +38,8 @@ class March:
         assert run.scene.time is not None
         self._run, self._time = run, run.scene.time
         stage = run.accounts.ledger.stage
-        found = (effect.part_in_time(run.setup, stage, checkpoint) for effect in known.EFFECTS)
-        moving = [part for part in found if part is not None]
+        optional = (effect.part_in_time(run.setup, stage, checkpoint) for effect in known.EFFECTS)
+        moving = [part for part in optional if part is not None]
         for part in moving:
             part.joined(run.fluid)
         parts = [*moving, *run.parts]

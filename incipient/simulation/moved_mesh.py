@@ -35,7 +35,7 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
     motion = MeshMotion(run.domain)
     # How far nodes follow the grain when it is lifted; those on the plane of symmetry move along it.
     weights = Potentials(run.domain).weights("body", (SYMMETRY,), rigid=1.0)[:, None]
-    found: dict[str, MovedMesh] = {}
+    moved: dict[str, MovedMesh] = {}
     for scene in scenes:
         if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
             continue  # another bed
@@ -46,8 +46,8 @@ def moved_meshes(run: Run, scenes: Iterable[Scene]) -> dict[str, MovedMesh]:
         places = places + weights * (centre - np.asarray(run.layout.placement.centre))
         if motion.quality(places).relative <= LEAST_QUALITY:
             return {}
-        found[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
-    return found
+        moved[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
+    return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,12 @@ class MovedMesh:
                         self._follow(fluid, other)
                     self._solve(other)
                     fluid = other
-                found = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
+                resultant = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
         finally:
             places[:] = before
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
         unit = speed * run.fluid.reynolds / run.plan.reynolds
-        return Loads(unit * found.force, unit * found.torque, moved=True)
+        return Loads(unit * resultant.force, unit * resultant.torque, moved=True)
 
     def _follow(self, fluid: Fluid, other: Fluid) -> None:
         """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""

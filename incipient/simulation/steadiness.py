@@ -43,6 +43,6 @@ class Steadiness:
         self.change = float(relative / step.length)
         return {"change": self.change}
 
-    def told(self) -> Steadied:
+    def result(self) -> Steadied:
         """The part of the result at the end. Not collective."""
         return Steadied(self.reached, self._fluid.time, self.change, self._asked)

@@ -85,8 +85,8 @@ def _stabilise(run: Run, factor: float) -> None:
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model
-    found = stabilisation_of(run.setup, model.inertia, factor)
-    wanted = found.present and not found.upwind
+    stabilisation = stabilisation_of(run.setup, model.inertia, factor)
+    wanted = stabilisation.present and not stabilisation.upwind
     if wanted == model.stabilisation:
         return
     fluid = Fluid(

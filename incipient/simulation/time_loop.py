@@ -63,10 +63,10 @@ class TimeLoop:
         except Interrupted:
             raise
         except IncipientError as error:
-            told = self._kept_after(error)
-            if told is error:
+            explained = self._kept_after(error)
+            if explained is error:
                 raise
-            raise told from error
+            raise explained from error
 
     def _start(self) -> None:
         """Put the flow at time zero into the fluid's state: rest, the Stokes flow or the steady flow."""
@@ -185,11 +185,15 @@ class TimeLoop:
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, torque = loads(run, surface=False)
-        found = coefficients(run, force, torque)
+        dimensionless = coefficients(run, force, torque)
         row: dict[str, Any] = named("force", force.flow, gdim) | named_torque(
             "torque", torque.flow, gdim
         )
-        row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
+        row |= {
+            "drag": dimensionless.drag,
+            "lift": dimensionless.lift,
+            "moment": dimensionless.moment,
+        }
         verdict = judged(run, force, torque)
         row["mode"] = verdict["mode"] if verdict else ""
         if verdict:

@@ -166,7 +166,7 @@ def find_entrainment(
         weakest: gusts that move the grain out of its pocket; then the rate of gusts as strong is computed.
 
     Raises:
-        SceneError: the scene has no gusts or no threshold; a measured series cannot tell a probability.
+        SceneError: the scene has no gusts or no threshold; a probability is outside the range of a measured series.
     """
     scene, gusts = setup.scene, setup.scene.gusts
     if gusts is None:
@@ -178,7 +178,7 @@ def find_entrainment(
     flow = MeanFlow(setup, gusts)
     flow.require_intensity()  # errors of the input come before any computation
     law = _law_of(gusts, flow, 1.0)
-    least, most = law.told
+    least, most = law.known_range
     usual = [probability for probability in PROBABILITIES if least <= probability <= most]
     wanted = probabilities or usual or PROBABILITIES
     for probability in wanted:
@@ -355,8 +355,8 @@ class Motion:
         return float(WEIGHTS @ exceeded)
 
     def nearest(self, probability: float) -> float:
-        """The nearest probability that the data can tell, and that a flow of at most `ENOUGH` has."""
-        least, most = self.law(1.0).told
+        """The nearest probability within the range of the data that a flow of at most `ENOUGH` has."""
+        least, most = self.law(1.0).known_range
         most = min(most, max(least, self.probability(ENOUGH * self.factor)))
         return min(max(probability, least), most)
 

@@ -36,7 +36,7 @@ class Gaussian:
     intensity: float
     lognormal: bool = True
     microscale: float | None = None
-    told = (0.0, 1.0)  # range of probabilities whose levels are known
+    known_range = (0.0, 1.0)  # of probabilities whose levels are known
 
     @cached_property
     def _deviation(self) -> float:
@@ -144,8 +144,8 @@ class Measured:
         return self.duration / (2.0 * self.integral)
 
     @property
-    def told(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the series can tell."""
+    def known_range(self) -> tuple[float, float]:
+        """Range of probabilities whose levels the series determines."""
         return 1.0 / self.independent, 1.0 - 1.0 / self.independent
 
     def exceeded(self, level: float) -> float:
@@ -156,8 +156,8 @@ class Measured:
         return float(np.diff(self.times) @ above) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError beyond what the series can tell."""
-        _require_told(probability, self.told, "series")
+        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        _require_known(probability, self.known_range, "series")
         low, high = float(self.factors.min()), float(self.factors.max())
         if self.exceeded(low) <= probability:  # the series is at its lowest value for the rest
             return low
@@ -201,8 +201,8 @@ class Events:
         return np.cumsum(self.lengths) / self.duration
 
     @property
-    def told(self) -> tuple[float, float]:
-        """Range of probabilities whose levels the events can tell."""
+    def known_range(self) -> tuple[float, float]:
+        """Range of probabilities whose levels the events determine."""
         return float(self._fractions[0]), float(self._fractions[-1])
 
     def exceeded(self, level: float) -> float:
@@ -210,8 +210,8 @@ class Events:
         return float(self.lengths[self.strengths > level].sum()) / self.duration
 
     def level(self, probability: float) -> float:
-        """The level that is exceeded with a probability. Raises SceneError beyond what the events can tell."""
-        _require_told(probability, self.told, "events")
+        """The level that is exceeded with a probability. Raises SceneError outside the known range."""
+        _require_known(probability, self.known_range, "events")
         return float(np.interp(probability, self._fractions, self.strengths))
 
     def upcrossings(self, level: float) -> float:
@@ -231,9 +231,9 @@ class Events:
         return int(np.count_nonzero(lasting.any(axis=1)))
 
 
-def _require_told(probability: float, told: tuple[float, float], what: str) -> None:
-    if not told[0] <= probability <= told[1]:
-        why = f"probability {probability:g} is outside the range of the {what}, {told[0]:.2g} to {told[1]:.2g}"
+def _require_known(probability: float, known: tuple[float, float], what: str) -> None:
+    if not known[0] <= probability <= known[1]:
+        why = f"probability {probability:g} is outside the range of the {what}, {known[0]:.2g} to {known[1]:.2g}"
         raise SceneError(f"gusts.points: {why}; give longer data, or a law")
 
 

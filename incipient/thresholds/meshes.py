@@ -106,8 +106,8 @@ def to_accuracy(
         why = '"all" is for runs; leave it out, and see the error bars of the threshold'
         raise SceneError(f"numerics.accuracy_includes: {why}")
     strategy = partial(_DualWeightedThreshold, conclude=conclude)
-    found: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
-    return found
+    result: Concluded = Search(scene, comm, Recorder(), voice, strategy).result()
+    return result
 
 
 class _DualWeightedThreshold(DualWeighted):
