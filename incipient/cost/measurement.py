@@ -1,7 +1,7 @@
-"""One rung of a ladder: what its run takes and gives.
+"""Cost and results of the run of one rung.
 
-Each run has a process of its own, so that time and memory are its own. `python -m incipient.cost.measurement TASK` is
-that process: it reads a scene as TOML and prints one line of JSON.
+Each run has a separate process, which isolates its time and memory: `python -m incipient.cost.measurement TASK` reads
+a scene as TOML and prints one line of JSON.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 TASKS = ("run", "threshold")
-COMPILED = 0.05  # CPU time [s] of compilers that tells that forms were compiled
+COMPILED = 0.05  # CPU time [s] of compilers above which forms were compiled
 
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """Cost and results of a run: seconds of the whole process, MiB, Newton updates; `failed`: why it has no result."""
+    """Cost and results of a run: seconds of the process, MiB, Newton updates; `failed`: reason for a missing result."""
 
     rung: Rung
     wall: float = 0.0
@@ -54,7 +54,7 @@ class MeasuredRun:
 
 
 def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
-    """Run a rung in its own process, again if that compiled forms; `failed` says why a run fails. Not collective."""
+    """Run a rung in a separate process, twice if forms were compiled. Not collective."""
     try:
         text = dumps(rung.of(scene))
     except SceneError as error:
@@ -65,7 +65,7 @@ def measure(scene: Scene, rung: Rung, task: str) -> MeasuredRun:
 
 def _once(rung: Rung, text: str, task: str) -> tuple[MeasuredRun, bool]:
     """One run of a rung, a scene as TOML, and whether it compiled forms."""
-    # -P: modules are not looked for in the working directory. In a session of its own: an interrupt is this process's.
+    # -P: no modules from the working directory. A session of its own: interrupts reach the parent alone.
     began = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-P", "-m", "incipient.cost.measurement", task],
@@ -99,7 +99,7 @@ class _History(Recorder):
 
 
 def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a scene; what a `MeasuredRun` holds but for the times of the whole process. Collective."""
+    """Run a scene; the content of a `MeasuredRun` except for the wall time. Collective."""
     if task == "threshold":
         from ..thresholds.critical import find_threshold
 
@@ -126,7 +126,7 @@ def computed(scene: Scene, task: str, comm: MPI.Comm) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run the scene on standard input and print what it took and gave as JSON; returns the exit code."""
+    """Run the scene on standard input and print its cost and results as JSON; returns the exit code."""
     start_alone_quickly()
     from mpi4py import MPI
 
