@@ -26,7 +26,7 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
 
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
-    """Indices of the Pareto-optimal runs, the cheapest first; each is better by a factor `gain` than all cheaper ones."""
+    """Indices of the Pareto-optimal runs, the cheapest first; each gains a factor `gain` on all cheaper ones."""
     best, indices = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
         if gain * errors[index] < best:

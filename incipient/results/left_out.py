@@ -1,4 +1,4 @@
-"""An effect that was left out and what it would have changed, as data."""
+"""An omitted effect and the change that it would make, as data."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,10 @@ from ..planning.effects import percent
 
 @dataclass(frozen=True)
 class Omission:
-    """An effect left out.
+    """An omitted effect.
 
-    relative: change that it would have made, relative to the load; None: not known
-    exceeds: whether it may be more than the accuracy asked for
+    relative: change that it would make, relative to the load; None: not known
+    exceeds: whether the change may exceed the requested accuracy
     force, torque: change of the force and the torque (3,); None: not known
     """
 
@@ -24,7 +24,7 @@ class Omission:
     torque: Floats | None = None
 
     def lines(self) -> list[str]:
-        """One line for a reader, and a warning where one is due."""
+        """The omission as a line of text, and a warning if it exceeds the accuracy."""
         size = "by an unknown amount"
         if self.relative is not None:
             size = f"by about {percent(self.relative)}"

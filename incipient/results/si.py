@@ -1,4 +1,4 @@
-"""Flow and loads in SI units, of scenes that say what their units are, as data and in words."""
+"""Flow and loads in SI units, for scenes with [units], as data and as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..scene import Scene
 from ..scene.units import nominal_diameter
 from .quantity import load_words
 
-# Numbers of a flow, with their units and names for a reader.
+# Quantities of a flow with units and labels.
 FLOW = {
     "shear_rate": ("1/s", "shear rate"),
     "velocity": ("m/s", "velocity"),
@@ -20,15 +20,14 @@ FLOW = {
     "shear_velocity": ("m/s", "shear velocity"),
 }
 UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
-OF_FLOW = ("force", "torque")  # loads of the flow as a whole; all others are details
+OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
-    """The flow of a scene, made faster by a factor, in SI units; None without [units]. Not collective.
+    """The flow of a scene, multiplied by a factor, in SI units; None without [units]. Not collective.
 
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque
-    [N m] is, the last two in 2-D per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
-    datum.
+    `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the last
+    two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
     """
     scales, units = scene.scales, scene.units
     if scales is None or units is None:
@@ -51,7 +50,7 @@ def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
 
 
 def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What `in_si` gives, with loads (3,) by names that end in force or torque."""
+    """The values of `in_si` with loads (3,), whose names end in force or torque."""
     if values is None:
         return None
     scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
@@ -59,14 +58,14 @@ def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[
 
 
 def si_rows(values: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    """Name, value and unit of the grain, the flow and the end of the run."""
+    """Label, value and unit of the grain size, the flow and the end time."""
     rows: list[tuple[str, Any, str]] = [("nominal diameter", values["nominal_diameter"], "m")]
     rows += [(name, values[key], unit) for key, (unit, name) in FLOW.items() if key in values]
     return rows + ([("end", values["end"], "s")] if "end" in values else [])
 
 
 def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Name, components in words and unit of loads on the grain."""
+    """Label, components as text and unit of loads on the grain."""
     names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
     return [
         (name, load_words(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
@@ -75,7 +74,7 @@ def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def si_lines(values: Mapping[str, Any] | None) -> list[str]:
-    """The lines of a result in SI units, as `in_si` gives them; none without."""
+    """The values of `in_si` as lines of text."""
     if values is None:
         return []
     numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))
