@@ -26,8 +26,8 @@ OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
     """The flow of a scene, multiplied by a factor, in SI units; None without [units]. Not collective.
 
-    `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the last
-    two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
+    `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the
+    last two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
     """
     scales, units = scene.scales, scene.units
     if scales is None or units is None:

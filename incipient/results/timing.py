@@ -100,7 +100,7 @@ class Ledger:
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:
-        """Add the cost of an earlier session, by stage and in total; it counts for the default effects of the stages."""
+        """Add the times of an earlier session, by stage and in total; stages count for their default effects."""
         for name, taken in wall_time.items():
             self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
             effect = EFFECT_OF_STAGE.get(name, name)

@@ -14,7 +14,7 @@ from .state import Run
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Torques]:
-    """Forces and torques on the grain for speeds in units of `speed`; the surface integral where asked for."""
+    """Forces and torques on the grain for speeds in units of `speed`; with `surface` also the surface integral."""
     scene, probe = run.scene, run.probe
     assert probe is not None
     flow = probe.resultant()
@@ -50,7 +50,7 @@ def coefficients(run: Run, force: Forces, torque: Torques) -> Coefficients:
 
 
 def judged(run: Run, force: Forces, torque: Torques) -> dict[str, Any] | None:
-    """The verdict of both judges in plain data, None where there is nothing to judge. Not collective."""
+    """The verdict of both criteria as plain data, None without contacts. Not collective."""
     scene = run.scene
     if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
         return None
