@@ -1,4 +1,4 @@
-"""`incipient flume`: whether a bed of grains moves, from stored and published thresholds."""
+"""`incipient flume`: motion of a bed of grains, from stored and published thresholds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def length(text: str) -> float:
 
 
 def flume(options: argparse.Namespace, comm: Comm) -> int:
-    """Print the answer; write the scene and the picture that are asked for."""
+    """Print the answer; write the requested scene and picture."""
     with collectively(comm):
         if comm.rank == 0:
             known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}

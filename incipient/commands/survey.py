@@ -21,7 +21,7 @@ from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
-    """Survey a bed, or a grain in many poses, print what came out, and draw it."""
+    """Survey a bed, or a grain in many poses; print and draw the result."""
     refuse_old_workers(options)
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)

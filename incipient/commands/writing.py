@@ -1,4 +1,4 @@
-"""`incipient new` and `incipient schema`: what scenes are written from."""
+"""`incipient new` and `incipient schema`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..parallel import Comm, collectively
 
 
 def new(options: argparse.Namespace, comm: Comm) -> int:
-    """Writes an example scene."""
+    """Write an example scene."""
     path = Path(options.name.removesuffix(".toml") + ".toml")
     if path.name == ".toml" or not options.name.strip():
         raise SceneError(
@@ -33,7 +33,7 @@ def new(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def schema(options: argparse.Namespace, comm: Comm) -> int:
-    """Prints the JSON schema of scenes."""
+    """Print the JSON schema of scenes."""
     if comm.rank == 0:
         print(json.dumps(scenes.schema(), indent=2))
     return 0

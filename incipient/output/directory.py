@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 class ResultDirectory(Recorder):
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
-    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`), with `overwrite`
-    removed even if it could be resumed. With a checkpoint, later steps are dropped and the series continue; the earlier
+    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`);
+    `overwrite` also removes one that could be resumed. With a checkpoint, later steps are dropped and the series
+    continue; the earlier
     result stays until the new one. Raises OutputError on all ranks if writing fails.
     """
 
@@ -127,7 +128,7 @@ class ResultDirectory(Recorder):
         return self.path
 
     def finish(self, result: Result) -> None:
-        """Write result.json; keep the checkpoint of a complete run if the scene requests it or the grain ended the run."""
+        """Write result.json; keep the checkpoint of a complete run on the scene's request or if the grain ended it."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)

@@ -52,8 +52,8 @@ def run(
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
-    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). After meshing, an earlier
-    run in the directory is removed, or moved to a numbered directory if it can be resumed.
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). After meshing,
+    an earlier run in the directory is removed, or moved to a numbered directory if it can be resumed.
 
     Args:
         directory: for the resolved scene, result.json, history and fields; None writes nothing.

@@ -1,7 +1,7 @@
 """Mesh and nodal values: gathered on rank 0, and distributed over any number of ranks.
 
-Nothing of what is stored depends on how the library numbers or distributes: the mesh comes in the order in which it was
-first given, values with the positions of their nodes, by which those of the mesh made again find them.
+Stored data are independent of the library's numbering and distribution: the mesh has its original order, and values are
+stored with the positions of their nodes.
 """
 
 from __future__ import annotations
