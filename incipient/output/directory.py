@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 class ResultDirectory(Recorder):
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
-    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`);
-    `overwrite` also removes one that could be resumed. With a checkpoint, later steps are dropped and the series
-    continue; the earlier
-    result stays until the new one. Raises OutputError on all ranks if writing fails.
+    The directory is unchanged until a run begins. Then an earlier run is moved or removed (`ownership`); `overwrite`
+    also removes one that could be resumed. With a checkpoint, later steps are dropped and the series continue; the
+    earlier result stays until the new one. Raises OutputError on all ranks if writing fails.
     """
 
     keeps = True
