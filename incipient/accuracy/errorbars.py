@@ -1,7 +1,7 @@
-"""Error bars on force, torque, safety factor and verdict, elevations, and u* at walls, estimated by the run itself.
+"""Error bars on force, torque, safety factor and verdict, elevations, and u* at walls.
 
-Terms are added in absolute value: an error bar is not a standard deviation. Each is a function in `terms`, but for
-those that a run tells by itself.
+Terms are added in absolute value: an error bar is not a standard deviation. Terms are functions in `terms`, except for
+those from the run alone.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .terms import (
 if TYPE_CHECKING:
     from ..simulation.state import Run
 
-# Error of loads in elements of order 3 or 4 over what these change in order 2 on the same mesh: if they leave a third
-# of the error of order 2 or less, half of the change or less is left (0.34 at most measured).
+# Error of loads in elements of order 3 or 4 over their difference from order 2 on the same mesh: if at most a third of
+# the second-order error is left, at most half of the difference is (0.34 at most measured).
 LEFT = 0.5
-SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
+SMALL = 1e-3  # of the force: a smaller discretisation error is not corrected by another run
 OF_MODEL = (
     "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
 )
@@ -49,7 +49,7 @@ def error_bars(
     solve: Solve,
     improve: Solve | None = None,
 ) -> ErrorBars:
-    """The error bars of a finished run with what they mean for its verdict; see `error_terms`. Collective."""
+    """The error bars of a finished run, including the safety factor; see `error_terms`. Collective."""
     return with_safety(error_terms(run, force, torque, solve, improve=improve), run, force, torque)
 
 
@@ -61,15 +61,14 @@ def error_terms(
     speed: float = 1.0,
     improve: Solve | None = None,
 ) -> ErrorBars:
-    """Error bars but for what they mean for the verdict. Collective.
+    """Error bars without the safety factor. Collective.
 
-    A term whose coarse runs fail is left out, and the reason said. `run.accounts.known` holds what is not computed
-    again.
+    A term whose coarse runs fail is omitted with the reason. Estimates in `run.accounts.known` are reused.
 
     Args:
-        solve: runs the scene of a coarse run for its loads.
+        solve: computes the loads of a coarse scene.
         speed: of the steady flow over the scene's.
-        improve: gives loads on coarser cells less their estimated errors; None: the discretisation is not corrected.
+        improve: computes loads on coarser cells less their estimated errors; None: no correction of the discretisation.
     """
     scene, known, failed = run.scene, run.accounts.known, dict[str, str]()
     computed, left_out = loads_of_run(run, force, torque), not_there(scene)
@@ -96,16 +95,15 @@ def error_terms(
 def with_safety(
     bars: ErrorBars, run: Run, force: Forces | None, torque: Torques | None
 ) -> ErrorBars:
-    """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
+    """The bars with that of the safety factor of the corrected loads, given a verdict and a term. Collective.
 
-    It is that of the corrected loads. Nothing is certain of a grain in turbulent flow: another program with the same
-    model finds other loads.
+    Nothing is certain in turbulent flow: implementations of the same model differ in their loads.
     """
     if run.contacts is None or force is None or torque is None or not bars.terms:
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
-    from .goal import bar_of_scene  # which loads linear programs, slowly
+    from .goal import bar_of_scene  # slow import of linear programming
 
     bar = bar_of_scene(run.scene, run.contacts, force, torque, errors)
     if bar is None:
@@ -119,7 +117,7 @@ def with_safety(
 
 
 def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Loads:
-    """What a run has come to. Collective."""
+    """The loads and other quantities of a run. Collective."""
     from ..mesh.sampling import centrelines
 
     scene, place = run.scene, None
@@ -133,7 +131,7 @@ def loads_of_run(run: Run, force: Forces | None, torque: Torques | None) -> Load
 
 
 def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate]:
-    """How the errors are estimated, by name, that take the run itself."""
+    """Estimates that need the run itself, by name."""
 
     def discretisation(computed: Loads, solve: Solve) -> Term:
         return _by_surplus(run, speed) if run.fluid.coarse else _dual(run, speed, improve)
@@ -143,7 +141,7 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
         return Term("not steady", force, torque, "by how much loads change in the last steps")
 
     def pocket(computed: Loads, solve: Solve) -> Term:
-        """Error from the unknown pressure in closed pockets between contacts."""
+        """The error from the unknown pressure in closed interstices between contacts."""
         assert run.probe is not None and run.probe.enclosed is not None
         force, torque = run.probe.enclosed.unknown(run.probe.about)
         how = "between contacts the pressure upstream or downstream of them, instead of the mean"
@@ -157,15 +155,15 @@ def _of_run(run: Run, speed: float, improve: Solve | None) -> dict[str, Estimate
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
-    """The discretisation's term by the dual-weighted residual, corrected where that is worth a run on other cells."""
-    from .dual import GoalErrors  # a plan asks for the coarse runs, without finite elements
+    """The discretisation term from the dual-weighted residual, corrected if the error is large enough."""
+    from .dual import GoalErrors  # plans need the coarse runs without finite elements
 
     assert run.layout.placement is not None
     with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
         unit = goals.allowance * unit_of(run, speed)
         term = by_dual(goals, unit)
     small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
-    chosen = run.scene.numerics.accuracy is not None  # cells, for an error that has been reached
+    chosen = run.scene.numerics.accuracy is not None  # cells chosen for an error
     as_it_is = small or chosen or bool(term.doubt)
     if improve is None or as_it_is or run.accounts.spent() or not is_corrected(run.scene):
         return term
@@ -176,14 +174,14 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def unit_of(run: Run, speed: float) -> float:
-    """Loads at a speed over those of the fluid, whose own speed is near, or it is Stokes flow. Not collective."""
+    """Ratio of loads at a speed to those of the fluid, whose speed is close except in Stokes flow. Not collective."""
     return speed * run.fluid.reynolds / run.plan.reynolds
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
-    """The discretisation's term from the change of the loads by elements of a higher order than two.
+    """The discretisation term from the change of the loads from second-order elements.
 
-    Components may change little by chance: each is taken to err by the same, unless it vanishes by symmetry.
+    Components that do not vanish because of symmetry get equal errors, since one may change little by chance.
     """
     from ..coupled.tractions import TractionProbe
 
@@ -199,10 +197,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """What corrections may change in each other, which are made one by one: each as much as the other does the load.
-
-    None where fewer than two are made.
-    """
+    """The interaction of corrections made one by one: relative changes as large as those of the load; None below two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None
@@ -220,7 +215,7 @@ def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
-    """The scenes of the coarse runs that the error bars of a scene need, each once. Not collective."""
+    """The distinct scenes of the coarse runs for a scene's error bars. Not collective."""
     wanted: dict[str, Scene] = {}
     nothing = Loads(np.zeros(3), np.zeros(3))
 
@@ -229,7 +224,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
         return nothing
 
     for estimate in (by_coarse_runs(scene), *of_the_model(scene).values()):
-        with suppress(ConvergenceError):  # a term that is not computed needs no runs
+        with suppress(ConvergenceError):  # a failed term needs no runs
             if estimate is not None:
                 estimate(nothing, note)
     return list(wanted.values())
