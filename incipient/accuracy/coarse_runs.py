@@ -25,9 +25,9 @@ FINE_BELOW, FINE_ORDER = 0.005, 3
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1  # of adaptive steps, over the scene's; upper bound
 MODEL_ITERATION = 1e-6  # tolerance of the iterations in time: differences of 0.1% matter
 FARTHER = 1.5  # factor on the domain for the domain's term
-# Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible.
+# Range of the factor on the steps of a comparison, with at least FEWEST_STEPS if possible; otherwise shorter steps.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
-# Least factor on the steps of a comparison, otherwise shorter steps are compared; also for cells.
+# Factor on cells between compared meshes.
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
 REMEDY = re.compile(r"; |: use ")  # begins the remedy in a message
 Solve = Callable[[Scene], Loads]

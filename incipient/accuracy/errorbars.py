@@ -197,7 +197,7 @@ def _by_surplus(run: Run, speed: float) -> Term:
 
 
 def of_interaction(terms: tuple[Term, ...], computed: Loads) -> Term | None:
-    """The interaction of corrections made one by one: relative changes as large as those of the load; None below two."""
+    """The interaction of separate corrections: relative changes as large as those of the load; None below two."""
     changes = [term.correction for term in terms if term.correction is not None]
     if len(changes) < 2:
         return None

@@ -66,8 +66,8 @@ def next_order(
 ) -> tuple[int, float]:
     """The order, at least the given one, with the fewest expected unknowns, and its error on this mesh over the aim.
 
-    The next order on the same mesh is expected to leave a tenth of the error; a remaining excess multiplies the unknowns
-    by (error / aim)^(d/2k) in d dimensions.
+    The next order on the same mesh is expected to leave a tenth of the error; a remaining excess multiplies the
+    unknowns by (error / aim)^(d/2k) in d dimensions.
 
     Args:
         excess: error on this mesh at `order`, over the aim.

@@ -141,7 +141,7 @@ class Search:
         self.strategy = strategy(self)
 
     def result(self) -> Any:
-        """Try meshes until the accuracy is reached or unattainable; the last result. Collective; raises IncipientError."""
+        """Try meshes up to the accuracy or the budget; the last result. Collective; raises IncipientError."""
         self._choose_gap_and_domain()
         attempt, failures = self.strategy.first(), 0
         while True:
