@@ -1,4 +1,4 @@
-"""What the template of a page needs of the file of a sweep."""
+"""Context of the template of sweeps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import rows
 from .page import Bounded
 
-# Columns that say what came out, where there are any.
+# Columns of results, if present.
 RESULTS = (
     *("mode", "safety_factor", "certain", "factor"),
     *("shields", "shields_nominal", "reynolds", "shear_reynolds"),
     *(*(f"{name}_si" for name in FLOW), "paper", "note"),
 )
-FIRST = 300  # cases of a large sweep that a page has
+FIRST = 300  # number of cases on a page
 LAST = ("wall", "cpu", "peak_mib")
 HEADS = {
     "wall": "wall time [s]",
@@ -36,7 +36,7 @@ Row = Mapping[str, Any]
 
 
 def context_of(file: Path) -> dict[str, Any]:
-    """What the page of a sweep needs, its pictures drawn anew. Raises OutputError for a bad or empty file."""
+    """The context of a sweep's page, with new pictures. Raises OutputError for an invalid or empty file."""
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
     every = rows(file)

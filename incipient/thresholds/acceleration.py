@@ -24,7 +24,7 @@ APART = 1.03  # ratio of growths between which critical strengths are interpolat
 
 
 def load_of_growth(setup: Setup, comm: Comm) -> Floats:
-    """Force and torque (6,) about the grain's centroid in a flow that grows by the scene's flow in unit time. Collective.
+    """Force and torque (6,) about the grain's centroid for growth by the scene's flow in unit time. Collective.
 
     The load of the pressure gradient on the displaced fluid and of the potential disturbance, without viscosity.
     """

@@ -104,8 +104,8 @@ class GustSearch:
     ) -> list[CriticalGust]:
         """Search the critical strength for each duration, the longest first. Collective.
 
-        `keep` is called with each result. Raises SceneError if the grain leaves without a gust or never, and IncipientError
-        if a run fails.
+        `keep` is called with each result. Raises SceneError if the grain leaves without a gust or never, and
+        IncipientError if a run fails.
         """
         require_durations(durations)
         if self.leaves(1.0, min(durations)):
