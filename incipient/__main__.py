@@ -30,7 +30,7 @@ def main() -> int:
 
 
 def _end(number: int, frame: object) -> None:
-    """End this process during imports and clean-up, without an exception, which imports would convert and clean-ups print."""
+    """End this process during imports and clean-up; imports would convert an exception, and clean-ups print it."""
     os._exit(128 + number)
 
 

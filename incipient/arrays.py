@@ -107,7 +107,7 @@ def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) 
 
 
 def percentile(values: ArrayLike, share: float) -> Floats:
-    """Percentile (...) of values (n, ...), some of which may be infinite: the least that `share` per cent do not exceed."""
+    """Percentile (...) of values (n, ...), also infinite ones: the least that `share` per cent do not exceed."""
     numbers = np.asarray(values, dtype=float)
     return np.asarray(np.quantile(numbers, share / 100.0, axis=0, method="inverted_cdf"))
 
