@@ -277,8 +277,8 @@ def make_directory(path: Path, wanted: Path | None = None) -> None:
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
     """Append a row to a CSV file, with a header in a new file.
 
-    The row is unbuffered: it survives the end of the program, but a crash of the machine only after `sync`. An incomplete
-    row on a full disk is removed.
+    The row is unbuffered: it survives the end of the program, but a crash of the machine only after `sync`. On a full
+    disk an incomplete row is removed.
 
     Raises:
         OutputError: writing failed, or the file has other columns.

@@ -1,8 +1,8 @@
 """Cache of compiled forms on disk, one folder each, renamed when complete.
 
 The form compiler marks a form as begun, and waits ten seconds and fails at every later mark of a killed process.
-Therefore a form is compiled in a private folder, which is renamed at the end. Remains of a killed process are removed by
-the next compilation of the form; a kernel lock prevents simultaneous compilation.
+Therefore a form is compiled in a private folder, which is renamed at the end. Remains of a killed process are removed
+by the next compilation of the form; a kernel lock prevents simultaneous compilation.
 """
 
 from __future__ import annotations
