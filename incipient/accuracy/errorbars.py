@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # Error of loads in elements of order 3 or 4 over their difference from order 2 on the same mesh: if at most a third of
 # the second-order error is left, at most half of the difference is (0.34 at most measured).
 LEFT = 0.5
-SMALL = 1e-3  # of the force: a smaller discretisation error is not corrected by another run
+SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 OF_MODEL = (
     "turbulence model at grains, which no finer mesh reduces (docs/explanation/turbulence.md)"
 )
@@ -103,7 +103,7 @@ def with_safety(
         return bars
     force, torque = bars.corrected(force, torque)
     errors = {term.name: np.concatenate([term.force, term.torque]) for term in bars.terms}
-    from .goal import bar_of_scene  # slow import of linear programming
+    from .goal import bar_of_scene  # which loads linear programs, slowly
 
     bar = bar_of_scene(run.scene, run.contacts, force, torque, errors)
     if bar is None:

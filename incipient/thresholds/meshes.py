@@ -192,6 +192,6 @@ def _next(search: CriticalSearch, before: CriticalFlow | None) -> CriticalFlow:
 
 
 def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
-    """Whether a mesh for one flow is inadequate for another; both are factors on the scene's flow."""
+    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's."""
     ratio = setup.faster(made_for).wall_cell / setup.faster(factor).wall_cell
     return max(ratio, 1.0 / ratio) > CHANGED

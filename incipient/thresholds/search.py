@@ -123,7 +123,7 @@ class CriticalSearch:
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
         self._largest = max(LARGEST / self._reynolds, MOST_FASTER)
         setup, self._near = run.setup, NEAR
-        # Whether wakes may remain unsteady: then the nearest flow is the best start.
+        # Whether wakes may change for ever: then the nearest flow is the best start.
         self._lingers = setup.is_averaged and setup.resolves_walls and setup.geometry.gdim == 3
         if self._lingers:
             self._near = NEAR_IN_SPACE
