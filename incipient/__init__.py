@@ -55,7 +55,7 @@ __all__ = [
     "threshold",
 ]
 
-# Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
+# Loaded on first use: judging external forces needs neither scenes nor their dependencies.
 _LATER = {
     "Plan": "planning.plan",
     "flume": "flumes",
@@ -79,18 +79,18 @@ def __getattr__(name: str) -> Any:
 
 
 def report(path: Path | str, target: Path | str | None = None) -> Path:
-    """Write one HTML page of what a directory of results or the file of a sweep holds; its path. Not collective.
+    """Write one HTML page of a result directory or the file of a sweep; returns its path. Not collective.
 
-    The page holds everything itself: verdict and certainty, pictures (drawn where they are missing), loads, errors and
-    what would shrink them, plan, cost, scene, versions, how to cite.
+    The self-contained page has verdict and certainty, pictures (missing ones are drawn), loads, errors with remedies,
+    plan, cost, scene, versions and citation.
 
     Args:
-        path: a directory that a command has written results to, or the file of a sweep.
+        path: a result directory, or the file of a sweep.
         target: the page; default: report.html in the directory, SWEEP_report.html beside the file.
 
     Raises:
-        SceneError: there are no results.
-        OutputError: a result is damaged, or the page cannot be written.
+        SceneError: no results.
+        OutputError: a damaged result, or a page that is not writable.
     """
     from .reporting import write
 

@@ -1,4 +1,4 @@
-"""Solution of systems whose matrix is symmetric and positive, by conjugate gradients."""
+"""Solution of symmetric positive definite systems by conjugate gradients."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ def solve_symmetric(
 ) -> None:
     """Solve A u = b into a function; A and b are freed. Collective.
 
-    A may be a mass matrix of a boundary: rows off it are empty, Jacobi takes one for their zero diagonal, and CG leaves
-    them alone. With `multigrid`, for Laplacians, it is preconditioned by that where PETSc has hypre.
+    A may be the mass matrix of a boundary: Jacobi replaces the zero diagonal of empty rows by one, and CG leaves their
+    unknowns unchanged. `multigrid`, for Laplacians: precondition with hypre if PETSc has it.
 
     Raises:
-        ConvergenceError: it was not solved.
+        ConvergenceError: CG did not converge.
     """
     solution, solver = matrix.createVecRight(), PETSc.KSP().create(matrix.comm)
     solver.setOperators(matrix)

@@ -1,4 +1,4 @@
-"""The plan of a scene with its expense, counted by making the first mesh of its run."""
+"""The plan of a scene with its cost, counted on the first mesh of its run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LARGEST = 100.0  # of numerics.mesh_size
 
 
 def planned(scene: Scene) -> Plan:
-    """The plan with cells, unknowns and memory, on the first mesh if there are several. Not collective.
+    """The plan with cells, unknowns and memory of the first mesh. Not collective.
 
     Without gmsh the plan has a warning instead. Raises MeshError.
     """
@@ -35,7 +35,7 @@ def planned(scene: Scene) -> Plan:
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns, memory on the first mesh of a run, which is made. Not collective; raises MeshError."""
+    """Cells, unknowns and memory of the first mesh of a run. Not collective; raises MeshError."""
     if scene.numerics.accuracy is None:
         return counted(scene)
     if scene.is_averaged:
@@ -51,10 +51,10 @@ def first_mesh(scene: Scene) -> Estimate:
 
 
 def counted(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory of a run, counted by making its mesh on this process. Not collective.
+    """Cells, unknowns and memory of a run, counted on its mesh. Not collective.
 
-    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
-    below a free surface in 3-D while the run in elements of another order is made.
+    Memory includes the coarse run of the error bars that coexists with the scene's flow: with more of the bed, or in
+    elements of another order below a free surface in 3-D.
     """
     setup = Setup(scene)
     plan, has_dual = plan_of(setup), expense.has_dual(setup)

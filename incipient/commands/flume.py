@@ -1,4 +1,4 @@
-"""`incipient flume`: whether a bed of grains moves, from stored and published thresholds."""
+"""`incipient flume`: motion of a bed of grains, from stored and published thresholds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def length(text: str) -> float:
 
 
 def flume(options: argparse.Namespace, comm: Comm) -> int:
-    """Print the answer; write the scene and the picture that are asked for."""
+    """Print the answer; write the requested scene and picture."""
     with collectively(comm):
         if comm.rank == 0:
             known = {name: getattr(options, name) for name in (*FLOW, *FLUID)}
@@ -49,11 +49,11 @@ def _write(options: argparse.Namespace, answer: FlumeAnswer) -> None:
         text = flume_scene(answer)
         with reported(options.scene):
             try:
-                stream = options.scene.open("xb", buffering=0)
+                file = options.scene.open("xb", buffering=0)
             except FileExistsError:
                 raise SceneError(f"{options.scene}: exists already; choose another name") from None
-            with stream:
-                write_fully(stream, text.encode())
+            with file:
+                write_fully(file, text.encode())
         print(f"{options.scene}: computes one such grain, with: incipient run {options.scene}")
     if options.curve is not None:
         from ..pictures.charts.flume import draw

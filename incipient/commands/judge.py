@@ -50,7 +50,7 @@ def judge(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _refuse_unread(options: argparse.Namespace) -> None:
-    """Refuse options that nothing would read."""
+    """Refuse options without effect."""
     for name, readers in OPTIONS_OF.items():
         if getattr(options, name) is not None and not any(getattr(options, one) for one in readers):
             needs = " or ".join(f"--{one}" for one in readers)
@@ -62,7 +62,7 @@ def _judge_forces(options: argparse.Namespace) -> None:
         why = "--forces needs --density: that of the fluid over the rhoInf of the forces; 1 where they are the same"
         raise SceneError(why)
     if options.case is None:
-        from ..judging.in_place import grain_in_place  # whose libraries take 0.3 s to import
+        from ..judging.in_place import grain_in_place  # its libraries take 0.3 s to import
 
         case = grain_in_place(options.grain, options.bed, options.overrides)
     elif options.grain or options.bed:
@@ -99,7 +99,7 @@ def _judge_series(options: argparse.Namespace) -> None:
 
 
 def _judge_batch(options: argparse.Namespace) -> None:
-    """Judge a table of cases, which says all that a case file would."""
+    """Judge a table of complete cases."""
     path = options.batch
     if options.case is not None:
         raise SceneError(f"--batch: {path} has all of each case; leave out {options.case}")
@@ -121,7 +121,7 @@ def _keep(
     kinds: Sequence[ResultKind],
     save: Callable[[Path], object],
 ) -> None:
-    """Write results of some kinds and their pictures where `--out` says, if it does."""
+    """Write results and their pictures to the directory of `--out`, if given."""
     if options.out is None:
         return
     directory = _directory(options, source)
@@ -134,7 +134,7 @@ def _keep(
 
 
 def _directory(options: argparse.Namespace, source: Path) -> Path:
-    """The directory that `--out` names; without a name that of the source."""
+    """The directory of `--out`; by default that of the source."""
     return source.parent if options.out is BESIDE else Path(options.out)
 
 

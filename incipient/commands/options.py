@@ -1,4 +1,4 @@
-"""The options of all commands, and what several of them refuse alike."""
+"""The options of all commands, and their common checks."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from ..errors import SceneError
 from ..parallel import Comm, collectively
 
-BESIDE = object()  # a directory that is asked for and not named: that of the case
-OF_SWEEPS = ("quantity", "against", "by")  # options of `show` that are for sweeps alone
+BESIDE = object()  # directory option without a value: that of the case
+OF_SWEEPS = ("quantity", "against", "by")  # options of `show` for sweeps only
 
 
 def overrides(parser: argparse.ArgumentParser, example: str) -> None:
@@ -23,20 +23,20 @@ def overrides(parser: argparse.ArgumentParser, example: str) -> None:
 
 
 def named(text: str) -> Path:
-    """A path that is not empty: an empty one would mean the working directory."""
+    """A nonempty path: an empty one would mean the working directory."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the name is empty; give the name of a directory or file")
     return Path(text)
 
 
 def alone(name: str, comm: Comm) -> None:
-    """Refuse ranks for a command that starts processes of its own."""
+    """Refuse several ranks for a command that starts its own processes."""
     if comm.size > 1:
         raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
 def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
-    """Refuses what is not a directory in which an earlier command has left one of its files. Collective."""
+    """Raise SceneError for a directory without any of the files of an earlier command. Collective."""
     with collectively(comm):
         if comm.rank == 0 and not any((directory / name).is_file() for name in names):
             why = (
@@ -48,7 +48,7 @@ def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:
-    """Adds nothing: the command has no options."""
+    """Add no options."""
 
 
 def _scene(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,7 @@ def _scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "results") -> None:
-    """Adds a scene and the directory for what comes of it, which is named after the scene."""
+    """Add the scene and its result directory, named after the scene."""
     _scene(parser)
     usual = f"results/NAME OF THE SCENE{ending}"
     parser.add_argument("--out", type=named, help=f"directory for the {what} (default: {usual})")
@@ -293,7 +293,7 @@ def of_survey(parser: argparse.ArgumentParser) -> None:
 
 
 def _workers(parser: argparse.ArgumentParser, what: str) -> None:
-    """Adds the options on the workers of a sweep, and old ones, which are refused."""
+    """Add the options of a sweep's workers, and retired ones, which are refused."""
     add = parser.add_argument
     add(
         "--jobs",
@@ -439,7 +439,7 @@ def of_judge(parser: argparse.ArgumentParser) -> None:
 
 
 def _length(text: str) -> float:
-    from .flume import length  # whose libraries other commands do not need
+    from .flume import length  # its libraries are not needed by other commands
 
     return length(text)
 

@@ -22,7 +22,7 @@ log = logging.getLogger("incipient")
 
 
 def run(options: argparse.Namespace, comm: Comm) -> int:
-    """Simulates a scene, says what came out and where it is."""
+    """Simulate a scene; print the result and its directory."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
     ranks = f"{comm.size} rank" + ("s" if comm.size > 1 else "")
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def resume(options: argparse.Namespace, comm: Comm) -> int:
-    """Continues a run that was cut short."""
+    """Continue an interrupted run."""
     require_left_by(options.directory, ("scene.toml",), comm)
     with telling(comm.rank) as voice:
         result = incipient.resume(options.directory, options.overrides, comm, voice)
@@ -45,17 +45,17 @@ def resume(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def threshold(options: argparse.Namespace, comm: Comm) -> int:
-    """Searches the flow at which the grain begins to move."""
+    """Search the critical flow of the grain."""
     return _search(options, comm, THRESHOLD, incipient.threshold)
 
 
 def gust(options: argparse.Namespace, comm: Comm) -> int:
-    """Searches the weakest gusts that move the grain out of its pocket."""
+    """Search the weakest gusts that move the grain out of its pocket."""
 
     def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
         from ..thresholds.gusts import GustSearch, runs_expected
 
-        GustSearch(scene, comm)  # what is wrong is said before anything is expected
+        GustSearch(scene, comm)  # errors of the input come before any output
         runs = runs_expected(len(options.durations), scene.numerics.error_bars)
         number = len(options.durations)
         voice.say(f"{options.scene}: durations: {number}, about {runs} runs")
@@ -65,7 +65,7 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def entrainment(options: argparse.Namespace, comm: Comm) -> int:
-    """Computes the probability of motion in a fluctuating flow."""
+    """Compute the probability of motion in a fluctuating flow."""
 
     def find(scene: Scene, directory: Path, comm: Comm, voice: Silent) -> Any:
         wanted = (options.probabilities, options.strengths, options.gusts, options.data)
@@ -77,20 +77,20 @@ def entrainment(options: argparse.Namespace, comm: Comm) -> int:
 def _search(
     options: argparse.Namespace, comm: Comm, kind: ResultKind, find: Callable[..., Any]
 ) -> int:
-    """Find what a kind of results is about, say it and where it is."""
+    """Compute a result of a kind; print it and its directory."""
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_{kind.name}"
     with telling(comm.rank) as voice:
-        found = find(scene, directory, comm, voice)
+        result = find(scene, directory, comm, voice)
     if comm.rank == 0:
-        print(found.text())
+        print(result.text())
         print(f"numbers             {directory / (kind.tables or (kind.record,))[0]}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 
 
 def _tell(result: Result, directory: Path, comm: Comm, details: bool) -> None:
-    """Say what came out and where it is; then draw the pictures if the scene wants some."""
+    """Print the result and its directory; then draw the pictures of the scene."""
     output, cost = result.scene["output"], result.cost
     if comm.rank == 0:
         print(result.text(details))

@@ -16,7 +16,7 @@ RECORDS = (*(kind.record for kind in KINDS), "scene.toml")
 
 
 def show(options: argparse.Namespace, comm: Comm) -> int:
-    """Draws the pictures of results, or animates them."""
+    """Draw or animate results."""
     if options.directory.suffix == ".toml":
         remedy = "run it, then give the directory that the run was written to"
         raise SceneError(f"{options.directory}: is a scene and no results; {remedy}")
@@ -44,7 +44,7 @@ def _show_one(options: argparse.Namespace) -> None:
 
 
 def _name(drawn: Drawn) -> None:
-    """Prints the files of a drawing; raises OutputError for those that failed."""
+    """Print the files of a drawing. Raises OutputError for failed ones."""
     for path in drawn.paths:
         print(path)
     if drawn.complaint:
@@ -52,7 +52,7 @@ def _name(drawn: Drawn) -> None:
 
 
 def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Draws the pictures of a sweep next to its file."""
+    """Draw the pictures of a sweep next to its file."""
     if options.animate or options.out is not None or options.field is not None:
         why = "is the file of a sweep, which is not animated"
         raise SceneError(f"{options.directory}: {why}; leave the option out")
@@ -64,7 +64,7 @@ def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def report(options: argparse.Namespace, comm: Comm) -> int:
-    """Writes the page of results and prints its path."""
+    """Write the page of results and print its path."""
     with collectively(comm):
         if comm.rank == 0:
             print(incipient.report(options.path, options.out), flush=True)

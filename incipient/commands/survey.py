@@ -21,7 +21,7 @@ from .options import refuse_old_workers
 
 
 def survey(options: argparse.Namespace, comm: Comm) -> int:
-    """Survey a bed, or a grain in many poses, print what came out, and draw it."""
+    """Survey a bed, or a grain in many poses; print and draw the result."""
     refuse_old_workers(options)
     for name, least in (("runs", 0), ("orientations", 1), ("seeds", 1)):
         value = getattr(options, name)
@@ -50,9 +50,9 @@ def survey(options: argparse.Namespace, comm: Comm) -> int:
         if comm.rank == 0:
             refuse_foreign(directory, kind.files, read)
     with telling(comm.rank) as voice:
-        found = compute(voice)
+        result = compute(voice)
     if comm.rank == 0:
-        print(found.text())
+        print(result.text())
         print(f"numbers             {directory / kind.tables[0]}", flush=True)
         draw_and_tell(directory)
     return 0

@@ -10,7 +10,7 @@ from ..progress import telling
 from ..sweep.procedure import SweepProgress, run
 from .options import refuse_old_workers
 
-# Options that have the names of the arguments of `sweep.run`.
+# Options with the names of arguments of `sweep.run`.
 SHARED = (
     *("do", "zip", "cases", "jobs", "wall", "retry", "refine", "most", "quantity"),
     *("scheduler", "tries", "limit", "dry_run"),
@@ -18,7 +18,7 @@ SHARED = (
 
 
 def sweep(options: argparse.Namespace, comm: Comm) -> int:
-    """Compute the cases that the file does not hold, and print what came out."""
+    """Compute the missing cases of the file, and print a summary."""
     refuse_old_workers(options)
     with telling(comm.rank) as voice:
         progress = run(

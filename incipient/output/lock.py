@@ -19,13 +19,11 @@ AT_WORK = "# at work: "
 
 @contextmanager
 def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
-    """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
+    """Lock a directory against other runs during the block; with `make` create it. Only entering is collective.
 
-    With `make` the directory is made if it is not there.
+    The kernel's lock on the directory's mark ends with the process.
 
-    The lock is the kernel's, on the directory's mark: it ends with the process, however that ends.
-
-    Raises OutputError on all ranks: another run is at work there, a file is not of a run, or the mark is not writable.
+    Raises OutputError on all ranks: the directory is locked, a file is not of a run, or the mark is not writable.
     """
     with ExitStack() as held:
         with collectively(comm):

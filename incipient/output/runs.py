@@ -1,4 +1,4 @@
-"""Runs of scenes, new or resumed, which leave a directory behind."""
+"""Runs of scenes, new or resumed, with a result directory."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from .ownership import CHECKPOINT, SCENE
 if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
 
-# What a scene may be resumed with instead of what it was run with: where it ends, how its steps are made, when it
-# gets new meshes and of what cells, what is written. What is stored fits all of them.
+# Keys that may change on resumption: end time, step control, remeshing and its cells, output. Checkpoints are
+# independent of all of them.
 MAY_CHANGE = (
     *("time.end", "time.step", "time.first_step", "time.tolerance", "time.until_steady"),
     *("output.every", "output.checkpoint", "output.pictures"),
@@ -52,18 +52,16 @@ def run(
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
-    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). When the run has its
-    mesh, an earlier one in the directory makes room: it is removed, or moved to a numbered neighbour if it can be
-    resumed.
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/explanation/errors.md). After meshing,
+    an earlier run in the directory is removed, or moved to a numbered directory if it can be resumed.
 
     Args:
-        scene: what to simulate.
-        directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
+        directory: for the resolved scene, result.json, history and fields; None writes nothing.
         voice: reports progress; default: none.
-        overwrite: remove the earlier run even if it can be resumed.
+        overwrite: remove an earlier run even if it can be resumed.
 
     Raises:
-        IncipientError: on all ranks, one line; what was computed before it stays in the directory.
+        IncipientError: on all ranks, one line; earlier results stay in the directory.
     """
     comm = comm or world()
     if directory is None:
@@ -80,19 +78,19 @@ def resume(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Result:
-    """Resume a run that was cut short, from the checkpoint in its directory. Collective over `comm`.
+    """Resume an interrupted run from the checkpoint in its directory. Collective over `comm`.
 
-    The number of ranks need not be that of the run. History and fields continue where the checkpoint was written;
-    fields that cannot be read are put aside. Until there is a new result the earlier one stays.
+    The number of ranks may change. History and fields continue from the checkpoint; unreadable fields are renamed. The
+    earlier result stays until the new one.
 
     Args:
         directory: the directory of the run.
-        overrides: such as ``"time.end=20"``; what may change is in `output.runs`.
-        voice: where progress is reported; see `run`.
+        overrides: such as ``"time.end=20"``; `output.runs` lists the keys that may change.
+        voice: reports progress; default: none.
 
     Raises:
-        IncipientError: as `run`; and when the checkpoint is missing, damaged, incomplete, of another version or
-            of another scene, or when there is nothing left to compute.
+        IncipientError: as `run`; also for a checkpoint that is missing, damaged, incomplete, of another version or of
+            another scene, and for a complete run.
     """
     comm, directory = comm or world(), Path(directory)
     with locked(directory, comm):
@@ -101,21 +99,21 @@ def resume(
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
-    """The scene and the checkpoint of a run that was cut short, on every rank. Collective.
+    """The scene and the checkpoint of an interrupted run, on every rank. Collective.
 
     Raises:
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.
-        SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
+        SceneError: the scene differs from that of the checkpoint, or the run is complete.
     """
-    from ..restart import checkpoint as checkpoints  # which most runs do without
+    from ..restart import checkpoint as checkpoints  # not needed by most runs
 
     kept = checkpoints.read(directory / CHECKPOINT, comm)
 
     def loaded() -> tuple[Scene, Scene]:
-        """The scenes of the directory and of the checkpoint; refused if they do not go together."""
+        """The scenes of the directory and of the checkpoint. Raises SceneError if they are incompatible."""
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
         if scene.numerics.order == "auto" and order_of(scene).number != order_of(before).number:
-            scene = with_order(scene, order_of(before).number)  # that of the flow that is stored
+            scene = with_order(scene, order_of(before).number)  # order of the stored flow
         _require_same(directory / SCENE, scene, before)
         _require_work(scene.time, kept, passes=scene.contact_gap < before.contact_gap)
         return scene, before
@@ -131,7 +129,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     )
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if scene.moves else ())
     differing = {*now, *before} - {*allowed, "title"}
-    # What both have comes first: keys that only one has may be there because of another one.
+    # Common keys first: keys of one scene alone may depend on others.
     for key in sorted(differing, key=lambda one: (None in (now.get(one), before.get(one)), one)):
         if now.get(key) == before.get(key):
             continue
@@ -142,7 +140,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
 
 
 def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
-    """Refuses a run that has ended; `passes`: whether its grain may move on from what it met."""
+    """Refuse a complete run; `passes`: whether its grain may continue after a collision."""
     assert time is not None
     if kept.body is not None and kept.body.met and not passes:
         remedy = "set a smaller contact.gap"
@@ -162,7 +160,7 @@ def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
 
 
 def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:
-    """The checkpoint, without what a change of the scene has made void: the step's length, that a wall was met."""
+    """The checkpoint without values that a change of the scene invalidates: step length, collision with a wall."""
     assert now is not None and then is not None
     if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
         kept = replace(kept, progress=replace(kept.progress, next_length=now.step))

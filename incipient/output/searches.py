@@ -1,4 +1,4 @@
-"""Searches of critical flows, of gusts and of probabilities of motion, which write what they compute to a directory."""
+"""Searches of critical flows, gusts and probabilities of motion, with a result directory."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def write(
     columns: Sequence[str] = (),
     rows: Rows = (),
 ) -> None:
-    """Write a record with its scene, and a table of rows if it has columns, to a directory. Collective.
+    """Write a record, its scene, and a table for given columns to a directory. Collective.
 
-    The directory is made if need be; results of another scene there move to a numbered neighbour. Raises OutputError.
+    Results of another scene are moved to a numbered directory. Raises OutputError.
     """
     with collectively(comm):
         if comm.rank == 0:
@@ -64,9 +64,9 @@ def write(
 
 @dataclass(frozen=True)
 class GustCurve:
-    """Critical strengths of gusts by their duration, and that of a steady flow.
+    """Critical strengths of gusts by their duration.
 
-    points: the longest duration first; static: strength from which a steady flow moves the grain
+    points: the longest duration first; static: critical strength of a steady flow
     """
 
     scene: Scene
@@ -91,12 +91,12 @@ def threshold(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Threshold:
-    """Find the flow at which a scene's grain first moves as it grows from rest. Collective over `comm`.
+    """Find the critical flow of a scene: the slowest that moves its grain. Collective over `comm`.
 
     Args:
         scene: a grain that rests on a bed, in a steady flow.
-        directory: where to write threshold.json and the resolved scene; None writes nothing. The critical flow is
-            written as soon as it is known, before its error bars are.
+        directory: for threshold.json and the resolved scene; None writes nothing. The critical flow is written before
+            its error bars are estimated.
         voice: reports every solved flow; default: none.
 
     Raises:
@@ -107,14 +107,14 @@ def threshold(
         return find_threshold(scene, comm, voice)
     path = Path(directory)
 
-    def keep(found: Threshold) -> Path:
-        write(THRESHOLD, path, scene, found.to_dict(), comm)
+    def keep(result: Threshold) -> Path:
+        write(THRESHOLD, path, scene, result.to_dict(), comm)
         return path
 
     with locked(path, comm, make=True):
-        found = find_threshold(scene, comm, voice, keep)
-        keep(found)
-    return found
+        result = find_threshold(scene, comm, voice, keep)
+        keep(result)
+    return result
 
 
 @one_at_a_time
@@ -124,33 +124,32 @@ def gusts(
     directory: Path | str | None = None,
     comm: Comm | None = None,
     voice: Silent | None = None,
-    announce: Callable[[CriticalGust], object] = lambda found: None,
+    announce: Callable[[CriticalGust], object] = lambda point: None,
 ) -> GustCurve:
     """Find the weakest gusts that move a released grain out of its pocket. Collective over `comm`.
 
     Args:
         scene: a released grain on a bed with forms; shape and start of gusts are those of its [flow.gust].
         durations: of the gusts [time].
-        directory: where to write gusts.json, gusts.csv and the resolved scene, anew with each strength;
-            None writes nothing.
+        directory: for gusts.json, gusts.csv and the resolved scene, updated after each strength; None writes nothing.
         voice: reports every run; default: none.
-        announce: is given each strength as soon as it is computed.
+        announce: called with each strength when it is known.
 
     Raises:
-        IncipientError: on all ranks, one line; results so far stay in the directory.
+        IncipientError: on all ranks, one line; earlier results stay in the directory.
     """
     comm = comm or world()
-    found: list[CriticalGust] = []
+    points: list[CriticalGust] = []
     search = GustSearch(scene, comm, voice or Silent())
     require_durations(durations)
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:
-        """Announce a strength, and write all so far. Collective."""
-        found.append(point)
+        """Announce a strength, and write all known ones. Collective."""
+        points.append(point)
         announce(point)
         if directory is not None:
-            curve = GustCurve(scene, static, tuple(found)).to_dict()
+            curve = GustCurve(scene, static, tuple(points)).to_dict()
             write(GUSTS, Path(directory), scene, curve, comm, OF_GUSTS, curve["points"])
 
     if directory is None:
@@ -158,7 +157,7 @@ def gusts(
     else:
         with locked(Path(directory), comm, make=True):
             search.critical(durations, keep)
-    return GustCurve(scene, static, tuple(found))
+    return GustCurve(scene, static, tuple(points))
 
 
 @one_at_a_time
@@ -172,16 +171,16 @@ def entrainment(
     comm: Comm | None = None,
     voice: Silent | None = None,
 ) -> Entrainment:
-    """Compute the probability of motion in a fluctuating flow, by the scene's [gusts]. Collective over `comm`.
+    """Compute the probability of motion in the fluctuating flow of the scene's [gusts]. Collective over `comm`.
 
     Args:
         scene: a grain that rests on a bed, in a steady flow, with [gusts].
-        directory: where to write entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
-        probabilities: of motion at an instant, for each of which the Shields number is computed; default: 0.1%,
-            1%, 5% and 50%, of those what data can tell.
-        strengths: mean flows over the scene's, for a curve; default: some that show it.
-        gusts: directory of `incipient gust`; then the rate of gusts that last long enough is also computed.
-        data: CSV of Shields number and probability, measured, for the picture.
+        directory: for entrainment.json, entrainment.csv and the resolved scene; None writes nothing.
+        probabilities: fractions of time with motion, for which Shields numbers are computed; default: 0.1%, 1%, 5%
+            and 50%, within the range of the data.
+        strengths: mean flows over the scene's, for a curve; default: along the whole curve.
+        gusts: directory of `incipient gust`, for the rate of gusts that last long enough.
+        data: CSV of measured Shields numbers and probabilities, for the picture.
         voice: reports every solved flow; default: none.
 
     Raises:
@@ -194,10 +193,10 @@ def entrainment(
         return find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
     path = Path(directory)
     with locked(path, comm, make=True):
-        found = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
-        stored, rows = {**found.to_dict(), "data": measured}, [_row(one) for one in found.curve]
+        result = find_entrainment(Setup(scene), comm, probabilities, strengths, weakest, voice)
+        stored, rows = {**result.to_dict(), "data": measured}, [_row(one) for one in result.curve]
         write(ENTRAINMENT, path, scene, stored, comm, OF_ENTRAINMENT, rows)
-    return found
+    return result
 
 
 def _row(one: OfStrength) -> dict[str, Any]:
@@ -208,7 +207,7 @@ def _row(one: OfStrength) -> dict[str, Any]:
 
 
 def _stored(path: Path) -> dict[str, Any]:
-    """What a gusts.json holds; raises SceneError without one."""
+    """The content of a gusts.json. Raises SceneError without one."""
     remedy = "give the directory that incipient gust has written"
     with reading(path, remedy, name=f"--gusts: {path}"):
         stored = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""What the templates of a page need of a result besides the result itself."""
+"""Context of the templates of results."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CAPTIONS = {
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
-# Heads of the columns of the error budget, by the errors that result.json has.
+# Column headings of the error budget, by the keys of errors in result.json.
 ERRORS = {
     "force": "of the force",
     "torque": "of the torque",
@@ -46,7 +46,7 @@ ERRORS = {
     "shear_velocity": "of u*, at most",
     "centreline": "of velocities on centrelines",
 }
-# What makes an error smaller, by the name of its term.
+# Remedies for errors by the name of the term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
     "time step": "a smaller time.step, or a smaller time.tolerance",
@@ -63,11 +63,11 @@ REMEDIES = {
 
 
 def context_of(record: Path) -> Context:
-    """Everything that the template of a record needs.
+    """The context of a record's template.
 
     Raises:
         OutputError: the record or its verdict is damaged.
-        KeyError, TypeError, ValueError: it lacks something.
+        KeyError, TypeError, ValueError: the record is incomplete.
     """
     stored = parsed_json(record)
     shared = {"stored": stored, "directory": record.parent, "title": stored.get("title") or ""}
@@ -96,7 +96,7 @@ def _of_run(stored: Context, record: Path) -> Context:
 
 
 def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
-    """The verdict in sentences, the exact criterion's first; without one the path of the grain."""
+    """The verdict in sentences, the exact criterion first; without a verdict the path of the grain."""
     if case is not None:
         note = stored["verdict"].get("note")
         return (*case.sentences, sentence(note) if note else "")
@@ -108,7 +108,7 @@ def _statements(stored: Context, case: Judged | None) -> tuple[str, ...]:
 
 
 def _notes(stored: Context) -> list[str]:
-    """What is to be known before anything else."""
+    """Notes at the top of the page."""
     notes = []
     if stored["status"] != "complete":
         why = stored["error"] or "its numbers are preliminary"
@@ -122,7 +122,7 @@ def _notes(stored: Context) -> list[str]:
 def _rows(
     stored: Context, quantities: Sequence[OutputQuantity], heading: str
 ) -> list[tuple[str, Any]]:
-    """Labels and values, with error bars, of the quantities under a heading that a result has."""
+    """Labels and values, with error bars, of a result's quantities under a heading."""
     rows: list[tuple[str, Any]] = []
     for quantity in quantities:
         if quantity.heading == heading and (value := quantity.value(stored)) is not None:
@@ -144,7 +144,7 @@ def _loads(stored: Context, unit: str) -> list[list[Any]]:
 
 
 def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
-    """Heads and rows of the errors of all terms and their parts, and of their sum where there are several."""
+    """Headings and rows of the errors of all terms and their parts, and of the sum of several terms."""
     keys = [key for key in ERRORS if bars.get(key) is not None]
     whole = _size(bars, keys[0]) if keys else 0.0
     terms = [
@@ -166,7 +166,7 @@ def _budget(planar: bool, bars: Context) -> tuple[list[str], list[list[Any]]]:
 
 
 def _error(term: Context, key: str, planar: bool) -> Any:
-    """Errors of a force, a torque or of numbers of which the largest counts, as a cell."""
+    """The error of a force or torque, or the largest of other errors, as a cell."""
     if term[key] is None:
         return ""
     known = [math.nan if error is None else error for error in term[key]]
@@ -181,17 +181,17 @@ def _size(term: Context, key: str) -> float:
     return math.hypot(*known) if key in ("force", "torque") else max(known, default=0.0)
 
 
-def _in_si(found: Context | None) -> list[tuple[str, Any, str]]:
-    """Name, value and unit of flow, loads and units of a result in SI units; none without."""
-    if found is None:
+def _in_si(values: Context | None) -> list[tuple[str, Any, str]]:
+    """Label, value and unit of flow, loads and units of a result in SI units."""
+    if values is None:
         return []
     loads = [
         (f"{name.replace('_', ' ')} of the flow", words, unit)
-        for name, words, unit in si_loads(found)
+        for name, words, unit in si_loads(values)
     ]
     named = (("length", "m"), ("time", "s"), ("velocity", "m/s"), ("stress", "Pa"))
-    units = [(f"one unit of {name} of the scene", found["units"][name], u) for name, u in named]
-    return [*si_rows(found), *loads, *units]
+    units = [(f"one unit of {name} of the scene", values["units"][name], u) for name, u in named]
+    return [*si_rows(values), *loads, *units]
 
 
 def _of_threshold(stored: Context, record: Path) -> Context:
@@ -220,7 +220,7 @@ _SPECIAL: dict[str, Callable[[Context, Path], Context]] = {
 
 
 def certainty(stored: Context | None, without: str) -> str:
-    """How sure a verdict is, in words, by the error bars of a result."""
+    """The certainty of a verdict as text, from the error bars of a result."""
     if stored is None:
         return sentence(f"not known: {without or 'error bars were not asked for'}")
     bar = stored["safety_factor"]
@@ -247,9 +247,9 @@ def _certainty_of_threshold(stored: Context) -> str:
 
 
 def _corrected(term: Context) -> str:
-    """By what the loads are corrected for a term, in words; nothing where they are not."""
-    if (found := term.get("correction")) is None:
+    """The correction of the loads for a term as text; empty without one."""
+    if (correction := term.get("correction")) is None:
         return ""
-    sizes = {"force": math.hypot(*found["force"]), "torque": math.hypot(*found["torque"])}
+    sizes = {"force": math.hypot(*correction["force"]), "torque": math.hypot(*correction["torque"])}
     said = " and ".join(f"the {name} by {size:.2g}" for name, size in sizes.items() if size)
     return f"; it corrects {said}, and this is what remains"

@@ -1,4 +1,4 @@
-"""The accuracy that a run was to reach, what was reached, and the meshes tried, as data."""
+"""The requested accuracy of a run, its estimate, and the meshes tried, as data."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 class Trial:
     """One mesh tried.
 
-    estimate: relative error of the quantity; None where the flow could not be solved, or not compared yet
-    seconds: wall time, mesh, solution and estimate together
-    step: the time step, None for steady flow; of_step, of_mesh: what step and mesh contribute to the estimate
-    note: what was changed besides the mesh, or why there is no solution or no estimate
+    estimate: relative error of the quantity; None: not converged, or not compared yet
+    seconds: wall time of mesh, solution and estimate
+    step: the time step, None for steady flow; of_step, of_mesh: their contributions to the estimate
+    note: changes besides the mesh, or the reason for a missing solution or estimate
     """
 
     order: int
@@ -25,13 +25,13 @@ class Trial:
 
     @property
     def parts(self) -> str:
-        """What step and mesh contribute, in words; nothing for steady flow."""
+        """Contributions of step and mesh as text; empty for steady flow."""
         if self.of_step is None or self.of_mesh is None:
             return ""
         return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
 
     def line(self) -> str:
-        """The mesh for a reader."""
+        """The trial as a line of text."""
         error = "            " if self.estimate is None else f"error {self.estimate:.1e}"
         step = "" if self.step is None else f"   step {self.step:.3g}"
         notes = "   ".join(part for part in (self.parts, self.note) if part)
@@ -41,11 +41,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """The accuracy to reach, what has been reached, and the meshes tried on the way.
+    """The requested accuracy, its estimate, and the meshes tried.
 
-    asked: the relative error, or "verdict"; reached: its estimate, None if there is none
-    includes: the errors that are in it; changes: what has been changed of the scene for it, in words
-    beside: what is to be known of errors that are not in it, and what would make them smaller
+    asked: the relative error, or "verdict"; reached: its estimate, None without one
+    includes: the errors included; changes: changes of the scene, as text
+    beside: errors not included, with remedies
     """
 
     asked: float | str
@@ -59,7 +59,7 @@ class Adaptation:
     beside: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """The outcome and the trials, a line each."""
+        """Outcome and trials, one line each."""
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
         *others, last = self.includes
         of = f"{', '.join(others)} and {last}" if others else last

@@ -1,7 +1,4 @@
-"""The kinds of results that commands leave in a directory.
-
-What shows, reports, tabulates, resumes or overwrites results asks this list.
-"""
+"""The kinds of results that commands write to a directory."""
 
 from __future__ import annotations
 
@@ -22,8 +19,8 @@ class ResultKind:
     name: of its record NAME.json and of the template of its page
     title: of a page whose record and scene have none
     tables: other files beside the record; pictures: those that are always drawn
-    has_scene: whether the scene of the results is beside them
-    quantities: numbers that tables of sweeps and pages have; those of runs are with their effects
+    has_scene: whether the directory contains the scene of the results
+    quantities: numbers in tables of sweeps and on pages; those of runs are defined by their effects
     """
 
     name: str
@@ -123,7 +120,7 @@ KINDS = (RUN, THRESHOLD, GUSTS, ENTRAINMENT, SURVEY, POSES, JUDGEMENT, SERIES, C
 
 
 def quantities_of(kind: ResultKind, stored: Mapping[str, Any]) -> tuple[OutputQuantity, ...]:
-    """The quantities of a result of a kind other than a run, as plain data."""
+    """The quantities of a result as plain data, for kinds other than a run."""
     quantiles = (at(stored, "quantiles") or ()) if kind is ENTRAINMENT else ()
     return kind.quantities + tuple(
         OutputQuantity(

@@ -1,4 +1,4 @@
-"""An effect that was left out and what it would have changed, as data."""
+"""An omitted effect and the change that it would make, as data."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,11 @@ from ..planning.effects import percent
 
 @dataclass(frozen=True)
 class Omission:
-    """An effect left out.
+    """An omitted effect.
 
-    relative: change that it would have made, relative to the load; None: not known
-    exceeds: whether it may be more than the accuracy asked for
-    force, couple: change of the force and the torque (3,); None: not known
+    relative: change that it would make, relative to the load; None: not known
+    exceeds: whether the change may exceed the requested accuracy
+    force, torque: change of the force and the torque (3,); None: not known
     """
 
     name: str
@@ -21,16 +21,16 @@ class Omission:
     exceeds: bool
     remedy: str = ""
     force: Floats | None = None
-    couple: Floats | None = None
+    torque: Floats | None = None
 
     def lines(self) -> list[str]:
-        """One line for a reader, and a warning where one is due."""
+        """The omission as a line of text, and a warning if it exceeds the accuracy."""
         size = "by an unknown amount"
         if self.relative is not None:
             size = f"by about {percent(self.relative)}"
-        told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
+        lines = [f"left out            {self.name}: would change the result {size} ({self.how})"]
         if self.exceeds:
-            told.append(
+            lines.append(
                 f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
             )
-        return told
+        return lines

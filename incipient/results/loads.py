@@ -1,4 +1,4 @@
-"""Forces and torques on a grain, their coefficients, and the gap they were computed with, as data."""
+"""Forces and torques on a grain, their coefficients, and the gap of the computation, as data."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .quantity import AXES, load_words
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow: of the flow, without buoyancy: as computed, corrected where its errors are known
-    surface_integral: the computed force of the flow by integrating sigma n over the surface, a cross-check
+    flow: of the flow, without buoyancy; corrected for errors of known sign
+    surface_integral: integral of sigma n over the surface, as a cross-check of the computed force
     buoyancy: of the hydrostatic pressure, exact
-    computed: of the flow by the residual method, without corrections; None: `flow` is not corrected
+    computed: of the flow by the residual method, uncorrected; None: `flow` is uncorrected
     """
 
     flow: Floats
@@ -47,8 +47,8 @@ class Forces:
 
 
 @dataclass(frozen=True)
-class Couples:
-    """Torques on the grain (3,) about a point (3,), as the forces of these names; in 2-D along the third axis."""
+class Torques:
+    """Torques on the grain (3,) about a point (3,), named as the forces; in 2-D along the third axis."""
 
     flow: Floats
     surface_integral: Floats
@@ -60,7 +60,7 @@ class Couples:
         """The torque of the flow as computed (3,)."""
         return self.flow if self.computed is None else self.computed
 
-    def corrected(self, change: Floats) -> Couples:
+    def corrected(self, change: Floats) -> Torques:
         """The torques with a change (3,) added to the computed torque of the flow."""
         return replace(self, flow=self.plain + change, computed=self.plain)
 
@@ -87,7 +87,7 @@ class Coefficients:
 class Gap:
     """The gap between grain and bed in the computed flow.
 
-    closed: the grain touches the bed, and the space next to contacts is closed where it is narrower than the width
+    closed: the grain touches the bed, and interstices narrower than the width are closed
     """
 
     width: float
@@ -96,7 +96,7 @@ class Gap:
 
     @property
     def resolved(self) -> bool:
-        """Whether at least two cells lie across the gap, so that the flow in it is computed and not guessed."""
+        """Whether at least two cells span the gap."""
         return self.closed or self.cells >= 2
 
     def to_dict(self) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class Gap:
         return asdict(self) | {"resolved": self.resolved}
 
     def line(self) -> str:
-        """What the gap is, for a reader."""
+        """The gap as a line of text."""
         if self.closed:
             return f"gap                 closed where it is narrower than {self.width:.4g}"
         refine = "NOT resolved: refine with a smaller numerics.mesh_size"
@@ -120,16 +120,16 @@ def apart(load: Floats) -> tuple[Floats, Floats]:
 
 
 def named(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """The components (3,) of a force by the names of columns: force_x, force_y, in 3-D force_z as well."""
+    """The components of a force (3,) by column: force_x, force_y, in 3-D also force_z."""
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate(AXES[:gdim])}
 
 
-def named_couple(name: str, vector: Floats, gdim: int) -> dict[str, float]:
-    """The components (3,) of a torque by the names of columns: one in 2-D, three in 3-D."""
+def named_torque(name: str, vector: Floats, gdim: int) -> dict[str, float]:
+    """The components of a torque (3,) by column: one in 2-D, three in 3-D."""
     return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
 
 
 def loads_words(force: Floats, torque: Floats, gdim: int, digits: str = ".6g") -> str:
-    """Force and torque (3,) for a reader."""
-    told = load_words(torque, "torque", gdim, digits)
-    return f"{load_words(force, 'force', gdim, digits)}   torque {told}"
+    """Force and torque (3,) as text."""
+    turning = load_words(torque, "torque", gdim, digits)
+    return f"{load_words(force, 'force', gdim, digits)}   torque {turning}"

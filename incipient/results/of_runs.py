@@ -1,4 +1,4 @@
-"""The numbers of runs: of force and torque, of the flow and of the verdict."""
+"""The quantities of runs: loads, flow and verdict."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from .quantity import OutputQuantity, at
 
-# What force and torque have parts of in results, with their names on a page.
+# Parts of force and torque in results, with their labels.
 _PARTS = {
     "flow": "flow, without buoyancy",
     "computed": "flow as computed, without corrections",
@@ -38,18 +38,18 @@ def _viscous(unit: str, run: Any) -> Any:
     """The viscous part (3,) of a computed load, None without a grain. Collective."""
     if run.probe is None:
         return None
-    found = run.probe.viscous_resultant()
-    return found.force if unit == "force" else found.couple
+    resultant = run.probe.viscous_resultant()
+    return resultant.force if unit == "force" else resultant.torque
 
 
 def _pressure(unit: str, stored: Mapping[str, Any]) -> Any:
-    """The rest of the surface integral, None without a grain."""
+    """The pressure part: surface integral less the viscous part; None without a grain."""
     whole, viscous = (at(stored, f"{unit}.{part}") for part in ("surface_integral", "viscous"))
     return None if whole is None else whole - viscous
 
 
 def _parts(unit: str) -> Iterator[OutputQuantity]:
-    """The pressure and the viscous part of a computed load: no correction is known of either."""
+    """The uncorrected pressure and viscous parts of a computed load."""
     for part in ("pressure", "viscous"):
         yield OutputQuantity(
             f"{unit}.{part}",
@@ -66,7 +66,7 @@ def _parts(unit: str) -> Iterator[OutputQuantity]:
 
 
 OVER_BED = "flow over the bed"
-# Extreme velocities on the centrelines of a lid-driven box, in the order of their errors: upwards is v2, in 3-D v3.
+# Extreme velocities on the centrelines of a lid-driven box, in the order of their errors; upward: v2, in 3-D v3.
 EXTREMES = (
     ("minimum of v1",),
     ("maximum of v2", "maximum of v3"),
@@ -75,7 +75,7 @@ EXTREMES = (
 
 
 def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantity]:
-    """An extreme velocity, and where it is."""
+    """An extreme velocity and its position."""
     value = OutputQuantity(
         f"centrelines.{name}.value",
         name,
@@ -88,7 +88,7 @@ def _on_centreline(place: int, name: str) -> tuple[OutputQuantity, OutputQuantit
 
 
 def _safety(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Ends of the error bar of the safety factor, where null is infinite."""
+    """Ends of the error bar of the safety factor; null is infinite."""
     bar = at(stored, "error_bars.safety_factor")
     if bar is None:
         return None

@@ -1,4 +1,4 @@
-"""The result of a run: forces, torques, contacts, verdict, and what they cost."""
+"""The result of a run: forces, torques, contacts, verdict, cost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .cost_of_effects import cost_lines
 from .elevations import Elevations
 from .errorbars import MOST_SPANS, ErrorBars, Loads, centreline_velocities, longest_first
 from .left_out import Omission
-from .loads import Coefficients, Couples, Forces, Gap, loads_words
+from .loads import Coefficients, Forces, Gap, Torques, loads_words
 from .quantity import OutputQuantity, as_stored, put, screen_lines
 from .si import si_lines, with_loads
 from .trajectory import number_words, place_words, trajectory_lines
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from .wall_report import WallReport
 
 SCHEMA_VERSION = 2
-IN_MEMORY = {"stored": False}  # of fields that result.json does not have
-ROUNDING = 1e-12  # of the length of an interval, below which its start is zero in words
+IN_MEMORY = {"stored": False}  # metadata of fields that result.json omits
+ROUNDING = 1e-12  # of the length of an interval: a smaller start is shown as zero
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class FlowAt:
 
 @dataclass(frozen=True)
 class Traction:
-    """The fluid's traction on the grain: points (n, gdim) on its surface, in no order, and vectors (n, gdim) there.
+    """The fluid's traction on the grain: unordered points (n, gdim) on its surface, and vectors (n, gdim) there.
 
-    Of a scene of which half was computed they are those of that half.
+    Of a symmetric scene they cover the computed half.
     """
 
     points: Floats
@@ -55,10 +55,10 @@ class Traction:
 
 @dataclass(frozen=True)
 class Steadied:
-    """How a run ended that was to end when its flow is steady.
+    """The end of a run until steady flow.
 
-    time: at the end; change: of the flow in the last step, relative, per unit of time
-    asked: the change at which the flow counts as steady
+    time: at the end; change: relative change of the flow in the last step, per unit of time
+    asked: the change below which the flow counts as steady
     """
 
     reached: bool
@@ -67,7 +67,7 @@ class Steadied:
     asked: float
 
     def line(self) -> str:
-        """The line for a reader."""
+        """The outcome as a line of text."""
         if self.reached:
             return f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
         return (
@@ -78,26 +78,26 @@ class Steadied:
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
+    """The outcome of a run. Vectors have three components in scene units.
 
-    without_error_bars:     why error bars that are wanted are not there
-    surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
-    elevations:             those at the stations in the course of the run, which history.csv has
+    without_error_bars:     why requested error bars are missing
+    surface:                elevations of a free surface at the stations at the end, and a channel's inflow
+    elevations:             elevations at the stations over time, as in history.csv
     separated:              intervals of x of reverse laminar flow along the bed, between separation and
-                            reattachment; None where that is not looked at
-    turbulence:             at the walls of a turbulent flow, None without turbulence
-    steady:                 whether a flow became steady that was to, None where that is not asked
+                            reattachment; None: not determined
+    turbulence:             report on the walls of a turbulent flow, None without turbulence
+    steady:                 the end of a run until steady flow, otherwise None
     si:                     the flow in SI units (`results.si`), None without [units]
     traction:               of the fluid on the grain at the end, None without a grain
-    quantities:             numbers that runs may have; measured: values of those that effects measure, by their key,
-                            None of an effect that is absent
+    quantities:             the quantities of runs; measured: values that effects measure, by key, None of an
+                            absent effect
     """
 
     title: str
     plan: Plan
     scene: dict[str, Any]
     force: Forces | None
-    torque: Couples | None
+    torque: Torques | None
     coefficients: Coefficients | None
     grain: dict[str, Any] | None
     gap: Gap | None
@@ -126,25 +126,25 @@ class Result:
 
     def __repr__(self) -> str:
         """The outcome on one line."""
-        told = [self.title or "untitled", self.status]
+        parts = [self.title or "untitled", self.status]
         if self.verdict is not None:
             factor = self.verdict["safety_factor"]
-            told.append(
+            parts.append(
                 f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}"
             )
         if self.force is not None and self.torque is not None:
-            told.append(
+            parts.append(
                 f"force of the flow {loads_words(self.force.flow, self.torque.flow, self.gdim)}"
             )
-        return f"<Result: {'; '.join(' '.join(one.split()) for one in told)}>"
+        return f"<Result: {'; '.join(' '.join(one.split()) for one in parts)}>"
 
     def at(self, points: ArrayLike) -> list[FlowAt | None]:
-        """The flow at points (n, gdim), or at one (gdim,); None for each that is outside the fluid. Collective.
+        """The flow at points (n, gdim), or at one (gdim,); None outside the fluid. Collective.
 
-        Where half of a scene was computed the other half is its mirror image.
+        A half of a symmetric scene that was not computed is the mirror image of the other.
 
         Raises:
-            SceneError: the points have not as many coordinates as the scene, or the result has no fields.
+            SceneError: points of another dimension than the scene, or a result without fields.
         """
         given = np.atleast_2d(np.asarray(points, dtype=float))
         if given.ndim != 2 or given.shape[1] != self.gdim:
@@ -168,7 +168,7 @@ class Result:
         return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
 
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
-        """The flow at points of the half that was not computed; nan where there is none."""
+        """The flow at points of the half that was not computed; nan outside the fluid."""
         scene = Scene(**self.scene)
         if not Setup(scene).symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)
@@ -178,7 +178,7 @@ class Result:
 
     @property
     def ended_early(self) -> bool:
-        """Whether the run ended because of what its grain had done; with a checkpoint it may resume."""
+        """Whether an event of the grain ended the run; it may resume from a checkpoint."""
         return self.trajectory is not None and self.trajectory["ended"]["by"] != "time"
 
     @property
@@ -187,19 +187,19 @@ class Result:
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
 
     def loads_at_end(self) -> Loads:
-        """The loads, the place and the elevations that the run has come to."""
+        """Loads, position and elevations at the end of the run."""
         place, path = None, self.trajectory
         if path is not None:
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
         size = 1.0 if self.grain is None else self.grain["size"]
-        found = Loads.at_the_end(
+        loads = Loads.at_the_end(
             self.force, self.torque, place, self.elevations, self.turbulence, size, self.separated
         )
-        return replace(found, centreline=centreline_velocities(self.centrelines))
+        return replace(loads, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the fields, as result.json holds it."""
+        """The content of result.json: everything but the fields."""
         kept = [one.name for one in fields(self) if one.metadata.get("stored", True)]
         stored = {name: as_stored(getattr(self, name)) for name in kept}
         stored["schema_version"] = SCHEMA_VERSION
@@ -215,7 +215,7 @@ class Result:
         return stored
 
     def text(self, details: bool = False) -> str:
-        """The outcome in a few lines for a reader."""
+        """The outcome as a few lines of text."""
         return "\n".join(_lines(self, details))
 
 
@@ -250,7 +250,7 @@ def _lines(result: Result, details: bool) -> list[str]:
 
 
 def _verdict(result: Result) -> list[str]:
-    """The verdict of both criteria, and how sure it is."""
+    """The verdict of both criteria, and its certainty."""
     if result.verdict is None:
         return []
     said = result.verdict["sentence"].split("; ", 1)
@@ -264,26 +264,26 @@ def _verdict(result: Result) -> list[str]:
 
 
 def _separation(spans: Sequence[tuple[float, float]], bars: ErrorBars | None) -> str:
-    """Where the flow along the bed separates and reattaches, of the longest place with the errors."""
+    """Intervals of separation along the bed, with the errors of the longest one."""
     errors = None if bars is None else bars.total.separated
-    found = []
+    intervals = []
     for start, end in longest_first(spans)[:MOST_SPANS]:
         start = start if abs(start) > ROUNDING * (end - start) else 0.0
-        found.append(f"x = {place_words(start)} to {place_words(end)}")
-    if found and errors is not None:
-        found[0] += " (within {:.1e} and {:.1e})".format(*errors)
-    return f"{'separation':<20}{', '.join(found) or 'none along the bed'}"
+        intervals.append(f"x = {place_words(start)} to {place_words(end)}")
+    if intervals and errors is not None:
+        intervals[0] += " (within {:.1e} and {:.1e})".format(*errors)
+    return f"{'separation':<20}{', '.join(intervals) or 'none along the bed'}"
 
 
 def _without_rest(settled: Any) -> str:
-    """What to do about a grain that its weight alone moves."""
+    """The remedy for a grain that moves under its weight alone."""
     if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
     return "with body.settle = true it first rolls and tips to a place where it rests"
 
 
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
-    """Elevations of a free surface, their errors within the run, and the inflow below it."""
+    """Elevations of a free surface with their errors, and the inflow below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     total = None if bars is None else bars.total

@@ -1,4 +1,4 @@
-"""Flow and loads in SI units, of scenes that say what their units are, as data and in words."""
+"""Flow and loads in SI units, for scenes with [units], as data and as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..scene import Scene
 from ..scene.units import nominal_diameter
 from .quantity import load_words
 
-# Numbers of a flow, with their units and names for a reader.
+# Quantities of a flow with units and labels.
 FLOW = {
     "shear_rate": ("1/s", "shear rate"),
     "velocity": ("m/s", "velocity"),
@@ -20,72 +20,71 @@ FLOW = {
     "shear_velocity": ("m/s", "shear velocity"),
 }
 UNITS = {"force": ("N/m", "N"), "torque": ("N", "N m")}  # in 2-D per unit depth, and in 3-D
-OF_FLOW = ("force", "torque")  # loads of the flow as a whole; all others are details
+OF_FLOW = ("force", "torque")  # total loads of the flow; all others are details
 
 
 def in_si(scene: Scene, factor: float = 1.0) -> dict[str, Any] | None:
-    """The flow of a scene, made faster by a factor, in SI units; None without [units]. Not collective.
+    """The flow of a scene, multiplied by a factor, in SI units; None without [units]. Not collective.
 
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque
-    [N m] is, the last two in 2-D per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
-    datum.
+    `units`: the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and torque [N m], the
+    last two in 2-D per unit depth; `bed_stress`: of the undisturbed flow at its datum.
     """
     scales, units = scene.scales, scene.units
     if scales is None or units is None:
         return None
     scalars = {name: getattr(scales, name) for name in ("length", "time", "velocity", "stress")}
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "dimension": scene.gdim,
-        "units": scalars | {"force": scales.force, "torque": scales.couple},
+        "units": scalars | {"force": scales.force, "torque": scales.torque},
         "nominal_diameter": scales.length * nominal_diameter(scene.grain),
     }
     for name in ("shear_rate", "velocity"):
         if getattr(units, name) is not None:
-            found[name] = factor * getattr(units, name)
+            values[name] = factor * getattr(units, name)
     if scene.flow.kind in WITH_BED_STRESS:
-        found["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
-        found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
+        values["bed_stress"] = scales.stress * Setup(scene).bed_stress(factor)
+        values["shear_velocity"] = float(np.sqrt(values["bed_stress"] / scales.density))
     if scene.time is not None:
-        found["end"] = scales.time * scene.time.end
-    return found
+        values["end"] = scales.time * scene.time.end
+    return values
 
 
-def with_loads(found: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
-    """What `in_si` gives, with loads (3,) by names that end in force or torque."""
-    if found is None:
+def with_loads(values: dict[str, Any] | None, loads: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The values of `in_si` with loads (3,), whose names end in force or torque."""
+    if values is None:
         return None
-    scaled = {n: found["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
-    return found | {name: vector.tolist() for name, vector in scaled.items()}
+    scaled = {n: values["units"][_unit(n)] * np.asarray(load) for n, load in loads.items()}
+    return values | {name: vector.tolist() for name, vector in scaled.items()}
 
 
-def si_rows(found: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    """Name, value and unit of the grain, the flow and the end of the run."""
-    rows: list[tuple[str, Any, str]] = [("nominal diameter", found["nominal_diameter"], "m")]
-    rows += [(name, found[key], unit) for key, (unit, name) in FLOW.items() if key in found]
-    return rows + ([("end", found["end"], "s")] if "end" in found else [])
+def si_rows(values: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+    """Label, value and unit of the grain size, the flow and the end time."""
+    rows: list[tuple[str, Any, str]] = [("nominal diameter", values["nominal_diameter"], "m")]
+    rows += [(name, values[key], unit) for key, (unit, name) in FLOW.items() if key in values]
+    return rows + ([("end", values["end"], "s")] if "end" in values else [])
 
 
-def si_loads(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Name, components in words and unit of loads on the grain."""
-    names, gdim = [name for name in found if _unit(name) in UNITS], found["dimension"]
+def si_loads(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Label, components as text and unit of loads on the grain."""
+    names, gdim = [name for name in values if _unit(name) in UNITS], values["dimension"]
     return [
-        (name, load_words(found[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
+        (name, load_words(values[name], _unit(name), gdim, ".4g"), UNITS[_unit(name)][gdim - 2])
         for name in names
     ]
 
 
-def si_lines(found: Mapping[str, Any] | None) -> list[str]:
-    """The lines of a result in SI units, as `in_si` gives them; none without."""
-    if found is None:
+def si_lines(values: Mapping[str, Any] | None) -> list[str]:
+    """The values of `in_si` as lines of text."""
+    if values is None:
         return []
-    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(found))
+    numbers = ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in si_rows(values))
     loads = ", ".join(
-        f"{name} {words} {unit}" for name, words, unit in si_loads(found) if name in OF_FLOW
+        f"{name} {words} {unit}" for name, words, unit in si_loads(values) if name in OF_FLOW
     )
     lines = [f"{'in SI units':<20}{numbers}"]
     lines += [f"{'':<20}{loads} of the flow"] if loads else []
-    unit = found["units"]["time"]
-    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in found else [])
+    unit = values["units"]["time"]
+    return lines + ([f"{'':<20}one unit of time is {unit:.4g} s"] if "end" in values else [])
 
 
 def _unit(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The load of a growing flow on a grain at rest, besides that of its strength: added mass, pressure gradient."""
+"""The additional load of a growing flow on a grain at rest: added mass and pressure gradient."""
 
 from __future__ import annotations
 
@@ -18,16 +18,15 @@ from ..planning.flow_setup import Setup
 from ..simulation.build import prepared
 from .outcome import Threshold
 
-FARTHEST = 20.0  # times the critical strength, or its inverse: end of the search
+FARTHEST = 20.0  # range of the search: factor on the critical strength, and its inverse
 LARGEST_LOGARITHM = 5.0  # of a safety factor in a root search
 APART = 1.03  # ratio of growths between which critical strengths are interpolated
 
 
 def load_of_growth(setup: Setup, comm: Comm) -> Floats:
-    """Force and torque (6,) on the grain where the scene's flow grows by itself in unit time. Collective.
+    """Force and torque (6,) about the grain's centroid for growth by the scene's flow in unit time. Collective.
 
-    The torque is about the centroid. The load is that of the pressure gradient on the displaced fluid, and of the
-    potential disturbance, before viscosity has acted.
+    The load of the pressure gradient on the displaced fluid and of the potential disturbance, without viscosity.
     """
     from ..fluid.acceleration import load_of_disturbance
 
@@ -48,7 +47,7 @@ def load_of_growth(setup: Setup, comm: Comm) -> Floats:
 class CriticalStrength:
     """The strength at which a grain begins to move in a flow that grows or fades.
 
-    Near the critical flow the load goes as a power of the strength.
+    Near the critical flow the load is a power of the strength.
 
     factor, load, power: of the critical steady flow
     of_growth: (6,) load where the strength grows by one in unit time
@@ -70,9 +69,9 @@ class CriticalStrength:
         return cls(*steady, of_growth, threshold.contacts, law)
 
     def near(self, growth: float, relative: bool) -> float:
-        """The critical strength as of `at`; for a growth that is not relative interpolated between neighbours.
+        """The critical strength as in `at`, interpolated between neighbours for an absolute growth.
 
-        Such a growth is another one in every mean flow.
+        An absolute growth differs between mean flows.
         """
         if relative or not growth:
             return self.at(growth, relative)
